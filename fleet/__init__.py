@@ -1,0 +1,118 @@
+"""What the author of a robot imports. Nothing inside ``fleet`` imports from here.
+
+Names are loaded on first use, so that ``fleet --version`` need not load what it does not use.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from fleet.version import __version__
+
+if TYPE_CHECKING:
+    from fleet.adapter import Adapter, FrameAdapter, Robot, Send
+    from fleet.clock import Clock
+    from fleet.commands import command
+    from fleet.errors import (
+        Fault,
+        LinkLost,
+        LinkRefused,
+        NotReady,
+        Refused,
+        TimedOut,
+        Unsupported,
+    )
+    from fleet.link.framing import Lines, Whole
+    from fleet.link.url import open_link
+    from fleet.model.command import Command
+    from fleet.model.geodesy import GeoOrigin, GeoPoint
+    from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity
+    from fleet.model.health import Health, Level
+    from fleet.model.navigation import (
+        FollowPath,
+        Goal,
+        GoTo,
+        Progress,
+        RelativeMove,
+        Task,
+    )
+    from fleet.robot_config import AdapterConfig, Limits
+
+_HOME = {
+    "fleet.adapter": ("Adapter", "FrameAdapter", "Robot", "Send"),
+    "fleet.clock": ("Clock",),
+    "fleet.commands": ("command",),
+    "fleet.errors": (
+        "Fault",
+        "LinkLost",
+        "LinkRefused",
+        "NotReady",
+        "Refused",
+        "TimedOut",
+        "Unsupported",
+    ),
+    "fleet.link.framing": ("Lines", "Whole"),
+    "fleet.link.url": ("open_link",),
+    "fleet.model.command": ("Command",),
+    "fleet.model.geodesy": ("GeoOrigin", "GeoPoint"),
+    "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity"),
+    "fleet.model.health": ("Health", "Level"),
+    "fleet.model.navigation": (
+        "FollowPath",
+        "Goal",
+        "GoTo",
+        "Progress",
+        "RelativeMove",
+        "Task",
+    ),
+    "fleet.robot_config": ("AdapterConfig", "Limits"),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "Adapter",
+    "AdapterConfig",
+    "Clock",
+    "Command",
+    "Fault",
+    "FollowPath",
+    "FrameAdapter",
+    "GeoOrigin",
+    "GeoPoint",
+    "GoTo",
+    "Goal",
+    "Health",
+    "Level",
+    "Limits",
+    "Lines",
+    "LinkLost",
+    "LinkRefused",
+    "NotReady",
+    "Pose",
+    "Progress",
+    "Quaternion",
+    "Refused",
+    "RelativeMove",
+    "Robot",
+    "Send",
+    "Task",
+    "TimedOut",
+    "Unsupported",
+    "Vector3",
+    "Velocity",
+    "Whole",
+    "__version__",
+    "command",
+    "open_link",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from the module it lives in (PEP 562)."""
+    module = _MODULE_OF.get(name)
+    if module is None:
+        raise AttributeError(f"module 'fleet' has no attribute {name!r}")
+    value = getattr(importlib.import_module(module), name)
+    globals()[name] = value
+    return value

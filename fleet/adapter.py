@@ -1,0 +1,182 @@
+"""The whole contract of a robot.
+
+Two ways in: ``Adapter`` (async, for robots with their own brain or SDK) and ``FrameAdapter`` (no I/O at
+all, for robots that speak frames over a link). What is declared neither by ``@command`` nor by
+``drive`` or ``navigate`` is refused by the host before it reaches the adapter.
+
+The host owns, for every robot alike: who may command, age, duplicates, limits, the control lease, the
+dead-man, the latched emergency stop, action states, replies, rates, health. An adapter translates.
+"""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping
+from contextlib import AbstractAsyncContextManager
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.commands import CommandSpec, command, commands_of
+from fleet.errors import Unsupported
+from fleet.link.framing import Framing, Lines
+from fleet.model.command import Command
+from fleet.model.geometry import Velocity
+from fleet.model.health import Health
+from fleet.model.navigation import Progress, Task
+from fleet.model.report import Report
+from fleet.robot_config import AdapterConfig, Limits
+
+__all__ = [
+    "Adapter",
+    "AdapterConfig",
+    "FrameAdapter",
+    "Robot",
+    "Send",
+    "command",
+]
+
+ConfigT = TypeVar("ConfigT", bound=AdapterConfig)
+SharedT = TypeVar("SharedT")
+
+
+class Robot(Protocol):
+    """What the host gives an adapter for the time of one ``run``."""
+
+    name: str
+    clock: Clock
+    log: logging.Logger
+
+    def report(self, report: Report) -> None:
+        """Publish something learned; keeps only the newest of a channel until the next tick."""
+
+    def health(self, health: Health) -> None:
+        """Say how the way to the robot is. ``Health()`` (ok) means: it answers."""
+
+    def authority_lost(self, reason: str) -> None:
+        """Somebody else took the robot (a pilot, another station): end all motion of ours."""
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Call back about every ``seconds`` on the host's wheel until this ``run`` ends.
+
+        The call must not block; an exception it raises ends the ``run``.
+        """
+
+    def share(
+        self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
+    ) -> AbstractAsyncContextManager[SharedT]:
+        """Enter what ``make`` gives, once per process for all robots that use the same key."""
+
+
+class Adapter(ABC, Generic[ConfigT]):
+    """One robot of one kind. The host makes a new one for each attempt to run it."""
+
+    Config: ClassVar[type[AdapterConfig]]
+    limits: ClassVar[Limits] = Limits()
+
+    def __init__(self, config: ConfigT) -> None:
+        self.config = config
+
+    @classmethod
+    def commands(cls) -> Mapping[str, CommandSpec]:
+        """Return the declared commands by name."""
+        return commands_of(cls)
+
+    @classmethod
+    def drives(cls) -> bool:
+        """Return True when the robot takes velocities (``drive`` is overridden)."""
+        return cls.drive is not Adapter.drive
+
+    @classmethod
+    def navigates(cls) -> bool:
+        """Return True when the robot goes to goals by itself (``navigate`` is overridden)."""
+        return cls.navigate is not Adapter.navigate
+
+    @abstractmethod
+    async def run(self, robot: Robot) -> None:
+        """Open the way to the robot and serve it until it ends or raises.
+
+        Raises LinkLost or LinkRefused for the link, Fault when a person must act. The host halts the
+        robot, backs off and makes a new adapter for whatever ends this.
+        """
+
+    def drive(self, velocity: Velocity) -> None:  # noqa: ARG002 - for overriders
+        """Hold this body velocity from now on, until the next call or a stop; never blocks.
+
+        The host has clamped it, and calls again with zero when its lease runs out.
+        """
+        raise Unsupported(f"{type(self).__name__} takes no velocities")
+
+    @abstractmethod
+    async def stop(self, reason: str) -> None:
+        """Bring the robot to a safe standstill and hold it; never raises for a link that is gone.
+
+        For an aircraft: brake and hold in the air, never cut motors. The host bounds it in time.
+        """
+
+    @abstractmethod
+    def halt(self) -> None:
+        """Write the safe-stop bytes at once; called from any thread, also while the loop is stuck.
+
+        Must not block, must not touch the event loop, must never raise.
+        """
+
+    def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
+        """Carry out a task, yielding progress; return when it is done, raise when it cannot be.
+
+        The host cancels the iteration for stop, a newer goal, or teleoperation, and then stops the robot.
+        """
+        raise Unsupported(f"{type(self).__name__} does not navigate")
+
+
+class Send(msgspec.Struct, frozen=True):
+    """A frame that a FrameAdapter wants written in answer to one it decoded."""
+
+    frame: bytes
+
+
+class FrameAdapter(ABC, Generic[ConfigT]):
+    """A robot that speaks frames over a link: pure translation, no I/O, no clock, no task.
+
+    ``Config`` must have a ``link`` field. The host opens it, cuts the bytes into frames by ``framing``,
+    calls back, writes what is yielded, repeats the last velocity every ``repeat`` seconds while its lease
+    lives, and calls ``tick`` every ``tick_every`` seconds.
+    """
+
+    Config: ClassVar[type[AdapterConfig]]
+    limits: ClassVar[Limits] = Limits()
+    framing: ClassVar[Framing] = Lines()
+    verbs: ClassVar[tuple[str, ...]] = ()
+    drives: ClassVar[bool] = True
+    repeat: ClassVar[float] = 0.1
+    tick_every: ClassVar[float] = 1.0
+    silence: ClassVar[float] = 3.0  # s without a frame after which the link counts as lost; 0: never
+
+    def __init__(self, config: ConfigT) -> None:
+        self.config = config
+
+    @abstractmethod
+    def encode(self, ask: Command | Velocity) -> Iterable[bytes]:
+        """Yield the frames that carry this out; raise Refused or Unsupported with the reason."""
+
+    @abstractmethod
+    def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send]:
+        """Yield what one frame says, measured at ``stamp`` (Unix s); nothing for noise."""
+
+    @abstractmethod
+    def halt(self) -> Iterable[bytes]:
+        """Yield the safe-stop frames; never empty, never raises."""
+
+    def hello(self) -> Iterable[bytes]:
+        """Yield the first words on a fresh link."""
+        return ()
+
+    def tick(self) -> Iterable[bytes]:
+        """Yield keep-alives and polls."""
+        return ()
+
+
+AnyAdapter = Adapter[Any] | FrameAdapter[Any]
+CommandMethod = Callable[..., Awaitable[None] | AsyncIterator[Progress]]

@@ -1,0 +1,1 @@
+"""The local Zenoh bus; the only importer of zenoh."""

@@ -1,0 +1,1 @@
+"""The MQTT uplink; the only importer of the MQTT codec besides the demo broker."""

@@ -1,0 +1,109 @@
+"""Declaring commands: ``@command`` on a method, its parameters checked by its own signature."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import msgspec
+
+from fleet.errors import Refused
+
+MethodT = TypeVar("MethodT", bound=Callable[..., Any])
+_MARK = "__fleet_commands__"
+
+
+class CommandSpec(msgspec.Struct, frozen=True):
+    """One declared command.
+
+    ``timeout``: seconds until the host gives up on it. ``safe``: allowed while an emergency stop is
+    latched (it can only make things safer). ``moves``: the robot may move because of it, so the control
+    lease applies and it ends a running action. ``streams``: the method is an async generator whose first
+    yield means that the robot took the command.
+    """
+
+    name: str
+    method: str
+    timeout: float
+    safe: bool
+    moves: bool
+    streams: bool
+    parameters: type[msgspec.Struct]
+    summary: str
+
+
+def command(
+    *names: str, timeout: float = 10.0, safe: bool = False, moves: bool = True
+) -> Callable[[MethodT], MethodT]:
+    """Declare a method as the command ``names`` (the first is its name, the rest aliases).
+
+    The method is a coroutine (returning means: seen to be done) or an async generator of ``Progress``
+    (the first yield means: the robot took it; the end means: seen to be done). Its parameters, all
+    keyword-only or with defaults and annotated with plain types, are the command's data. It raises
+    NotReady, Refused, Unsupported, TimedOut or Fault.
+    """
+
+    def mark(method: MethodT) -> MethodT:
+        setattr(method, _MARK, (names, timeout, safe, moves))
+        return method
+
+    return mark
+
+
+def commands_of(owner: type) -> Mapping[str, CommandSpec]:
+    """Return the commands that a class declares, by name; a subclass's own method wins."""
+    found: dict[str, CommandSpec] = {}
+    for attribute, method in inspect.getmembers(owner, callable):
+        marked = getattr(method, _MARK, None)
+        if marked is None:
+            continue
+        names, timeout, safe, moves = marked
+        for name in names:
+            found[name] = CommandSpec(
+                name=name,
+                method=attribute,
+                timeout=timeout,
+                safe=safe,
+                moves=moves,
+                streams=inspect.isasyncgenfunction(method),
+                parameters=_parameters_of(method),
+                summary=(inspect.getdoc(method) or "").partition("\n")[0],
+            )
+    return found
+
+
+def _parameters_of(method: Callable[..., Any]) -> type[msgspec.Struct]:
+    """Make the strict type of a method's keyword parameters."""
+    hints = typing.get_type_hints(method)
+    fields: list[Any] = []
+    for parameter in list(inspect.signature(method).parameters.values())[1:]:
+        kind = hints[parameter.name]
+        if parameter.default is inspect.Parameter.empty:
+            fields.append((parameter.name, kind))
+        else:
+            fields.append((parameter.name, kind, parameter.default))
+    return msgspec.defstruct(f"{method.__name__}_data", fields, kw_only=True)
+
+
+def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keyword arguments for a command, checked strictly.
+
+    A command without parameters ignores its data, so that nothing can keep a landing from happening.
+    Raises Refused naming the field that is unknown, missing or of the wrong type.
+    """
+    known = spec.parameters.__struct_fields__
+    if not known:
+        return {}
+    for key in data:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"it takes {', '.join(known)}"
+            raise Refused(f"{spec.name} takes no {key!r}", hint=hint)
+    try:
+        values = msgspec.convert(dict(data), spec.parameters, strict=True)
+    except msgspec.ValidationError as error:
+        raise Refused(f"{spec.name}: {error}") from None
+    return {name: getattr(values, name) for name in known}

@@ -1,0 +1,1 @@
+"""fleet.yaml to models, with line and column for every problem."""

@@ -1,0 +1,1 @@
+"""Signals to health, per robot and per edge."""

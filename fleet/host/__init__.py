@@ -1,0 +1,1 @@
+"""The composition root, the wall around each robot, and safety."""

@@ -1,0 +1,36 @@
+"""A link carries bytes to and from one robot (or several on one port) and knows no protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+Address = Any  # (host, port) for datagrams; None for streams
+Receiver = Callable[[bytes, Address], None]
+
+
+class Link(Protocol):
+    """An open link. Closing it twice is harmless."""
+
+    url: str
+
+    def send(self, data: bytes, address: Address = None) -> None:
+        """Write, never blocking. Without an address: to whom was heard last (datagrams).
+
+        May be called from any thread. Raises LinkLost when the link is gone.
+        """
+
+    async def lost(self) -> None:
+        """Wait until the link falls, then raise LinkLost with the reason."""
+
+    async def close(self) -> None:
+        """Close; nothing is received after this returns."""
+
+
+class LinkStats:
+    """Counters of one link, for health and ``fleet ps``."""
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.sent = 0
+        self.dropped = 0

@@ -1,0 +1,86 @@
+"""What may be asked of a robot: a command, a setpoint, or navigation; and what comes back."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.model.geometry import Velocity
+
+
+class Way(enum.StrEnum):
+    """The way by which something was asked."""
+
+    CLOUD = "cloud"  # an MQTT topic of the twin
+    BUS = "bus"  # a Zenoh query or a local setpoint
+    MISSION = "mission"  # the host's own schedule
+
+
+class Origin(msgspec.Struct, frozen=True):
+    """Who asked, and how.
+
+    ``source_type`` is Cyberwave's word as it was sent, None when it was missing.
+    ``session`` names the asker for the control lease and the clock-skew estimate.
+    """
+
+    way: Way
+    source_type: str | None = None
+    session: str = ""
+
+
+class Command(msgspec.Struct, frozen=True):
+    """Something discrete asked of a robot; has exactly one receipt.
+
+    ``id`` is what makes a repeat of it recognisable: the asker's request id, or a digest of a stamped
+    message, or empty when it cannot be told from a second press of the same button.
+    ``stamp`` is the asker's Unix time, None when it was not given.
+    """
+
+    name: str
+    data: Mapping[str, Any] = {}
+    origin: Origin = Origin(Way.BUS)
+    id: str = ""
+    stamp: float | None = None
+
+
+class Setpoint(msgspec.Struct, frozen=True):
+    """A velocity to hold now; the newest wins; lives for ``lease`` seconds (None: the default)."""
+
+    velocity: Velocity
+    name: str = "move"
+    lease: float | None = None
+    origin: Origin = Origin(Way.BUS)
+    id: str = ""
+    stamp: float | None = None
+
+
+class ReplyStatus(enum.StrEnum):
+    """The four answers of ``twin.command_response.v1``."""
+
+    ACCEPTED = "accepted"  # the robot took it
+    REJECTED = "rejected"  # the host refused it before it reached the robot
+    DENIED = "denied"  # the robot refused it
+    TIMEOUT = "timeout"  # the robot did not answer in time
+
+
+class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The one answer to a command, and, for whoever waits, how it ended.
+
+    ``done`` is None in the receipt, True once the robot was seen to have done it.
+    """
+
+    command: str
+    status: ReplyStatus
+    reason: str = ""
+    hint: str = ""
+    device_result: str | None = None
+    messages: tuple[str, ...] = ()
+    done: bool | None = None
+
+    @property
+    def ok(self) -> bool:
+        """True when the robot took the command."""
+        return self.status is ReplyStatus.ACCEPTED

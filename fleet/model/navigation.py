@@ -1,0 +1,122 @@
+"""Going somewhere: goals, tasks, and the life of an action.
+
+The six states and the rule of exactly one terminal status are Cyberwave's ``navigate/status``.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+
+import msgspec
+
+from fleet.model.command import Origin, Way
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Vector3
+
+
+class Goal(msgspec.Struct, frozen=True):
+    """One place to be: exactly one of ``position`` (world, m) and ``geo`` is given.
+
+    ``yaw`` is radians counter-clockwise from world +x, None to leave the heading to the robot.
+    ``wait`` is seconds to stay there.
+    """
+
+    position: Vector3 | None = None
+    geo: GeoPoint | None = None
+    yaw: float | None = None
+    wait: float = 0.0
+
+
+class Constraints(msgspec.Struct, frozen=True):
+    """What the asker limits on the way; None leaves it to the robot's own limits."""
+
+    max_speed: float | None = None  # m/s
+    tolerance: float | None = None  # m
+
+
+class GoTo(msgspec.Struct, frozen=True, tag="goto"):
+    """Be at one goal."""
+
+    goal: Goal
+    constraints: Constraints = Constraints()
+
+
+class FollowPath(msgspec.Struct, frozen=True, tag="path"):
+    """Be at each goal in turn, ``loops`` times."""
+
+    goals: tuple[Goal, ...]
+    loops: int = 1
+    constraints: Constraints = Constraints()
+
+
+class RelativeMove(msgspec.Struct, frozen=True, tag="relative_move"):
+    """Be ``translation`` metres from here; in the body frame, or the world's."""
+
+    translation: Vector3
+    body_frame: bool = True
+    constraints: Constraints = Constraints()
+
+
+Task = GoTo | FollowPath | RelativeMove
+
+
+class Control(enum.StrEnum):
+    """What may be asked of the running action."""
+
+    STOP = "stop"  # end it and hold
+    PAUSE = "pause"  # hold; ``resume`` goes on
+    RESUME = "resume"
+
+
+class Navigate(msgspec.Struct, frozen=True):
+    """A navigation message: a new task, or a control of the running one."""
+
+    ask: Task | Control
+    action_id: str = ""
+    origin: Origin = Origin(Way.BUS)
+    stamp: float | None = None
+
+
+class ActionState(enum.StrEnum):
+    """Where an action is in its life."""
+
+    QUEUED = "queued"  # taken, not yet begun
+    RUNNING = "running"  # the robot works on it
+    BLOCKED = "blocked"  # the robot was commanded and does not get on
+    COMPLETED = "completed"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def terminal(self) -> bool:
+        """True when nothing can follow."""
+        return not NEXT[self]
+
+
+NEXT: Mapping[ActionState, frozenset[ActionState]] = {
+    ActionState.QUEUED: frozenset(
+        {ActionState.RUNNING, ActionState.COMPLETED, ActionState.FAILED, ActionState.CANCELLED}
+    ),
+    ActionState.RUNNING: frozenset(
+        {
+            ActionState.RUNNING,
+            ActionState.BLOCKED,
+            ActionState.COMPLETED,
+            ActionState.FAILED,
+            ActionState.CANCELLED,
+        }
+    ),
+    ActionState.BLOCKED: frozenset({ActionState.RUNNING, ActionState.FAILED, ActionState.CANCELLED}),
+    ActionState.COMPLETED: frozenset(),
+    ActionState.FAILED: frozenset(),
+    ActionState.CANCELLED: frozenset(),
+}
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """How far something is: percent 0 to 100, in the robot's own words; blocked when it is stuck."""
+
+    percent: float
+    message: str = ""
+    blocked: bool = False

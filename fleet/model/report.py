@@ -1,0 +1,165 @@
+"""What is learned about a robot. Each kind is one channel on the bus.
+
+``stamp`` is Unix seconds at which it was measured. Unknown values are None or the report is not sent:
+never a zero in place of silence.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import msgspec
+
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.navigation import ActionState
+
+
+class PoseReport(msgspec.Struct, frozen=True):
+    """Where the robot is, in the world frame (m, ENU) and how it is turned."""
+
+    channel: ClassVar[str] = "position"
+    stamp: float
+    position: Vector3
+    rotation: Quaternion
+
+
+class JointReport(msgspec.Struct, frozen=True):
+    """Measured joints by name: rad (or m), rad/s, N m; ``velocities`` and ``efforts`` may be empty."""
+
+    channel: ClassVar[str] = "joint_states"
+    stamp: float
+    positions: dict[str, float]
+    velocities: dict[str, float] = {}
+    efforts: dict[str, float] = {}
+
+
+class BatteryReport(msgspec.Struct, frozen=True):
+    """The main battery: percent 0 to 100, volts, amperes out."""
+
+    channel: ClassVar[str] = "battery"
+    stamp: float
+    percent: float | None = None
+    voltage: float | None = None
+    current: float | None = None
+
+
+class GpsReport(msgspec.Struct, frozen=True):
+    """A satellite fix; not sent without one. ``heading`` is degrees clockwise from north."""
+
+    channel: ClassVar[str] = "gps"
+    stamp: float
+    point: GeoPoint
+    fix_type: str
+    satellites: int | None = None
+    heading: float | None = None
+    horizontal_accuracy: float | None = None
+    vertical_accuracy: float | None = None
+
+
+class ImuReport(msgspec.Struct, frozen=True):
+    """Body rates (rad/s) and acceleration (m/s2), body FLU."""
+
+    channel: ClassVar[str] = "imu"
+    stamp: float
+    gyro: Vector3
+    accel: Vector3
+
+
+class FlightStateReport(msgspec.Struct, frozen=True):
+    """Whether an aircraft is in the air; not sent while unknown."""
+
+    channel: ClassVar[str] = "flight_state"
+    stamp: float
+    is_flying: bool
+    flight_mode: str = ""
+
+
+class StatusText(msgspec.Struct, frozen=True):
+    """One line that the autopilot said; severity 0 (emergency) to 7 (debug)."""
+
+    text: str
+    severity: int
+
+
+class MissionProgress(msgspec.Struct, frozen=True):
+    """Where the mission that is loaded on the autopilot stands, in its own numbering."""
+
+    current: int
+    total: int | None = None
+    last_reached: int | None = None
+
+
+class FlightControllerReport(msgspec.Struct, frozen=True):
+    """The autopilot's slowly changing state, as ``twin.flight_controller.v1`` wants it."""
+
+    channel: ClassVar[str] = "flight_controller"
+    stamp: float
+    armed: bool
+    mode: str
+    failsafe: bool
+    autopilot: str = ""
+    vehicle: str = ""
+    custom_mode: int | None = None
+    system_status: int | None = None
+    ready_to_arm: bool | None = None
+    status_texts: tuple[StatusText, ...] = ()
+    connected: bool = True
+    system_id: int | None = None
+    reboots: int = 0
+    mission: MissionProgress | None = None
+    home: GeoPoint | None = None
+
+
+class MetricsReport(msgspec.Struct, frozen=True):
+    """Numbers for people: power, navigation, errors (the categories of the ``metrics`` topic)."""
+
+    channel: ClassVar[str] = "metrics"
+    stamp: float
+    power: dict[str, Any] = {}
+    navigation: dict[str, Any] = {}
+    errors: tuple[dict[str, Any], ...] = ()
+
+
+class NavigationReport(msgspec.Struct, frozen=True):
+    """One status of one action (``navigate/status``)."""
+
+    channel: ClassVar[str] = "navigate_status"
+    stamp: float
+    action_id: str
+    state: ActionState
+    progress: float = 0.0
+    message: str = ""
+
+
+class TelemetryReport(msgspec.Struct, frozen=True):
+    """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ..."""
+
+    channel: ClassVar[str] = "telemetry"
+    stamp: float
+    type: str
+    fields: dict[str, Any] = {}
+
+
+class LogReport(msgspec.Struct, frozen=True):
+    """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL."""
+
+    channel: ClassVar[str] = "driverlog"
+    stamp: float
+    level: str
+    message: str
+
+
+Report = (
+    PoseReport
+    | JointReport
+    | BatteryReport
+    | GpsReport
+    | ImuReport
+    | FlightStateReport
+    | FlightControllerReport
+    | MetricsReport
+    | NavigationReport
+    | TelemetryReport
+    | LogReport
+)

@@ -1,0 +1,1 @@
+"""What the built-in simulated robots share, and the demo broker."""

@@ -1,0 +1,1 @@
+"""For adapter authors: contract tests, bad wires, a clock that tests turn."""

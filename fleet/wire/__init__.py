@@ -1,0 +1,1 @@
+"""Outside words to and from the model; pure functions, strict about everything that comes in."""
