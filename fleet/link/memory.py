@@ -1,0 +1,119 @@
+"""A link whose robot is in this process: for tests and dry runs."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+from weakref import WeakValueDictionary
+
+from fleet.errors import LinkLost
+from fleet.link.base import Address, LinkStats, Receiver
+from fleet.link.ending import Ending
+
+
+class MemoryLink:
+    """The host's end; what it sends is with the robot at once, from any thread."""
+
+    def __init__(self, url: str, robot: MemoryRobot, receiver: Receiver) -> None:
+        self.url = url
+        self.stats = LinkStats()
+        self._robot = robot
+        self._receiver = receiver
+        self._ending = Ending(url)
+        self._loop = asyncio.get_running_loop()
+
+    def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is one peer
+        """Hand the bytes to the robot; raises LinkLost once the link ended."""
+        if self._ending.ended:
+            raise self._ending.error()
+        self.stats.sent += 1
+        self._robot.take(data)
+
+    def arrive(self, data: bytes) -> None:
+        """Take bytes from the robot, from any thread."""
+        self._loop.call_soon_threadsafe(self._pass_on, data)
+
+    def _pass_on(self, data: bytes) -> None:
+        """Give bytes to the receiver, unless the link ended while they were under way."""
+        if not self._ending.ended:
+            self.stats.received += 1
+            self._receiver(data, None)
+
+    def fall(self, reason: str) -> None:
+        """End the link as an unplugged cable does."""
+        self._ending.fall(reason)
+
+    async def lost(self) -> None:
+        """Wait until the link falls, then raise LinkLost."""
+        await self._ending.wait()
+
+    async def close(self) -> None:
+        """Close; nothing is received after this returns."""
+        self._ending.fall("closed")
+
+
+class MemoryRobot:
+    """The robot's end, reached as ``memory:NAME`` while it is entered (``with MemoryRobot(...)``).
+
+    ``answer`` is called with what each send wrote and returns what the robot says to it.
+    ``heard`` is everything that was written, one piece per send; ``opened`` counts the links.
+    """
+
+    def __init__(self, name: str, answer: Callable[[bytes], bytes] | None = None) -> None:
+        self.name = name
+        self.heard: list[bytes] = []
+        self.opened = 0
+        self._answer = answer
+        self._link: MemoryLink | None = None
+
+    def __enter__(self) -> Self:
+        if self.name in _ROBOTS:
+            raise ValueError(f"memory:{self.name} is taken")
+        _ROBOTS[self.name] = self
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        del _ROBOTS[self.name]
+        self.unplug("the robot left")
+
+    def connect(self, link: MemoryLink) -> None:
+        """Take a freshly opened link; an older one falls."""
+        self.unplug("another link took its place")
+        self._link = link
+        self.opened += 1
+
+    def take(self, data: bytes) -> None:
+        """Hear what the host wrote, and answer."""
+        self.heard.append(data)
+        said = self._answer(data) if self._answer else b""
+        if said:
+            self.say(said)
+
+    def say(self, data: bytes) -> None:
+        """Send bytes to the host."""
+        if self._link is not None:
+            self._link.arrive(data)
+
+    def unplug(self, reason: str = "unplugged") -> None:
+        """Let the open link fall."""
+        if self._link is not None:
+            self._link.fall(reason)
+            self._link = None
+
+
+# Names are looked up here because a URL is all that fleet.yaml can hold.
+_ROBOTS: WeakValueDictionary[str, MemoryRobot] = WeakValueDictionary()
+
+
+async def open_memory(url: str, name: str, receiver: Receiver) -> MemoryLink:
+    """Reach the robot of this name; raises LinkLost while there is none."""
+    robot = _ROBOTS.get(name)
+    if robot is None:
+        raise LinkLost(f"{url}: no robot of this name is in this process")
+    link = MemoryLink(url, robot, receiver)
+    robot.connect(link)
+    return link

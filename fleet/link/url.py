@@ -1,0 +1,119 @@
+"""Link URLs as they stand in fleet.yaml, and the one way to open them.
+
+udpin:0.0.0.0:14550                     listen, answer whoever speaks
+udpout:192.168.1.10:14550               speak first
+tcp:192.168.1.10:5760
+serial:/dev/serial/by-id/...?baud=57600
+memory:NAME                             a robot in this process, for tests
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Awaitable, Callable
+from typing import Annotated
+
+import msgspec
+from pydantic import AfterValidator
+
+from fleet.errors import LinkRefused
+from fleet.link import memory, serial, tcp, udp
+from fleet.link.base import Link, Receiver
+
+EXAMPLES = {
+    "udpin": "udpin:0.0.0.0:14550",
+    "udpout": "udpout:192.168.1.10:14550",
+    "tcp": "tcp:192.168.1.10:5760",
+    "serial": "serial:/dev/ttyUSB0?baud=115200",
+    "memory": "memory:rover",
+}
+_HOST_AND_PORT = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.%\w]+)\]|(?P<host>[A-Za-z0-9._-]+)):(?P<port>\d{1,5})")
+_DEVICE = re.compile(r"(?P<path>/[^?\s]+)\?baud=(?P<baud>[1-9]\d{1,7})")
+_NAME = re.compile(r"[\w.-]+")
+
+
+class LinkUrl(msgspec.Struct, frozen=True):
+    """A link URL in parts: ``host`` and ``port``, or ``path`` (device, or memory name) and ``baud``."""
+
+    text: str
+    scheme: str
+    host: str = ""
+    port: int = 0
+    path: str = ""
+    baud: int = 0
+
+
+def parse(url: str) -> LinkUrl:
+    """Return the parts of a link URL; raises LinkRefused with an example of how it should look."""
+    scheme, colon, rest = url.partition(":")
+    if scheme == "sim":
+        raise LinkRefused(f"{url!r}: this kind of robot has no simulator; use one of {_schemes()}")
+    if not colon or scheme not in EXAMPLES:
+        raise LinkRefused(f"{url!r} is not a link; begin it with one of {_schemes()}")
+    if scheme == "serial":
+        return _device(url, rest)
+    if scheme == "memory":
+        if not _NAME.fullmatch(rest):
+            raise _malformed(url, "the name has letters, digits, '.', '_' and '-'")
+        return LinkUrl(url, scheme, path=rest)
+    return _network(url, scheme, rest)
+
+
+def _schemes() -> str:
+    """Return what a link URL may begin with."""
+    return ", ".join(f"{scheme}:" for scheme in EXAMPLES)
+
+
+def _malformed(url: str, reason: str) -> LinkRefused:
+    """Return the error for a URL of a known scheme."""
+    return LinkRefused(f"{url!r}: {reason}; write it like {EXAMPLES[url.partition(':')[0]]}")
+
+
+def _network(url: str, scheme: str, rest: str) -> LinkUrl:
+    """Take HOST:PORT apart; port 0 (any free port) is only for listening."""
+    match = _HOST_AND_PORT.fullmatch(rest)
+    if match is None:
+        raise _malformed(url, "expected HOST:PORT (an IPv6 address in brackets)")
+    port = int(match["port"])
+    if port > 65535 or (port == 0 and scheme != "udpin"):
+        raise _malformed(url, f"port {port} is not in 1 to 65535")
+    return LinkUrl(url, scheme, host=match["six"] or match["host"], port=port)
+
+
+def _device(url: str, rest: str) -> LinkUrl:
+    """Take PATH?baud=N apart. The speed has no default: a wrong one shows only as silence."""
+    match = _DEVICE.fullmatch(rest)
+    if match is None:
+        raise _malformed(url, "expected an absolute device path and its speed, nothing else")
+    return LinkUrl(url, "serial", path=match["path"], baud=int(match["baud"]))
+
+
+def _checked(text: str) -> str:
+    """Return the text of a good link URL; raises ValueError, which pydantic tells with its place."""
+    try:
+        parse(text)
+    except LinkRefused as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+LinkText = Annotated[str, AfterValidator(_checked)]
+"""The type of a ``link`` field in an adapter's config: checked when fleet.yaml is read."""
+
+_OPENERS: dict[str, Callable[[LinkUrl, Receiver], Awaitable[Link]]] = {
+    "udpin": lambda url, receiver: udp.open_listening(url.text, url.host, url.port, receiver),
+    "udpout": lambda url, receiver: udp.open_speaking(url.text, url.host, url.port, receiver),
+    "tcp": lambda url, receiver: tcp.open_tcp(url.text, url.host, url.port, receiver),
+    "serial": lambda url, receiver: serial.open_serial(url.text, url.path, url.baud, receiver),
+    "memory": lambda url, receiver: memory.open_memory(url.text, url.path, receiver),
+}
+
+
+async def open_link(url: str, receiver: Receiver) -> Link:
+    """Open a link; ``receiver(data, address)`` is called on this loop for what arrives and must not raise.
+
+    Raises LinkRefused when a person must act (bad URL, port taken, no permission, missing extra) and
+    LinkLost when it may work later (nobody answers, the device is not plugged in).
+    """
+    parts = parse(url)
+    return await _OPENERS[parts.scheme](parts, receiver)
