@@ -1,0 +1,76 @@
+"""Both kinds of adapter, Adapter and FrameAdapter, seen as one by the rest of the host."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Mapping
+from typing import Any, cast
+
+import msgspec
+
+from fleet.adapter import Adapter, FrameAdapter
+from fleet.commands import CommandSpec, arguments, commands_of
+from fleet.host.framed import Framed
+from fleet.model.command import Command
+from fleet.model.navigation import Progress
+from fleet.robot_config import AdapterConfig, Limits
+
+AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
+_VERB_TIMEOUT = 10.0  # s
+
+
+class Capabilities(msgspec.Struct, frozen=True):
+    """What a kind of robot declares; the host refuses the rest before it reaches the adapter."""
+
+    commands: Mapping[str, CommandSpec]
+    drives: bool
+    navigates: bool
+    limits: Limits
+
+
+class _NoParameters(msgspec.Struct):
+    """The parameters of a plain verb: its data goes to ``encode`` as it is."""
+
+
+def capabilities(plugin: AdapterClass) -> Capabilities:
+    """Return what the class declares."""
+    if issubclass(plugin, FrameAdapter):
+        verbs = {verb: _verb(verb) for verb in plugin.verbs}
+        return Capabilities(verbs | dict(commands_of(plugin)), plugin.drives, False, plugin.limits)
+    return Capabilities(plugin.commands(), plugin.drives(), plugin.navigates(), plugin.limits)
+
+
+def _verb(name: str) -> CommandSpec:
+    """Return a verb as a command. What only ``verbs`` names may move the robot and is not safe."""
+    return CommandSpec(
+        name=name,
+        method="encode",
+        timeout=_VERB_TIMEOUT,
+        safe=False,
+        moves=True,
+        streams=False,
+        parameters=_NoParameters,
+        summary="",
+    )
+
+
+def make_adapter(plugin: AdapterClass, config: AdapterConfig) -> Adapter[Any]:
+    """Return a new adapter for one attempt to run a robot.
+
+    Raises LinkRefused or Fault for a FrameAdapter whose link or halt is unusable.
+    """
+    if issubclass(plugin, FrameAdapter):
+        return Framed(plugin(config))
+    return plugin(config)
+
+
+def perform(
+    adapter: Adapter[Any], spec: CommandSpec, command: Command
+) -> Awaitable[None] | AsyncIterator[Progress]:
+    """Begin a command: an async iterator when ``spec.streams``, else a coroutine.
+
+    Raises Refused for data that the command does not take.
+    """
+    if isinstance(adapter, Framed):
+        return adapter.perform(spec, command)
+    method = getattr(adapter, spec.method)
+    return cast("Awaitable[None] | AsyncIterator[Progress]", method(**arguments(spec, command.data)))
