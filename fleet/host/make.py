@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Mapping
-from typing import Any, cast
+import difflib
+from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 
@@ -11,7 +12,6 @@ from fleet.adapter import Adapter, FrameAdapter
 from fleet.commands import CommandSpec, arguments, commands_of
 from fleet.host.framed import Framed
 from fleet.model.command import Command
-from fleet.model.navigation import Progress
 from fleet.robot_config import AdapterConfig, Limits
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
@@ -25,6 +25,13 @@ class Capabilities(msgspec.Struct, frozen=True):
     drives: bool
     navigates: bool
     limits: Limits
+
+    def hint(self, name: str) -> str:
+        """Say which command was perhaps meant by one that is not declared."""
+        near = difflib.get_close_matches(name, self.commands, n=1)
+        if near:
+            return f"did you mean {near[0]!r}?"
+        return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
 
 
 class _NoParameters(msgspec.Struct):
@@ -63,14 +70,11 @@ def make_adapter(plugin: AdapterClass, config: AdapterConfig) -> Adapter[Any]:
     return plugin(config)
 
 
-def perform(
-    adapter: Adapter[Any], spec: CommandSpec, command: Command
-) -> Awaitable[None] | AsyncIterator[Progress]:
-    """Begin a command: an async iterator when ``spec.streams``, else a coroutine.
+def perform(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> Any:
+    """Begin a command: an async iterator of Progress when ``spec.streams``, else a coroutine.
 
     Raises Refused for data that the command does not take.
     """
     if isinstance(adapter, Framed):
         return adapter.perform(spec, command)
-    method = getattr(adapter, spec.method)
-    return cast("Awaitable[None] | AsyncIterator[Progress]", method(**arguments(spec, command.data)))
+    return getattr(adapter, spec.method)(**arguments(spec, command.data))
