@@ -1,0 +1,289 @@
+"""``T command`` and ``T motion/command``: what was asked, as a command or a setpoint.
+
+Four sign conventions are in use for the same verbs. One rule satisfies all of them: the verb fixes axis
+and sign, the magnitude is the absolute value of the verb's own field, else of ``linear_x``, else a default;
+``distance`` is a displacement. Only ``move``, the velocity contracts and twists carry signed fields.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Literal
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.geometry import Vector3, Velocity
+from fleet.wire.strict import child, kind, number, optional_number, parse_object
+from fleet.wire.velocity import read_velocity_contract
+
+MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
+STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
+VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+
+Axis = Literal["x", "y", "z", "yaw"]
+
+
+class BadCommand(WireError):
+    """A command message was refused; ``command`` is its name, as far as it could be read."""
+
+    def __init__(self, message: str, *, command: str = "", where: str = "") -> None:
+        super().__init__(message, where=where)
+        self.command = command
+
+
+class MotionDefaults(msgspec.Struct, frozen=True):
+    """Magnitudes for a verb that brings none: m/s, and rad/s for ``yaw_rate``."""
+
+    forward: float
+    lateral: float
+    vertical: float
+    yaw_rate: float
+
+
+class Verb(msgspec.Struct, frozen=True):
+    """What a motion verb fixes; ``default`` is the field of ``MotionDefaults`` it falls back to."""
+
+    axis: Axis
+    sign: int
+    own_field: str
+    default: str
+
+
+VERBS: Mapping[str, Verb] = MappingProxyType(
+    {
+        "move_forward": Verb("x", 1, "linear_x", "forward"),
+        "move_backward": Verb("x", -1, "linear_x", "forward"),
+        "strafe_left": Verb("y", 1, "linear_y", "lateral"),
+        "strafe_right": Verb("y", -1, "linear_y", "lateral"),
+        "ascend": Verb("z", 1, "linear_z", "vertical"),
+        "descend": Verb("z", -1, "linear_z", "vertical"),
+        "turn_left": Verb("yaw", 1, "angular_z", "yaw_rate"),
+        "turn_right": Verb("yaw", -1, "angular_z", "yaw_rate"),
+    }
+)
+
+
+class _Envelope(msgspec.Struct, frozen=True):
+    """A command message without its meaning."""
+
+    name: str
+    data: dict[str, Any]
+    message: dict[str, Any]
+    origin: Origin
+    id: str
+    stamp: float | None
+
+    def command(self, name: str, data: Mapping[str, Any]) -> Command:
+        """Return a command that was asked by this message."""
+        return Command(name, data, self.origin, self.id, self.stamp)
+
+    def setpoint(self, velocity: Velocity, lease: float | None = None) -> Setpoint:
+        """Return a setpoint that was asked by this message."""
+        return Setpoint(velocity, self.name, lease, self.origin, self.id, self.stamp)
+
+
+def decode_command(
+    payload: bytes, *, way: Way, request_id: str = "", defaults: MotionDefaults
+) -> Command | Setpoint | None:
+    """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
+
+    ``request_id`` is the asker's own (Correlation Data, a query's id). Raises BadCommand, which is a
+    WireError with the name of the command where that could be read.
+    """
+    name = ""
+    try:
+        message = parse_object(payload)
+        if "status" in message:
+            return None
+        name = _name_of(message)
+        envelope = _envelope(name, message, payload, way, request_id)
+        return _MEANINGS.get(name, _plain)(envelope, defaults)
+    except WireError as error:
+        raise BadCommand(_without_place(error), command=name, where=error.where) from None
+
+
+def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint:
+    """Return the setpoint of a twist: ``T motion/command``, or the bus channel ``commands/velocity``.
+
+    The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
+    signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. Raises BadCommand.
+    """
+    try:
+        message = parse_object(payload)
+        envelope = _envelope("motion", message, payload, way, request_id)
+        nested = "linear" in message or "angular" in message
+        return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
+    except WireError as error:
+        raise BadCommand(_without_place(error), command="motion", where=error.where) from None
+
+
+def _without_place(error: WireError) -> str:
+    """Return the message of an error without the place that stands in front of it."""
+    return str(error).removeprefix(f"{error.where}: ")
+
+
+def _name_of(message: Mapping[str, Any]) -> str:
+    """Return the command's name; older senders call the field ``type``."""
+    field = "command" if message.get("command") is not None else "type"
+    name = message.get(field)
+    if name is None:
+        raise WireError("is missing", where="command")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise WireError(f"{str(name)[:40]!a} is not the name of a command", where=field)
+    return name
+
+
+def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
+    """Read what all commands share. A stop is never refused for its trimmings."""
+    strict = not _is_stop(name, message)
+    stamp = _tolerant(stamp_of, message, strict=strict)
+    source_type = _tolerant(_word, message, "source_type", strict=strict)
+    session = _tolerant(_word, message, "session_id", strict=strict)
+    data = _tolerant(_data, message, strict=strict)
+    digest = hashlib.blake2b(payload, digest_size=16).hexdigest() if stamp is not None else ""
+    origin = Origin(way, source_type, session or "")
+    return _Envelope(name, data or {}, message, origin, request_id or digest, stamp)
+
+
+def _is_stop(name: str, message: Mapping[str, Any]) -> bool:
+    """Return True when the robot is to stand still, however the rest of the message looks."""
+    return name in STOP_WORDS or (name == "estop" and not _releases(message.get("data")))
+
+
+def _releases(data: object) -> bool:
+    """Return True for the data of an ``estop`` that is to be released: only a literal false does it."""
+    return isinstance(data, dict) and data.get("activate") is False
+
+
+def _tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:
+    """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
+    try:
+        return read(*arguments)
+    except WireError:
+        if strict:
+            raise
+        return None
+
+
+def stamp_of(message: Mapping[str, Any]) -> float | None:
+    """Return the sender's Unix seconds from ``timestamp`` or ``ts``; None when there is none.
+
+    Stamps beyond 1e11 are milliseconds. Raises WireError for anything that is not a number.
+    """
+    field = "timestamp" if message.get("timestamp") is not None else "ts"
+    if message.get(field) is None:
+        return None
+    stamp = number(message, field)
+    return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
+
+
+def _word(message: Mapping[str, Any], name: str) -> str | None:
+    """Return a string as it was sent, None when there is none."""
+    value = message.get(name)
+    if value is not None and not isinstance(value, str):
+        raise WireError(f"a string is needed, this is {kind(value)}", where=name)
+    return value
+
+
+def _data(message: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the command's data; missing and null are empty."""
+    return {} if message.get("data") is None else child(message, "data")
+
+
+def _plain(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+    """Read a command whose data is the adapter's business."""
+    return envelope.command(envelope.name, envelope.data)
+
+
+def _verb(envelope: _Envelope, defaults: MotionDefaults) -> Command | Setpoint:
+    """Read a motion verb: it fixes axis and sign, the data only says how much."""
+    verb = VERBS[envelope.name]
+    given = {field: optional_number(envelope.data, field, "data") for field in VELOCITY_FIELDS}
+    distance = optional_number(envelope.data, "distance", "data")
+    own = given[verb.own_field]
+    if own is None and distance is not None:
+        return envelope.command(envelope.name, {"distance": abs(distance)})
+    magnitude = own if own is not None else given["linear_x"]
+    if magnitude is None:
+        magnitude = getattr(defaults, verb.default)
+    return envelope.setpoint(_along(verb.axis, verb.sign * abs(magnitude)))
+
+
+def _along(axis: Axis, value: float) -> Velocity:
+    """Return the velocity that moves along one axis only."""
+    if axis == "yaw":
+        return Velocity(yaw_rate=value)
+    return Velocity(Vector3(**{axis: value}))
+
+
+def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+    """Read ``move``, whose fields are signed."""
+    return envelope.setpoint(_signed(envelope.data, "data"))
+
+
+def _signed(members: Mapping[str, Any], where: str) -> Velocity:
+    """Return the velocity of flat signed fields, of which one at least must be there."""
+    given = {field: optional_number(members, field, where) for field in VELOCITY_FIELDS}
+    if all(value is None for value in given.values()):
+        raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
+    x, y, z, yaw_rate = (given[field] or 0.0 for field in VELOCITY_FIELDS)
+    return Velocity(Vector3(x, y, z), yaw_rate)
+
+
+def _twist(message: Mapping[str, Any]) -> Velocity:
+    """Return the velocity of a ROS Twist; an axis that is left out is not moved."""
+    linear = _axes(message, "linear")
+    return Velocity(linear, _axes(message, "angular").z)
+
+
+def _axes(message: Mapping[str, Any], name: str) -> Vector3:
+    """Return a twist's vector, zero where it is left out."""
+    if name not in message:
+        return Vector3()
+    members = child(message, name)
+    return Vector3(*(optional_number(members, axis, name) or 0.0 for axis in "xyz"))
+
+
+def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Command | Setpoint:
+    """Read a velocity contract, which stands beside ``data``; a duration of 0 is a stop."""
+    inside = "velocity_command" not in envelope.message
+    body = envelope.data if inside else child(envelope.message, "velocity_command")
+    velocity, lease = read_velocity_contract(body, where="data" if inside else "velocity_command")
+    if lease == 0.0:
+        return envelope.command("stop", {})
+    return envelope.setpoint(velocity, lease)
+
+
+def _set_linear(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+    """Read a signed forward speed."""
+    return envelope.setpoint(_along("x", number(envelope.data, "linear", "data")))
+
+
+def _set_angular(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+    """Read a signed turning speed."""
+    return envelope.setpoint(_along("yaw", number(envelope.data, "angular", "data")))
+
+
+def _estop(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+    """Read the emergency switch of ground robots."""
+    return envelope.command("release_emergency_stop" if _releases(envelope.data) else "emergency_stop", {})
+
+
+_MEANINGS: Mapping[str, Callable[[_Envelope, MotionDefaults], Command | Setpoint]] = MappingProxyType(
+    {
+        **dict.fromkeys(VERBS, _verb),
+        "move": _move,
+        "velocity_command": _velocity_contract,
+        "locomotion_velocity": _velocity_contract,
+        "set_linear_velocity": _set_linear,
+        "set_angular_velocity": _set_angular,
+        "estop": _estop,
+    }
+)

@@ -1,0 +1,177 @@
+"""JSON from outside, read strictly: what is ambiguous or cannot be a measure of anything is refused.
+
+The standard parser takes NaN, 1e999, two values for one key and "5" or true as numbers; each of these
+has made a robot move. A refusal is a ``WireError`` with the dotted path of the field.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+from fleet.errors import WireError
+
+LARGEST_INTEGER = 2**63 - 1  # what every reader of JSON can hold
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make an object of its members; refuse a key that stands twice."""
+    members = dict(pairs)
+    if len(members) != len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in members if keys.count(key) > 1)
+        raise WireError(f"the key {twice[:40]!a} stands twice")
+    return members
+
+
+def _constant(name: str) -> NoReturn:
+    """Refuse NaN and the infinities, which are no JSON."""
+    raise WireError(f"{name} is not a number")
+
+
+def _fraction(text: str) -> float:
+    """Read a number with a point or an exponent; refuse what overflows to infinity."""
+    value = float(text)
+    if math.isinf(value):
+        raise WireError(f"the number {text[:20]} is too large")
+    return value
+
+
+def _integer(text: str) -> int:
+    """Read a whole number; refuse what does not fit 64 bits."""
+    if len(text) > 20 or abs(value := int(text)) > LARGEST_INTEGER:
+        raise WireError(f"the number {text[:20]} is too large")
+    return value
+
+
+_DECODER = json.JSONDecoder(
+    object_pairs_hook=_unique, parse_constant=_constant, parse_float=_fraction, parse_int=_integer
+)
+
+
+def parse_json(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> object:
+    """Return the value of a JSON text of at most ``limit`` bytes and ``depth`` nested containers.
+
+    Raises WireError for everything else: not UTF-8, not JSON, NaN or infinity, a number beyond 64 bits,
+    a key twice, half a surrogate pair, anything after the value.
+    """
+    if len(payload) > limit:
+        raise WireError(f"{len(payload)} bytes are more than the {limit} that are read")
+    try:
+        value: object = _DECODER.decode(payload.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise WireError(f"not UTF-8 at byte {error.start}") from None
+    except json.JSONDecodeError as error:
+        raise WireError(f"not JSON at character {error.pos}: {error.msg}") from None
+    except RecursionError:
+        raise WireError(f"nested deeper than {depth}") from None
+    if payload.count(b"[") + payload.count(b"{") > depth and _deeper(value, depth):
+        raise WireError(f"nested deeper than {depth}")
+    if b"\\u" in payload:
+        _refuse_half_characters(value)
+    return value
+
+
+def _deeper(value: object, depth: int) -> bool:
+    """Return True when more than ``depth`` containers are nested in each other."""
+    level = [value]
+    for _ in range(depth + 1):
+        containers = [node for node in level if isinstance(node, dict | list)]
+        level = [
+            child for node in containers for child in (node.values() if isinstance(node, dict) else node)
+        ]
+        if not containers:
+            return False
+    return True
+
+
+def _refuse_half_characters(value: object) -> None:
+    """Refuse an escaped half of a surrogate pair, which no later encoder can write."""
+    try:
+        json.dumps(value, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise WireError("half a surrogate pair is not a character") from None
+
+
+def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> dict[str, Any]:
+    """Return the members of a JSON object; raises WireError like ``parse_json`` and for any other value."""
+    value = parse_json(payload, limit=limit, depth=depth)
+    if not isinstance(value, dict):
+        raise WireError(f"a JSON object is needed, this is {kind(value)}")
+    return value
+
+
+def kind(value: object) -> str:
+    """Return what a JSON value is, in words for an error."""
+    names = {dict: "an object", list: "an array", str: "a string", bool: "a boolean", type(None): "null"}
+    return names.get(type(value), "a number")
+
+
+def path(where: str, name: str) -> str:
+    """Return the dotted path of ``name`` below ``where``."""
+    return f"{where}.{name}" if where else name
+
+
+def _member(members: Mapping[str, Any], name: str, where: str) -> Any:
+    """Return a member that must be there."""
+    if name not in members:
+        raise WireError("is missing", where=path(where, name))
+    return members[name]
+
+
+def finite(value: object, where: str) -> float:
+    """Return ``value`` as a float; raises WireError for a string, a boolean, null or an infinity."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise WireError(f"a number is needed, this is {kind(value)}", where=where)
+    if not math.isfinite(value):
+        raise WireError("a finite number is needed", where=where)
+    return float(value)
+
+
+def number(members: Mapping[str, Any], name: str, where: str = "") -> float:
+    """Return the number called ``name``; raises WireError when it is missing or not a finite number."""
+    return finite(_member(members, name, where), path(where, name))
+
+
+def optional_number(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+    """Return the number called ``name``, None when there is none; null is refused like a string."""
+    return number(members, name, where) if name in members else None
+
+
+def whole(members: Mapping[str, Any], name: str, where: str = "") -> int:
+    """Return the whole number called ``name``; 3.0 is one, as in JSON Schema."""
+    value = number(members, name, where)
+    if value != int(value):
+        raise WireError(f"a whole number is needed, this is {value}", where=path(where, name))
+    return int(value)
+
+
+def text(members: Mapping[str, Any], name: str, where: str = "") -> str:
+    """Return the string called ``name``; raises WireError when it is missing or something else."""
+    value = _member(members, name, where)
+    if not isinstance(value, str):
+        raise WireError(f"a string is needed, this is {kind(value)}", where=path(where, name))
+    return value
+
+
+def flag(members: Mapping[str, Any], name: str, where: str = "") -> bool:
+    """Return the boolean called ``name``; raises WireError when it is missing or something else."""
+    value = _member(members, name, where)
+    if not isinstance(value, bool):
+        raise WireError(f"true or false is needed, this is {kind(value)}", where=path(where, name))
+    return value
+
+
+def child(members: Mapping[str, Any], name: str, where: str = "") -> dict[str, Any]:
+    """Return the object called ``name``; raises WireError when it is missing or something else."""
+    value = _member(members, name, where)
+    if not isinstance(value, dict):
+        raise WireError(f"an object is needed, this is {kind(value)}", where=path(where, name))
+    return value
+
+
+def without_nulls(members: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the members that have a value, for messages whose senders write null for "not given"."""
+    return {name: value for name, value in members.items() if value is not None}

@@ -1,0 +1,136 @@
+"""MQTT topics and bus keys of a twin: made and taken apart in one place.
+
+Topics are ``{prefix}cyberwave/twin/{twin}/{leaf}``, with joints in a namespace of their own,
+``{prefix}cyberwave/joint/{twin}/update``; that topic goes by the leaf ``joint:update``. The prefix is
+put in front as it is, without a separator. Bus keys are ``cw/{twin}/data/{channel}[/{sensor}]``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal
+
+import msgspec
+
+from fleet.errors import ConfigError, WireError
+
+JOINT_UPDATE = "joint:update"
+INBOUND: Mapping[str, int] = MappingProxyType({"command": 1, "navigate/command": 1, "motion/command": 0})
+
+_TWIN = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
+_LEAF = re.compile(r"[^/+#\0\s]+(?:/[^/+#\0\s]+)*")
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
+_CHANNEL = re.compile(r"[a-z][a-z0-9_]*(?:/[a-z][a-z0-9_]*)?")
+_SEGMENT = re.compile(r"[^/+#\0]+")
+
+
+class Topic(msgspec.Struct, frozen=True):
+    """A topic taken apart; ``kind`` is its namespace."""
+
+    twin: str
+    leaf: str
+    kind: Literal["twin", "joint"] = "twin"
+
+
+class DataKey(msgspec.Struct, frozen=True):
+    """A bus key taken apart; the channel ``commands/...`` has two segments, every other one."""
+
+    twin: str
+    channel: str
+    sensor: str | None = None
+
+
+def prefix_from(explicit: str | None, environ: Mapping[str, str]) -> str:
+    """Return the topic prefix: what is configured, else the first variable of the SDK that is set.
+
+    The order is CYBERWAVE_MQTT_TOPIC_PREFIX, CYBERWAVE_TOPIC_PREFIX, then CYBERWAVE_ENVIRONMENT unless
+    that is ``production``. An explicit empty string means no prefix.
+    """
+    if explicit is not None:
+        return explicit
+    named = environ.get("CYBERWAVE_MQTT_TOPIC_PREFIX") or environ.get("CYBERWAVE_TOPIC_PREFIX")
+    if named:
+        return named
+    environment = environ.get("CYBERWAVE_ENVIRONMENT", "").strip()
+    return "" if environment.lower() == "production" else environment
+
+
+def _checked_twin(twin: str) -> str:
+    """Return ``twin``; raises WireError unless it is a uuid, so that it can hold no wildcard."""
+    if not _TWIN.fullmatch(twin):
+        raise WireError(f"{twin[:60]!a} is not the uuid of a twin")
+    return twin
+
+
+class Topics:
+    """All topics under one prefix; raises ConfigError for a prefix that holds a wildcard or a space."""
+
+    def __init__(self, prefix: str) -> None:
+        if re.search(r"[+#\0\s]", prefix):
+            raise ConfigError(f"topic prefix {prefix!a}: no +, # or white space may stand in it")
+        self.prefix = prefix
+        self._twin_root = f"{prefix}cyberwave/twin/"
+        self._joint_root = f"{prefix}cyberwave/joint/"
+
+    def twin(self, twin_uuid: str, leaf: str) -> str:
+        """Return the topic of a leaf, joints included; raises WireError for a wildcard in either."""
+        if leaf == JOINT_UPDATE:
+            return self.joint(twin_uuid)
+        if not _LEAF.fullmatch(leaf):
+            raise WireError(f"{leaf[:60]!a} cannot be a topic")
+        return f"{self._twin_root}{_checked_twin(twin_uuid)}/{leaf}"
+
+    def joint(self, twin_uuid: str) -> str:
+        """Return the topic on which the joints of a twin are told and commanded."""
+        return f"{self._joint_root}{_checked_twin(twin_uuid)}/update"
+
+    def inbound(self, twin_uuid: str) -> Mapping[str, int]:
+        """Return what to subscribe to for a twin: filter to QoS; no two of them overlap."""
+        return {self.twin(twin_uuid, leaf): qos for leaf, qos in INBOUND.items()}
+
+    def parse(self, topic: str) -> Topic | None:
+        """Take a topic apart; None for another prefix, another namespace, or a malformed one."""
+        if topic.startswith(self._twin_root):
+            twin, _, leaf = topic[len(self._twin_root) :].partition("/")
+            return Topic(twin, leaf) if _TWIN.fullmatch(twin) and _LEAF.fullmatch(leaf) else None
+        if topic.startswith(self._joint_root):
+            twin, _, leaf = topic[len(self._joint_root) :].partition("/")
+            return Topic(twin, JOINT_UPDATE, "joint") if _TWIN.fullmatch(twin) and leaf == "update" else None
+        return None
+
+    def is_own_inbox(self, response_topic: str, twin_uuid: str) -> bool:
+        """Return True when a Response Topic is a reply inbox of that very twin.
+
+        That is ``command/{client_id}/response`` with one client id; a request must not be able to make
+        the edge publish anywhere else.
+        """
+        head, tail = f"{self.twin(twin_uuid, 'command')}/", "/response"
+        if not (response_topic.startswith(head) and response_topic.endswith(tail)):
+            return False
+        return bool(_SEGMENT.fullmatch(response_topic[len(head) : -len(tail)]))
+
+
+def data_key(twin: str, channel: str, sensor: str | None = None) -> str:
+    """Return the bus key of a channel; raises WireError for a name that the SDK would not parse."""
+    if not _CHANNEL.fullmatch(channel):
+        raise WireError(f"{channel[:60]!a} is not a channel")
+    if sensor is None:
+        return f"cw/{_checked_twin(twin)}/data/{channel}"
+    if not _WORD.fullmatch(sensor) or "/" in channel:
+        raise WireError(f"{sensor[:60]!a} cannot be a sensor of {channel}")
+    return f"cw/{_checked_twin(twin)}/data/{channel}/{sensor}"
+
+
+def parse_data_key(key: str) -> DataKey | None:
+    """Take a bus key apart; None when it is none."""
+    segments = key.split("/")
+    if not 4 <= len(segments) <= 5 or segments[0] != "cw" or segments[2] != "data":
+        return None
+    twin, names = segments[1], segments[3:]
+    if not _TWIN.fullmatch(twin) or not all(_WORD.fullmatch(name) for name in names):
+        return None
+    if names[0] == "commands":
+        return DataKey(twin, "/".join(names))
+    return DataKey(twin, names[0], names[1] if len(names) == 2 else None)

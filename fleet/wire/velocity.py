@@ -1,0 +1,49 @@
+"""Cyberwave's velocity contracts, checked by the published models, as a velocity and a lease."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from cyberwave_contracts import AerialVelocityCommandV1, LocomotionVelocityCommandV1
+from pydantic import ValidationError
+
+from fleet.errors import WireError
+from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
+from fleet.wire.strict import path
+
+SHORTEST_LEASE = 0.15  # s, as the SDK clamps it
+LONGEST_LEASE = 5.0  # s
+
+Contract = AerialVelocityCommandV1 | LocomotionVelocityCommandV1
+
+_CONTRACTS: Mapping[str, type[Contract]] = MappingProxyType(
+    {
+        "aerial.velocity_command.v1": AerialVelocityCommandV1,
+        "locomotion.velocity_command.v1": LocomotionVelocityCommandV1,
+    }
+)
+
+
+def read_velocity_contract(body: Mapping[str, Any], *, where: str) -> tuple[Velocity, float]:
+    """Return the velocity (body frame, signed) and its lease in seconds; a lease of 0.0 means stop.
+
+    A duration of 0 ms and the gait ``stand`` mean stop; any other duration is held between 0.15 and
+    5 s. Raises WireError for what the contract does not allow.
+    """
+    contract = body.get("contract")
+    model = _CONTRACTS.get(contract) if isinstance(contract, str) else None
+    if model is None:
+        raise WireError(f"one of {', '.join(_CONTRACTS)} is needed", where=path(where, "contract"))
+    try:
+        command = model.model_validate(dict(body))
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise WireError(first["msg"], where=path(where, place)) from None
+    if command.duration_ms == 0 or getattr(command, "gait", "") == "stand":
+        return ZERO_VELOCITY, 0.0
+    linear = Vector3(command.linear_x, command.linear_y, getattr(command, "linear_z", 0.0))
+    lease = min(max(command.duration_ms / 1000.0, SHORTEST_LEASE), LONGEST_LEASE)
+    return Velocity(linear, command.angular_z), lease
