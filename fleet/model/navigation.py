@@ -115,8 +115,12 @@ NEXT: Mapping[ActionState, frozenset[ActionState]] = {
 
 
 class Progress(msgspec.Struct, frozen=True):
-    """How far something is: percent 0 to 100, in the robot's own words; blocked when it is stuck."""
+    """How far something is: percent 0 to 100, in the robot's own words; blocked when it is stuck.
+
+    ``reached``: how many goals of the path (all loops counted) are behind.
+    """
 
     percent: float
     message: str = ""
     blocked: bool = False
+    reached: int = 0

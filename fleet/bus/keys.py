@@ -1,0 +1,62 @@
+"""The keys of the fleet's own part of the bus (the reports' keys are Cyberwave's: ``fleet.wire.topics``).
+
+=====================================  ====================================================
+key                                    what
+=====================================  ====================================================
+``fleet/{edge}``                       liveliness: the edge is there
+``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
+``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
+``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
+``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
+``fleet/{edge}/health``                the edge's state: publication, and ask for the last
+``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
+``fleet/claims/{twin}``                liveliness: the edge that has this twin
+=====================================  ====================================================
+"""
+
+from __future__ import annotations
+
+
+def edge(edge_id: str) -> str:
+    """Return the key of an edge's liveliness token."""
+    return f"fleet/{edge_id}"
+
+
+def robot(edge_id: str, name: str) -> str:
+    """Return the key of a robot's liveliness token."""
+    return f"fleet/{edge_id}/robots/{name}"
+
+
+def command(edge_id: str, name: str) -> str:
+    """Return the key on which a robot is asked; ``*`` addresses many."""
+    return f"fleet/{edge_id}/robots/{name}/command"
+
+
+def state(edge_id: str, name: str) -> str:
+    """Return the key of a robot's state."""
+    return f"fleet/{edge_id}/robots/{name}/state"
+
+
+def worker(edge_id: str, name: str) -> str:
+    """Return the key of a worker's liveliness token and, below it, of its heartbeat."""
+    return f"fleet/{edge_id}/workers/{name}"
+
+
+def heartbeat(edge_id: str, name: str) -> str:
+    """Return the key on which a worker's event loop shows that it turns."""
+    return f"fleet/{edge_id}/workers/{name}/beat"
+
+
+def health(edge_id: str) -> str:
+    """Return the key of an edge's own state."""
+    return f"fleet/{edge_id}/health"
+
+
+def stop(edge_id: str) -> str:
+    """Return the key of an edge's emergency stop; ``*`` stops every edge."""
+    return f"fleet/{edge_id}/stop"
+
+
+def claim(twin: str, edge_id: str) -> str:
+    """Return the liveliness key by which an edge claims a twin."""
+    return f"fleet/claims/{twin}/{edge_id}"

@@ -1,0 +1,198 @@
+"""One Zenoh session, in the few verbs that the project uses. The only module that imports zenoh.
+
+Callbacks are direct: they run on Zenoh's own threads, synchronously for what this session itself publishes.
+They must only store or hand over; one that blocks would hold up everything that arrives on its link.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Protocol
+
+import zenoh
+
+from fleet.errors import BusError
+
+log = logging.getLogger(__name__)
+
+OnSample = Callable[[str, bytes], None]
+
+
+class Publisher(Protocol):
+    """A declared publisher."""
+
+    def put(self, payload: bytes) -> None:
+        """Publish; never blocks, drops when the way is full."""
+
+
+class Question:
+    """One query that arrived; may be answered later, from any thread, more than once, until ``close``."""
+
+    def __init__(self, query: zenoh.Query, key: str) -> None:
+        self._query: zenoh.Query | None = query
+        self.key = key
+        self.payload = query.payload.to_bytes() if query.payload is not None else b""
+        self.parameters = {str(name): str(value) for name, value in dict(query.parameters).items()}
+
+    def reply(self, payload: bytes) -> None:
+        """Send one answer; an asker who is gone does not matter."""
+        if self._query is not None:
+            self._query.reply(self.key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def close(self) -> None:
+        """Say that there are no more answers."""
+        if self._query is not None:
+            self._query.drop()
+            self._query = None
+
+
+class Lane:
+    """An open session; ``settings`` are Zenoh's own, by path. Raises BusError when it cannot open."""
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        config = zenoh.Config()
+        try:
+            for path, value in settings.items():
+                config.insert_json5(path, json.dumps(value))
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
+        self._kept: list[Any] = []
+
+    def close(self) -> None:
+        """Leave the bus; tokens and queryables vanish for everyone at once."""
+        self._kept.clear()
+        self._session.close()
+
+    def publisher(self, key: str) -> Publisher:
+        """Declare a publisher for state: dropped when the way is full, never blocking."""
+        return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+
+    def put(self, key: str, payload: bytes, *, urgent: bool = False) -> None:
+        """Publish once; ``urgent`` overtakes everything and is not dropped."""
+        if urgent:
+            self._session.put(
+                key,
+                payload,
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=True,
+            )
+        else:
+            self._session.put(key, payload)
+
+    def subscribe(self, key: str, call: OnSample) -> None:
+        """Call with key and payload of everything published under ``key``."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            call(str(sample.key_expr), sample.payload.to_bytes())
+
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def answer(self, key: str, call: Callable[[Question], None]) -> None:
+        """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""
+
+        def asked(query: zenoh.Query) -> None:
+            call(Question(query, key))
+
+        self._kept.append(self._session.declare_queryable(key, _direct(asked)))
+
+    def ask(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        timeout: float,
+        parameters: Mapping[str, str] | None = None,
+        urgent: bool = False,
+    ) -> Iterator[tuple[str, bytes]]:
+        """Ask and yield the answers (key, payload) as they come, until all are in or ``timeout`` s."""
+        selector = key + _parameters(parameters)
+        replies = self._session.get(
+            selector,
+            payload=payload,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
+
+    def ask_later(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        timeout: float,
+        parameters: Mapping[str, str] | None = None,
+        on_answer: Callable[[bytes], None],
+        on_end: Callable[[], None],
+    ) -> None:
+        """Ask without waiting; both calls come on Zenoh's threads and must only hand over."""
+
+        def answered(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                on_answer(reply.ok.payload.to_bytes())
+
+        self._session.get(
+            key + _parameters(parameters),
+            zenoh.handlers.Callback(answered, on_end, indirect=False),
+            payload=payload,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+
+    def token(self, key: str) -> Callable[[], None]:
+        """Show that ``key`` is alive; returns what takes it back."""
+        token = self._session.liveliness().declare_token(key)
+        self._kept.append(token)
+
+        def take_back() -> None:
+            if token in self._kept:
+                self._kept.remove(token)
+                token.undeclare()
+
+        return take_back
+
+    def tokens(self, key: str, *, timeout: float = 1.0) -> list[str]:
+        """Return the keys that are alive now."""
+        replies = self._session.liveliness().get(key, timeout=timeout)
+        return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+
+    def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
+        """Call with each key and whether it lives, for those there are and for every change."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
+
+
+def _direct(call: Callable[[Any], None]) -> Any:
+    """Return a handler without a thread of its own, whose failures are logged and not lost."""
+
+    def guarded(value: Any) -> None:
+        try:
+            call(value)
+        except Exception:  # the bus must go on for the others
+            log.exception("a bus callback failed")
+
+    return zenoh.handlers.Callback(guarded, indirect=False)
+
+
+def _parameters(parameters: Mapping[str, str] | None) -> str:
+    """Return a selector's parameters."""
+    if not parameters:
+        return ""
+    return "?" + ";".join(f"{name}={value}" for name, value in parameters.items())
+
+
+def _first_line(error: BaseException) -> str:
+    """Return the part of Zenoh's message that says what is wrong."""
+    return str(error).split(" at /")[0].splitlines()[0]

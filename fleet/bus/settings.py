@@ -1,0 +1,123 @@
+"""Where the bus listens and whom it joins, as Zenoh wants to hear it.
+
+An edge has two sessions: one for reports, one for commands, stop and liveliness, each with links of its
+own, so that nobody who is slow with reports can hold up a stop. Alone on one machine they listen on Unix
+sockets in a directory of the user's own, and the reports' also on loopback, where the SDK's DataBus can
+join; nothing listens on the network unless fleet.yaml says so.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from fleet.errors import BusError
+
+LOOPBACK_PORT = 7447  # Zenoh's own; the SDK's default to connect to
+LEASE_MS = 1000  # a frozen process is noticed after this
+LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes
+
+
+class BusTls(msgspec.Struct, frozen=True):
+    """Certificates for ``tls/`` endpoints; with ``mutual`` both sides must show one."""
+
+    root_ca: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+    mutual: bool = False
+    verify_name: bool = True
+
+
+class BusSettings(msgspec.Struct, frozen=True):
+    """What fleet.yaml says of the bus. ``listen`` None: the defaults above."""
+
+    edge: str
+    mode: Literal["peer", "client", "router"] = "peer"
+    listen: tuple[str, ...] | None = None
+    connect: tuple[str, ...] = ()
+    tls: BusTls = BusTls()
+    user: str | None = None
+    password: str | None = None
+    scouting: bool = False
+
+
+def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the directory of the edges' sockets, made for this user alone."""
+    given = environ.get("FLEET_RUNTIME_DIR") or environ.get("XDG_RUNTIME_DIR")
+    root = Path(given) if given else Path(tempfile.gettempdir()) / f"fleet-{os.getuid()}"
+    path = root if environ.get("FLEET_RUNTIME_DIR") else root / "fleet"
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise BusError(f"cannot make {path} for the bus's sockets: {error.strerror}") from None
+    if path.stat().st_uid != os.getuid():
+        raise BusError(f"{path} belongs to another user; set FLEET_RUNTIME_DIR")
+    return path
+
+
+def socket_path(edge: str, lane: str, directory: Path) -> str:
+    """Return the Unix socket endpoint of one session of an edge."""
+    path = directory / f"{edge}.{lane}.sock"
+    if len(str(path).encode()) > LONGEST_SOCKET_PATH:
+        raise BusError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
+    return f"unixsock-stream/{path}"
+
+
+def running_edges(directory: Path) -> list[str]:
+    """Return the ids of the edges that have a control socket here (they may have died)."""
+    return sorted(path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
+
+
+def loopback_is_free() -> bool:
+    """Return True when the default loopback port can be taken."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", LOOPBACK_PORT))
+        except OSError:
+            return False
+    return True
+
+
+def zenoh_settings(
+    settings: BusSettings, *, mode: str, listen: tuple[str, ...], connect: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return Zenoh's own configuration, by path, for one session."""
+    values: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        "scouting/multicast/enabled": settings.scouting,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    if mode != "client":
+        values["connect/timeout_ms"] = 0
+        values["connect/exit_on_failure"] = False
+    values |= _tls(settings.tls)
+    if settings.user is not None:
+        values["transport/auth/usrpwd/user"] = settings.user
+        values["transport/auth/usrpwd/password"] = settings.password or ""
+    return values
+
+
+def _tls(tls: BusTls) -> dict[str, Any]:
+    """Return the certificates' part."""
+    root = "transport/link/tls"
+    values: dict[str, Any] = {
+        f"{root}/enable_mtls": tls.mutual,
+        f"{root}/verify_name_on_connect": tls.verify_name,
+    }
+    if tls.root_ca:
+        values[f"{root}/root_ca_certificate"] = tls.root_ca
+    if tls.certificate and tls.key:
+        for side in ("listen", "connect"):
+            values[f"{root}/{side}_certificate"] = tls.certificate
+            values[f"{root}/{side}_private_key"] = tls.key
+    return values

@@ -1,0 +1,73 @@
+"""The life of one action: the six states, progress that never falls, exactly one terminal status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.model.navigation import NEXT, ActionState, FollowPath, Progress, Task
+from fleet.model.report import NavigationReport
+
+REPEAT = 0.5  # s; the shortest time between two progress statuses
+
+
+class Action:
+    """One action; every status goes out through ``publish``."""
+
+    def __init__(
+        self, action_id: str, task: Task, *, publish: Callable[[NavigationReport], None], clock: Clock
+    ) -> None:
+        self.id = action_id
+        self.task = task
+        self.paused = False
+        self._reached = 0
+        self._publish = publish
+        self._clock = clock
+        self._said = 0.0
+        self.status = self._report(ActionState.QUEUED, 0.0, "")
+        publish(self.status)
+
+    @property
+    def over(self) -> bool:
+        """True once the terminal status is out."""
+        return self.status.state.terminal
+
+    def pause(self) -> None:
+        """Interrupt it; the task becomes what is left of it."""
+        self.paused = True
+        if isinstance(self.task, FollowPath):
+            left = (self.task.goals * self.task.loops)[self._reached :]
+            self.task = msgspec.structs.replace(self.task, goals=left or self.task.goals[-1:], loops=1)
+        self._reached = 0
+        self.move(ActionState.RUNNING, message="paused")
+
+    def resume(self) -> None:
+        """Go on."""
+        self.paused = False
+        self.move(ActionState.RUNNING, message="resumed")
+
+    def progress(self, progress: Progress) -> None:
+        """Tell how far it is; statuses that say nothing new are thinned out."""
+        state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
+        percent = max(self.status.progress, min(99.0, progress.percent))
+        self._reached = progress.reached
+        changed = state is not self.status.state or progress.message != self.status.message
+        if changed or self._clock.monotonic() - self._said >= REPEAT:
+            self.move(state, percent, progress.message)
+
+    def move(self, state: ActionState, percent: float | None = None, message: str = "") -> None:
+        """Go to a state and say so; what cannot follow the present state is dropped."""
+        before = self.status
+        if state not in NEXT[before.state]:
+            return
+        if state is ActionState.COMPLETED:
+            percent = 100.0
+        self.status = self._report(state, before.progress if percent is None else percent, message)
+        self._said = self._clock.monotonic()
+        self._publish(self.status)
+
+    def _report(self, state: ActionState, percent: float, message: str) -> NavigationReport:
+        """Return a status of this action."""
+        return NavigationReport(self._clock.time(), self.id, state, percent, message)

@@ -1,0 +1,76 @@
+"""The one gate that every ask of one robot passes, in one order: who, how old, stopped, whose turn."""
+
+from __future__ import annotations
+
+from fleet.clock import Clock
+from fleet.host.safety.age import AgeCheck
+from fleet.host.safety.latch import RELEASE, Latch
+from fleet.host.safety.lease import ControlLease
+from fleet.host.safety.policy import STOPS, SourcePolicy
+from fleet.model.command import Command, Origin, Setpoint
+from fleet.model.navigation import Control, Navigate
+from fleet.robot_config import AdapterConfig
+
+
+class Admission:
+    """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
+
+    def __init__(self, config: AdapterConfig, clock: Clock) -> None:
+        self._config = config
+        self._clock = clock
+        self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
+        self._ages = AgeCheck(config.clock_skew)
+        self.latch = Latch()
+        self.lease = ControlLease(config.control_lease)
+
+    def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
+        """Judge a discrete command; stops are let through whoever sends them and however late."""
+        if ask.name in STOPS:
+            return None
+        refusal = self._policy.refusal(ask.origin) or self._age(
+            ask.origin, ask.stamp, self._config.command_max_age
+        )
+        if refusal or ask.name == RELEASE or safe:
+            return refusal
+        return self.latch.refusal() or (self._turn(ask.origin) if moves else None)
+
+    def setpoint(self, ask: Setpoint) -> str | None:
+        """Judge a velocity."""
+        return (
+            self._policy.refusal(ask.origin)
+            or self._age(ask.origin, ask.stamp, self._config.max_age, ordered=True)
+            or self.latch.refusal()
+            or self._turn(ask.origin)
+        )
+
+    def navigate(self, ask: Navigate) -> str | None:
+        """Judge a navigation message; stop and pause are let through, resume is motion."""
+        if ask.ask in (Control.STOP, Control.PAUSE):
+            return None
+        return (
+            self._policy.refusal(ask.origin, navigation=True)
+            or self._age(ask.origin, ask.stamp, self._config.command_max_age)
+            or self.latch.refusal()
+            or self.lease.refusal(ask.origin.session, self._clock.monotonic())
+        )
+
+    def _age(
+        self, origin: Origin, stamp: float | None, max_age: float, *, ordered: bool = False
+    ) -> str | None:
+        """Judge the age of a message."""
+        return self._ages.refusal(
+            f"{origin.way}/{origin.session}",
+            stamp,
+            wall=self._clock.time(),
+            now=self._clock.monotonic(),
+            max_age=max_age,
+            ordered=ordered,
+        )
+
+    def _turn(self, origin: Origin) -> str | None:
+        """Judge whose turn it is, and give the robot to the asker when it is his."""
+        now = self._clock.monotonic()
+        refusal = self.lease.refusal(origin.session, now)
+        if refusal is None:
+            self.lease.take(origin.session, now)
+        return refusal

@@ -1,0 +1,84 @@
+"""How old a message is when it arrives, though the sender's clock may be off.
+
+Per session the smallest lag seen (arrival minus stamp) is the sender's clock offset plus the fastest way
+here; what a message lags beyond that is its age. The offset is never believed beyond ``clock_skew``, so a
+first message that is an hour old is refused, not taken for a clock that is an hour slow.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+SESSIONS = 256  # sessions remembered, oldest forgotten
+WINDOW = 60.0  # s after which an estimate is made afresh, so that a corrected clock is followed
+
+
+class _Session:
+    """What is known of one sender's clock."""
+
+    def __init__(self, lag: float, now: float) -> None:
+        self.current = lag
+        self.previous = lag
+        self.since = now
+        self.newest = float("-inf")
+
+    def learn(self, lag: float, now: float) -> None:
+        """Take one more lag into account."""
+        if now - self.since > WINDOW:
+            self.previous, self.current, self.since = self.current, lag, now
+        self.current = min(self.current, lag)
+
+    @property
+    def offset(self) -> float:
+        """The smallest lag of this window and the one before."""
+        return min(self.current, self.previous)
+
+
+class AgeCheck:
+    """The age rule of one robot; ``clock_skew`` in seconds."""
+
+    def __init__(self, clock_skew: float) -> None:
+        self._skew = clock_skew
+        self._sessions: OrderedDict[str, _Session] = OrderedDict()
+
+    def refusal(
+        self,
+        session: str,
+        stamp: float | None,
+        *,
+        wall: float,
+        now: float,
+        max_age: float,
+        ordered: bool = False,
+    ) -> str | None:
+        """Return why a message is too old (or from the future), None when it is fresh.
+
+        ``stamp`` and ``wall`` are Unix seconds, ``now`` monotonic. ``ordered``: also refuse one that is
+        older than the newest that was let through (setpoints). One without a stamp is as old as its
+        arrival.
+        """
+        if stamp is None:
+            return None
+        lag = wall - stamp
+        if lag < -self._skew - max_age:
+            return f"stamped {-lag:.1f} s in the future; check the sender's clock"
+        known = self._session(session, lag, now)
+        offset = max(-self._skew, min(self._skew, known.offset))
+        age = lag - offset
+        if age > max_age or lag > self._skew + max_age:
+            return f"{max(age, lag - self._skew):.1f} s old; the limit is {max_age:g} s"
+        if ordered and stamp < known.newest:
+            return "older than a setpoint that came before it"
+        known.newest = max(known.newest, stamp)
+        return None
+
+    def _session(self, session: str, lag: float, now: float) -> _Session:
+        """Return the sender's record, with this lag learned."""
+        known = self._sessions.get(session)
+        if known is None:
+            known = self._sessions[session] = _Session(lag, now)
+            if len(self._sessions) > SESSIONS:
+                self._sessions.popitem(last=False)
+        self._sessions.move_to_end(session)
+        known.learn(lag, now)
+        return known

@@ -1,0 +1,93 @@
+"""One ask's answer: exactly one receipt, and one end for whoever waits for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
+from fleet.model.command import Reply, ReplyStatus
+
+Answer = Callable[[Reply], None]
+
+_STATUS: tuple[tuple[type[Exception], ReplyStatus], ...] = (
+    (Unsupported, ReplyStatus.REJECTED),
+    (TimedOut, ReplyStatus.TIMEOUT),
+    (CommandError, ReplyStatus.DENIED),
+    (LinkError, ReplyStatus.TIMEOUT),
+)
+"""What an error means to the asker; the first that fits."""
+
+
+class Ticket:
+    """The answer to one ask; ``waits``: the asker also wants to hear how it ended."""
+
+    def __init__(self, command: str, answer: Answer, *, waits: bool = False) -> None:
+        self.command = command
+        self._answer = answer
+        self._waits = waits
+        self._watch: Callable[[Reply], None] | None = None
+        self.receipt: Reply | None = None
+        self.ended: Reply | None = None
+
+    def watch(self, seen: Callable[[Reply], None]) -> None:
+        """Also tell ``seen`` the receipt and the end, those that are out already at once."""
+        self._watch = seen
+        for reply in (self.receipt, self.ended):
+            if reply is not None:
+                seen(reply)
+
+    def accept(self) -> None:
+        """Say that the robot took it; saying it again changes nothing."""
+        self._receive(Reply(self.command, ReplyStatus.ACCEPTED))
+
+    def repeat(self, reply: Reply) -> None:
+        """Give the answer that the first of its repeats got."""
+        self._receive(reply)
+        self._end(reply)
+
+    def done(self) -> None:
+        """Say that the robot was seen to have done it."""
+        self.accept()
+        self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True))
+
+    def reject(self, reason: str, *, hint: str = "") -> None:
+        """Say that the host refused it."""
+        self._fail(Reply(self.command, ReplyStatus.REJECTED, reason, hint))
+
+    def fail(self, error: CommandError | LinkError) -> None:
+        """Say what went wrong in the robot's own words."""
+        status = next(status for kind, status in _STATUS if isinstance(error, kind))
+        if isinstance(error, CommandError):
+            reply = Reply(self.command, status, error.reason, error.hint, error.device_result, error.messages)
+        else:
+            reply = Reply(self.command, status, str(error))
+        self._fail(reply)
+
+    def _fail(self, reply: Reply) -> None:
+        """Send a failure as the receipt, or as the end when the receipt is out."""
+        self._receive(reply)
+        self._end(Reply(**{name: getattr(reply, name) for name in _FIELDS}, done=False))
+
+    def _receive(self, reply: Reply) -> None:
+        """Send the receipt, once."""
+        if self.receipt is None:
+            self.receipt = reply
+            self._tell(reply)
+            self._answer(reply)
+
+    def _end(self, reply: Reply) -> None:
+        """Send the end, once, to whoever waits; a refused receipt was the end already."""
+        if self.ended is not None:
+            return
+        self.ended = reply
+        self._tell(reply)
+        if self._waits and self.receipt is not None and self.receipt.ok:
+            self._answer(reply)
+
+    def _tell(self, reply: Reply) -> None:
+        """Tell the watcher."""
+        if self._watch is not None:
+            self._watch(reply)
+
+
+_FIELDS = tuple(name for name in Reply.__struct_fields__ if name != "done")

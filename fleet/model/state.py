@@ -1,0 +1,51 @@
+"""What a robot and an edge look like to people: the rows of ``fleet ps``, published on the bus."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet.model.geometry import Vector3
+
+
+class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``."""
+
+    name: str
+    twin: str
+    adapter: str
+    edge: str
+    stamp: float
+    health: str = "offline"
+    cause: str = ""
+    simulated: bool = False
+    worker: str = ""
+    mode: str = ""
+    armed: bool | None = None
+    battery: float | None = None
+    position: Vector3 | None = None
+    activity: str = ""
+    emergency_stop: bool = False
+    last_command: str = ""
+    last_outcome: str = ""
+
+
+class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health."""
+
+    edge: str
+    version: str
+    stamp: float
+    uptime: float
+    health: str = "ok"
+    cause: str = ""
+    robots: dict[str, int] = {}
+    bus: str = "ok"
+    cloud: str = "none"
+    cloud_cause: str = ""
+    queued: int = 0
+    dropped: int = 0
+    load: float | None = None
+    memory_percent: float | None = None
+    cpu_percent: float | None = None
+    threads: int | None = None
+    groups: dict[str, list[str]] = {}
