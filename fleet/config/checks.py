@@ -1,0 +1,62 @@
+"""What can only be seen by looking at several robots at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fleet.config.problems import Mark
+from fleet.config.text import nearest
+from fleet.config.yaml import Document
+from fleet.robot_config import AdapterConfig
+
+
+def check_robots(listed: Any, robots: Mapping[int, AdapterConfig], document: Document) -> None:
+    """Report, at the later one, robots that share a name, a twin, or the very same machine.
+
+    Two robots are the same machine when their configs are of one class and their ``identity()``, which a
+    config may define, is equal and not None (the same link and system id, say).
+    """
+    first: dict[tuple[str, object], int] = {}
+    for index, robot in enumerate(listed if isinstance(listed, list) else ()):
+        for what, value, key in _unique(robot, robots.get(index)):
+            other = first.setdefault((what, value), index)
+            if other != index:
+                before = document.marks["robots", other]
+                message = f"robots[{other}] ({before.file}:{before.line}) has the same {what}"
+                document.report(_place(index, key, document), message)
+
+
+def _unique(robot: Any, config: AdapterConfig | None) -> Iterator[tuple[str, object, str]]:
+    """Yield what no two robots may share: the word for it, the value, the key to point at."""
+    for key in ("name", "twin"):
+        if isinstance(robot, dict) and isinstance(robot.get(key), str):
+            yield key, robot[key].lower(), key
+    identity = getattr(config, "identity", None)
+    if callable(identity) and (value := identity()) is not None:
+        yield "way to the robot", (type(config), value), "link"
+
+
+def _place(index: int, key: str, document: Document) -> Mark:
+    """Return the mark of a robot's key, or of the robot when defaults gave the value."""
+    mark = document.marks.get(("robots", index, key))
+    robot = document.marks["robots", index]
+    return mark if mark and mark.path[:2] == robot.path else robot
+
+
+def check_groups(data: Mapping[str, Any], document: Document) -> None:
+    """Report groups that name no robot, name one twice, or are called like one."""
+    groups = data.get("groups")
+    listed = data.get("robots")
+    if not isinstance(groups, dict) or not isinstance(listed, list):
+        return
+    names = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
+    for group, members in groups.items():
+        if group in names:
+            document.report(document.keys["groups", group], "a robot has this name too", "rename the group")
+        for index, member in enumerate(members if isinstance(members, list) else ()):
+            place = document.marks["groups", group, index]
+            if isinstance(member, str) and member not in names:
+                document.report(place, f"there is no robot {member!r}", nearest(member, names))
+            elif member in members[:index]:
+                document.report(place, f"{member!r} is in the group already")

@@ -1,0 +1,238 @@
+"""What pydantic found, in words for the person who edits the file, at the line that is wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from fleet.config.nodes import plain
+from fleet.config.problems import Mark, Path
+from fleet.config.text import nearest
+from fleet.config.yaml import Document
+from fleet.robot_config import Name
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+_Error = Mapping[str, Any]
+
+_BOOLEAN_WORDS = {
+    **dict.fromkeys(("yes", "y", "on", "1"), "true"),
+    **dict.fromkeys(("no", "n", "off", "0"), "false"),
+}
+_NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*([^\d\s].*)")
+_NAME_PATTERN = next(m.pattern for m in typing.get_args(Name)[1].metadata if hasattr(m, "pattern"))
+_MESSAGES: Mapping[str, str] = {
+    "string_type": "must be text",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "float_type": "must be a number",
+    "finite_number": "must be a finite number",
+    "bool_type": "must be true or false",
+    "greater_than": "must be more than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "literal_error": "must be {expected}",
+    "enum": "must be {expected}",
+    "string_too_short": "must not be empty",
+    "uuid_parsing": "must be a uuid",
+    "uuid_type": "must be a uuid",
+    "path_type": "must be a path",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "set_type": "must be a list",
+    "frozen_set_type": "must be a list",
+    "dict_type": "must be a mapping of  key: value",
+    "model_type": "must be a mapping of  key: value",
+}
+
+
+def validated(
+    model: type[ModelT], data: Any, at: Path, document: Document, context: Mapping[str, Any]
+) -> ModelT | None:
+    """Return the model made from ``data`` that stands at path ``at``; None after reporting why not.
+
+    Strict: a number in quotes is no number, ``yes`` is no boolean. Text that came from a variable or a
+    secret is read as what its field wants.
+    """
+    try:
+        return _checked(model, data, context)
+    except ValidationError as error:
+        retyped = _retyped(data, at, error, document)
+    try:
+        return _checked(model, retyped, context)
+    except ValidationError as error:
+        _report(error, model, at, document)
+        return None
+
+
+def _checked(model: type[ModelT], data: Any, context: Mapping[str, Any]) -> ModelT:
+    """Validate in JSON mode, where strict still takes a list for a tuple and text for a uuid."""
+    return model.model_validate_json(json.dumps(data), strict=True, context=dict(context))
+
+
+def _retyped(data: Any, at: Path, error: ValidationError, document: Document) -> Any:
+    """Return the data with the refused texts of variables and secrets read as numbers or booleans."""
+    copy = json.loads(json.dumps(data))
+    for each in error.errors(include_url=False):
+        path = _known(at, each["loc"], document)
+        if path in document.texts and len(path) > len(at):
+            owner = copy
+            for step in path[len(at) : -1]:
+                owner = owner[step]
+            owner[path[-1]] = plain(owner[path[-1]])
+    return copy
+
+
+def _known(at: Path, location: Iterable[str | int], document: Document) -> Path:
+    """Return the path in the file for pydantic's location: union tags and missing keys left out."""
+    path = at
+    for step in location:
+        if (*path, step) in document.marks:
+            path = (*path, step)
+    return path
+
+
+def _report(error: ValidationError, model: type[BaseModel], at: Path, document: Document) -> None:
+    """Report each error once at its place; a misspelt key is not reported as missing as well."""
+    errors = error.errors(include_url=False)
+    misspelt = set()
+    for each in errors:
+        if each["type"] == "extra_forbidden":
+            misspelt.add((each["loc"][:-1], nearest(str(each["loc"][-1]), _keys(model, each["loc"][:-1]))))
+    for each in errors:
+        location = each["loc"]
+        path = _known(at, location, document)
+        if any(path[:length] in document.spoiled for length in range(len(path) + 1)):
+            continue
+        if each["type"] == "missing" and (location[:-1], f"did you mean {location[-1]!r}?") in misspelt:
+            continue
+        _report_one(each, model, path, document)
+
+
+def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Document) -> None:
+    """Report one error."""
+    kind, location = error["type"], error["loc"]
+    context = error.get("ctx", {})
+    if kind == "extra_forbidden":
+        known = _keys(model, location[:-1])
+        hint = nearest(str(location[-1]), known) or f"known are {', '.join(sorted(known))}"
+        document.report(document.keys[path], "unknown key", hint)
+        return
+    if kind == "missing":
+        field = _field(model, location)
+        hint = (field.description or "") if field else ""
+        document.report(_place(path, document), f"the key {location[-1]!r} is missing", hint)
+        return
+    if location and location[-1] == "[key]":
+        document.report(document.keys[path], _message(error, context), _hint(error, None))
+        return
+    place = document.keys.get((*path, context.get("key", "")), _place(path, document))
+    document.report(place, _message(error, context), _hint(error, _field(model, location)))
+
+
+def _place(path: Path, document: Document) -> Mark:
+    """Return the mark of a path; of the file's beginning when the file says nothing there."""
+    return document.marks.get(path) or document.marks[()]
+
+
+def _message(error: _Error, context: Mapping[str, Any]) -> str:
+    """Return what is wrong; pydantic's own words where there are no better ones."""
+    kind = error["type"]
+    if kind == "value_error":
+        return str(context.get("reason") or context.get("error") or error["msg"])
+    if kind == "string_pattern_mismatch":
+        if context["pattern"] == _NAME_PATTERN:
+            return "must be lower-case letters, digits, - and _, beginning with a letter"
+        return f"must match {context['pattern']}"
+    words = _MESSAGES.get(kind)
+    return words.format(**context) if words else error["msg"]
+
+
+def _hint(error: _Error, field: FieldInfo | None) -> str:
+    """Return what to write instead, where that can be guessed."""
+    guess = _GUESSES.get(error["type"])
+    hint = guess(error["input"], error.get("ctx", {})) if guess else ""
+    return hint or (field.description or "" if field else "")
+
+
+def _guess_boolean(value: Any, _: Mapping[str, Any]) -> str:
+    word = str(value).lower()
+    near = _BOOLEAN_WORDS.get(word)
+    return f"did you mean {near}?" if near else nearest(word, ("true", "false")).replace("'", "")
+
+
+def _guess_number(value: Any, _: Mapping[str, Any]) -> str:
+    match = _NUMBER_WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
+    if match:
+        return f"write the number alone, without {match[2].strip()!r}"
+    return "write it without quotes" if isinstance(value, str) and plain(value) != value else ""
+
+
+def _guess_word(value: Any, context: Mapping[str, Any]) -> str:
+    return nearest(str(value), re.findall(r"'([^']*)'", str(context.get("expected", ""))))
+
+
+def _guess_text(value: Any, _: Mapping[str, Any]) -> str:
+    return "write it in quotes" if isinstance(value, int | float | bool) else ""
+
+
+def _guess_uuid(_: Any, __: Mapping[str, Any]) -> str:
+    return "like 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11; the twin's page in the cloud shows it"
+
+
+def _guess_list(value: Any, _: Mapping[str, Any]) -> str:
+    return "write [...] around it" if isinstance(value, str) else ""
+
+
+_GUESSES: Mapping[str, Callable[[Any, Mapping[str, Any]], str]] = {
+    "bool_type": _guess_boolean,
+    "int_type": _guess_number,
+    "float_type": _guess_number,
+    "literal_error": _guess_word,
+    "enum": _guess_word,
+    "string_type": _guess_text,
+    "uuid_parsing": _guess_uuid,
+    "uuid_type": _guess_uuid,
+    "tuple_type": _guess_list,
+    "list_type": _guess_list,
+    "frozen_set_type": _guess_list,
+}
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models that an annotation can hold, through unions, lists and mappings."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+
+
+def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[type[BaseModel]]:
+    """Return the models that may stand at pydantic's location; its union tags change nothing."""
+    models = [model]
+    for step in location:
+        fields = [each.model_fields[str(step)] for each in models if str(step) in each.model_fields]
+        if fields:
+            models = [found for field in fields for found in _models_in(field.annotation)]
+    return models
+
+
+def _keys(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
+    """Return the keys that are known at a location."""
+    return {name for each in _models_at(model, location) for name in each.model_fields}
+
+
+def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo | None:
+    """Return the field at a location; None inside lists and the like."""
+    if not location:
+        return None
+    models = _models_at(model, location[:-1])
+    return next(
+        (each.model_fields[str(location[-1])] for each in models if str(location[-1]) in each.model_fields),
+        None,
+    )

@@ -1,0 +1,218 @@
+"""fleet.yaml to a checked fleet: ``load`` is what ``fleet run`` and ``fleet check`` begin with.
+
+Two passes: the outline tells which folders and adapters are used; then every robot is checked by the
+``Config`` of its adapter. All problems of one run are told together.
+"""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+from pydantic import ConfigDict
+
+from fleet.config.checks import check_groups, check_robots
+from fleet.config.environment import cloud_from_environment
+from fleet.config.explain import validated
+from fleet.config.problems import InvalidConfig, Path, Problem
+from fleet.config.schema import FleetConfig, Sections
+from fleet.config.text import nearest
+from fleet.config.yaml import Document, read
+from fleet.registry import Plugin, PluginState, Registry
+from fleet.robot_config import AdapterConfig
+
+_OWN_TO_ROBOT = ("name", "twin", "adapter")  # what defaults cannot give
+_ROBOT_PATH = re.compile(r"robots\[(\d+)\]")
+
+
+class Loaded(msgspec.Struct, frozen=True):
+    """A fleet that can run.
+
+    ``robots`` pairs each robot's config with its plugin (always loaded). ``problems`` is empty unless the
+    fleet was loaded partially: then it says why the other robots cannot run, and ``config`` (its groups
+    too) holds only those that can.
+    """
+
+    config: FleetConfig
+    registry: Registry
+    robots: tuple[tuple[AdapterConfig, Plugin], ...]
+    problems: tuple[Problem, ...] = ()
+
+
+class _AnyRobot(AdapterConfig):
+    """What can be checked of a robot whose adapter cannot be used."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+def load(
+    path: str | os.PathLike[str],
+    environ: Mapping[str, str] | None = None,
+    *,
+    partial: bool = False,
+    registry: Registry | None = None,
+) -> Loaded:
+    """Read and check a fleet file; drop-in folders that it names are loaded into the registry.
+
+    With ``partial``, a robot that cannot run is left out and told in ``problems``; anything wrong outside
+    the robots is still fatal, and so is a fleet of which no robot is left. Raises InvalidConfig (a
+    ConfigError) with every problem.
+    """
+    file = pathlib.Path(path)
+    environ = os.environ if environ is None else environ
+    registry = registry or Registry()
+    document = read(file, environ)
+    if not _is_mapping(document):
+        raise InvalidConfig(document.problems)
+    data = document.data
+    cloud_from_environment(document, environ)
+    for folder in _folders(data, file.parent):
+        registry.add_folder(folder)
+    outline = {key: value for key, value in data.items() if key != "robots" and not key.startswith("x-")}
+    context = {"folder": file.parent}
+    sections = validated(Sections, outline, (), document, context)
+    robots = _robots(document, registry, context)
+    check_robots(data.get("robots"), {index: config for index, (config, _) in robots.items()}, document)
+    check_groups(data, document)
+    problems = tuple(sorted(set(document.problems), key=_place_in_file))
+    runnable = _runnable(robots, problems)
+    fatal = not runnable or any(not _ROBOT_PATH.match(problem.path) for problem in problems)
+    if sections is None or (problems and (fatal or not partial)):
+        raise InvalidConfig(problems)
+    config = FleetConfig(
+        **{**dict(sections), "groups": _groups_of(sections, runnable)},
+        robots=tuple(config for config, _ in runnable),
+    )
+    return Loaded(config, registry, runnable, problems)
+
+
+def _place_in_file(problem: Problem) -> tuple[str, int, int]:
+    return problem.file, problem.line, problem.column
+
+
+def _is_mapping(document: Document) -> bool:
+    """Return True when the file is a mapping; else report that it is not."""
+    if isinstance(document.data, dict):
+        return True
+    if () not in document.spoiled:
+        message = "the file is empty" if document.data is None else "must be a mapping of  key: value"
+        document.report(document.marks[()], message, "fleet init writes an example")
+    return False
+
+
+def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.Path]:
+    """Return the drop-in folders that exist; the others are told when the sections are checked."""
+    named = data.get("plugins")
+    for name in named if isinstance(named, list) else ():
+        if isinstance(name, str) and (folder / name).is_dir():
+            yield folder / name
+
+
+def _robots(
+    document: Document, registry: Registry, context: Mapping[str, Any]
+) -> dict[int, tuple[AdapterConfig, Plugin]]:
+    """Return the robots that could be made, by their place in the list."""
+    listed = document.data.get("robots")
+    if ("robots",) in document.spoiled:
+        return {}
+    if not isinstance(listed, list) or not listed:
+        place = document.marks.get(("robots",), document.marks[()])
+        message = (
+            "robots must be a list with at least one robot"
+            if "robots" in document.data
+            else ("the key 'robots' is missing")
+        )
+        document.report(place, message, "- {name: ..., twin: ..., adapter: ...}")
+        return {}
+    made = {}
+    for index, robot in enumerate(listed):
+        found = _robot(robot, ("robots", index), document, registry, context)
+        if found:
+            made[index] = found
+    return made
+
+
+def _robot(
+    robot: Any, at: Path, document: Document, registry: Registry, context: Mapping[str, Any]
+) -> tuple[AdapterConfig, Plugin] | None:
+    """Check one robot by its adapter's Config; None after reporting why it cannot be made."""
+    if at in document.spoiled:
+        return None
+    merged = _with_defaults(robot, at, document)
+    plugin = _plugin(merged, at, document, registry)
+    if plugin is None or plugin.adapter is None:
+        validated(_AnyRobot, merged, at, document, context)
+        return None
+    config = validated(plugin.adapter.Config, merged, at, document, context)
+    return (config, plugin) if config else None
+
+
+def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:
+    """Return the plugin that a robot names; None after reporting why there is none."""
+    name = robot.get("adapter") if isinstance(robot, dict) else None
+    known = ", ".join(registry.names()) or "none is installed"
+    if not isinstance(robot, dict):
+        return None
+    path = (*at, "adapter")
+    if path in document.spoiled:
+        return None
+    if "adapter" not in robot:
+        document.report(document.marks[at], "the key 'adapter' is missing", f"known adapters: {known}")
+        return None
+    if not isinstance(name, str):
+        document.report(document.marks[path], "must be the name of an adapter", f"known adapters: {known}")
+        return None
+    plugin = registry.get(name)
+    if plugin is None:
+        hint = nearest(name, registry.names()) or f"known adapters: {known}"
+        document.report(document.marks[path], f"there is no adapter {name!r}", hint)
+    elif plugin.state is PluginState.FAILED:
+        document.report(document.marks[path], f"the adapter {name!r} cannot be used", plugin.report)
+    return plugin
+
+
+def _with_defaults(robot: Any, at: Path, document: Document) -> Any:
+    """Return a robot with the defaults under it, places included."""
+    defaults = document.data.get("defaults")
+    if not isinstance(defaults, dict) or not isinstance(robot, dict):
+        return robot
+    under = {key: value for key, value in defaults.items() if key not in _OWN_TO_ROBOT}
+    return _merged(under, robot, ("defaults",), at, document)
+
+
+def _merged(under: Any, over: Any, under_at: Path, over_at: Path, document: Document) -> Any:
+    """Merge mappings key by key; anything else of ``over`` wins."""
+    if not (isinstance(under, dict) and isinstance(over, dict)):
+        return over
+    merged = dict(over)
+    for key, value in under.items():
+        source, target = (*under_at, key), (*over_at, key)
+        if key in over:
+            merged[key] = _merged(value, over[key], source, target, document)
+        else:
+            merged[key] = value
+            document.copy_places(source, target, value)
+    return merged
+
+
+def _runnable(
+    robots: Mapping[int, tuple[AdapterConfig, Plugin]], problems: Iterable[Problem]
+) -> tuple[tuple[AdapterConfig, Plugin], ...]:
+    """Return the robots that nothing is wrong with, in the order of the file."""
+    matches = (_ROBOT_PATH.match(problem.path) for problem in problems)
+    broken = {int(match[1]) for match in matches if match}
+    return tuple(robot for index, robot in robots.items() if index not in broken)
+
+
+def _groups_of(
+    sections: Sections, robots: Iterable[tuple[AdapterConfig, Plugin]]
+) -> dict[str, tuple[str, ...]]:
+    """Return the groups with only the robots that run."""
+    names = {config.name for config, _ in robots}
+    return {
+        group: tuple(name for name in members if name in names) for group, members in sections.groups.items()
+    }

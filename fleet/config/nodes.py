@@ -1,0 +1,128 @@
+"""YAML text to nodes, and a node's scalar to a plain value, by the rules of YAML 1.2.
+
+Only ``true`` and ``false`` are booleans; ``yes``, ``on`` and ``0755`` are text. Tags other than YAML's own
+plain ones are left to the caller; nothing of Python can be made from a file.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import yaml
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 40
+
+_Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C parser is five times as fast
+
+
+class BadYaml(Exception):
+    """The text is no YAML, or more of it than is read; line and column count from 1."""
+
+    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+        super().__init__(message)
+        self.line = line
+        self.column = column
+
+
+class _Loader(_Base):  # type: ignore[misc]  # the base is chosen at run time
+    """A loader that resolves nothing by itself, so that the rules here are the only ones."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - the name and shape are PyYAML's
+
+
+_CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+STR = "tag:yaml.org,2002:str"
+_CONSTANTS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
+_HEX_OR_OCTAL = re.compile(r"0x[0-9a-fA-F]{1,16}|0o[0-7]{1,22}")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?")
+_SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+
+def decoded(data: bytes) -> str:
+    """Return the text of a file; raises BadYaml when it is too long or no UTF-8."""
+    if len(data) > MAX_BYTES:
+        raise BadYaml(f"the file is longer than {MAX_BYTES} bytes")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start]
+        line = before.count(b"\n") + 1
+        column = error.start - before.rfind(b"\n")
+        raise BadYaml("the file is not UTF-8 text", line, column) from None
+
+
+def compose(text: str) -> yaml.Node | None:
+    """Return the root node of the one document in ``text``, None when it is empty; raises BadYaml."""
+    control = _CONTROL.search(text)
+    if control:
+        column = control.start() - text.rfind("\n", 0, control.start())
+        raise BadYaml(
+            f"the character U+{ord(control[0]):04X} is not allowed in YAML",
+            len(text[: control.end()].splitlines()),
+            column,
+        )
+    try:
+        _check_depth(text)
+        loader = _Loader(text)
+        try:
+            node: yaml.Node | None = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        raise _bad_from(error, text) from None
+    return node
+
+
+def _check_depth(text: str) -> None:
+    """Refuse deep nesting before it is composed: the composer recurses in C."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Base):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > MAX_DEPTH:
+                mark = event.start_mark
+                raise BadYaml(f"nested deeper than {MAX_DEPTH} levels", mark.line + 1, mark.column + 1)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+
+
+def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
+    """Say a parser's error in one line, with tabs named as what they are."""
+    mark = error.problem_mark or error.context_mark
+    line, column = (mark.line, mark.column) if mark else (0, 0)
+    lines = text.split("\n")
+    message = f"{error.problem or error}"
+    if line < len(lines) and "\t" in lines[line][: column + 1]:
+        message = "a tab cannot indent; use spaces"
+    elif error.context and error.context not in message:
+        message = f"{message} {error.context}"
+    return BadYaml(message, line + 1, column + 1)
+
+
+def scalar(node: yaml.ScalarNode) -> Any:
+    """Return what a scalar node says; quoted text stays text."""
+    return node.value if node.style else plain(node.value)
+
+
+def plain(word: str) -> Any:
+    """Return the value of an unquoted word: null, a boolean, a number, or the word itself."""
+    if word in _CONSTANTS:
+        return _CONSTANTS[word]
+    if _INTEGER.fullmatch(word):
+        return int(word)
+    if _HEX_OR_OCTAL.fullmatch(word):
+        return int(word, 0)
+    if _FLOAT.fullmatch(word):
+        return float(word)
+    special = _SPECIAL.fullmatch(word)
+    if special is None:
+        return word
+    return math.nan if special[3] else float(f"{special[1]}inf")

@@ -1,0 +1,177 @@
+"""The models of fleet.yaml. Robots are checked by the ``Config`` of the adapter each one names."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, SecretStr, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
+
+from fleet.robot_config import AdapterConfig, Model, Name
+
+Mode = Literal["peer", "client", "router"]
+_LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
+
+
+def wrong(key: str, reason: str) -> PydanticCustomError:
+    """Return the error of a model as a whole, to be told at the line of one of its keys."""
+    return PydanticCustomError("value_error", "{reason}", {"reason": reason, "key": key})
+
+
+def _existing(path: Path, info: ValidationInfo) -> Path:
+    """Take a path as seen from the folder of fleet.yaml; it must exist."""
+    folder: Path = (info.context or {}).get("folder", Path())
+    found = folder / path
+    if not found.exists():
+        raise ValueError(f"there is no {found}")
+    return found
+
+
+def _locator(text: str) -> str:
+    """Refuse what Zenoh cannot read as an endpoint."""
+    if not _LOCATOR.fullmatch(text):
+        raise ValueError("must be an endpoint like tcp/192.168.1.10:7447 or unixsock-stream//run/fleet.sock")
+    return text
+
+
+def is_local(host: str) -> bool:
+    """Return True when a host name or address is this computer itself."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def _stays_here(locator: str) -> bool:
+    """Return True when an endpoint cannot be reached from another computer over a network."""
+    kind, _, address = locator.partition("/")
+    if kind in ("unixsock-stream", "unixpipe", "serial", "vsock"):
+        return True
+    return is_local(address.partition("?")[0].partition("#")[0].rpartition(":")[0])
+
+
+ExistingPath = Annotated[Path, AfterValidator(_existing)]
+Locator = Annotated[str, AfterValidator(_locator)]
+
+
+class EdgeConfig(Model):
+    """The computer that this file is for."""
+
+    id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
+
+
+class CloudConfig(Model):
+    """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
+
+    host: str = Field(
+        min_length=1, description="Name or address of the MQTT broker. Left out: CYBERWAVE_MQTT_HOST."
+    )
+    port: int = Field(8883, ge=1, le=65535, description="Left out: CYBERWAVE_MQTT_PORT, else 8883.")
+    tls: bool = Field(True, description="Encrypt and check the broker's certificate.")
+    insecure: bool = Field(
+        False, description="Allow tls: false to another computer: who listens reads and commands the robots."
+    )
+    ca_file: ExistingPath | None = Field(
+        None,
+        description="Certificates to trust instead of the system's. Left out: CYBERWAVE_MQTT_TLS_CA_CERT.",
+    )
+    username: str | None = Field(None, description="Left out: CYBERWAVE_MQTT_USERNAME.")
+    password: SecretStr | None = Field(
+        None, description="Of a plain broker account. Left out: CYBERWAVE_MQTT_PASSWORD."
+    )
+    token: SecretStr | None = Field(None, description="A Cyberwave token. Left out: CYBERWAVE_API_KEY.")
+    protocol: Literal[5, 311] = Field(5, description="MQTT 5 or 3.1.1. Left out: CYBERWAVE_MQTT_PROTOCOL.")
+    prefix: str = Field(
+        "",
+        pattern=r"^[^+#\s]*$",
+        description="Put before every topic as it is, without a separator. Left out: "
+        "CYBERWAVE_MQTT_TOPIC_PREFIX, CYBERWAVE_TOPIC_PREFIX, or CYBERWAVE_ENVIRONMENT unless it is production.",
+    )
+    keepalive: int = Field(
+        5, ge=1, le=600, description="Seconds; a dead way is noticed after about one and a half of them."
+    )
+
+    @model_validator(mode="after")
+    def _encrypted(self) -> Self:
+        if not (self.tls or self.insecure or is_local(self.host)):
+            raise wrong(
+                "tls",
+                "tls: false to another computer shows the token to anyone; set tls: true, or insecure: true",
+            )
+        return self
+
+
+class BusTls(Model):
+    """Certificates for the bus (PEM files)."""
+
+    root_ca: ExistingPath = Field(description="Certificate of the authority that signed all others.")
+    cert: ExistingPath = Field(description="This edge's certificate.")
+    key: ExistingPath = Field(description="This edge's private key.")
+    verify_name: bool = Field(True, description="Refuse a peer whose certificate is for another name.")
+    mutual: bool = Field(True, description="Refuse a peer that shows no certificate.")
+
+
+class BusConfig(Model):
+    """The Zenoh bus, where robots, edges and local programs meet."""
+
+    mode: Mode = Field("peer", description="How this edge takes part.")
+    listen: tuple[Locator, ...] = Field(
+        (), description="Endpoints to open. None: only programs on this computer find the edge."
+    )
+    connect: tuple[Locator, ...] = Field((), description="Endpoints to reach.")
+    tls: BusTls | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
+    user: str | None = Field(None, min_length=1, description="User name that peers must know.")
+    password: SecretStr | None = Field(None, description="The user's password.")
+    scouting: bool = Field(False, description="Find peers on the local network by multicast.")
+    insecure: bool = Field(
+        False, description="Allow a bus open to other computers without certificates or a password."
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.mode == "client" and not self.connect:
+            raise wrong("mode", "client needs connect:, the endpoints of a router")
+        if (self.user is None) != (self.password is None):
+            raise wrong("password" if self.user is None else "user", "user and password come together")
+        encrypted = [end for end in (*self.listen, *self.connect) if end.startswith(("tls/", "quic/"))]
+        if encrypted and self.tls is None:
+            key = "listen" if encrypted[0] in self.listen else "connect"
+            raise wrong(key, f"{encrypted[0]} needs certificates: tls: with root_ca, cert and key")
+        return self
+
+    @model_validator(mode="after")
+    def _guarded(self) -> Self:
+        is_open = self.scouting or not all(_stays_here(end) for end in self.listen)
+        if is_open and not (self.tls or self.password or self.insecure):
+            raise wrong(
+                "scouting" if self.scouting else "listen",
+                "anyone on the network could command the robots over this bus; set tls:, or user: and "
+                "password:, or insecure: true",
+            )
+        return self
+
+
+class Sections(Model):
+    """Everything in fleet.yaml but the robots themselves."""
+
+    edge: EdgeConfig = Field(description="The computer that this file is for.")
+    cloud: CloudConfig | None = Field(None, description="Left out: no cloud.")
+    bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
+    plugins: tuple[ExistingPath, ...] = Field(
+        (), description="Folders of drop-in adapters; their code runs with all rights of this program."
+    )
+    defaults: dict[str, Any] = Field(
+        {}, description="Merged under every robot; what a robot says itself wins."
+    )
+    groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
+
+
+class FleetConfig(Sections):
+    """fleet.yaml as a whole."""
+
+    robots: tuple[AdapterConfig, ...] = Field(description="The robots, each with its adapter's own fields.")

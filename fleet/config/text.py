@@ -1,0 +1,24 @@
+"""Words for people: made safe to print, and the nearest known one."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def printable(text: str) -> str:
+    """Return text that cannot steer a terminal: what is not printable is written as its escape."""
+    if text.isprintable():
+        return text
+    return "".join(character if character.isprintable() else _escaped(character) for character in text)
+
+
+def _escaped(character: str) -> str:
+    """Return a tab as a blank (carets must stay aligned), all else as ``\\x1b``."""
+    return " " if character == "\t" else character.encode("unicode_escape").decode()
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return ``did you mean 'x'?`` for the nearest known word, or nothing."""
+    near = difflib.get_close_matches(word.lower(), sorted(known), n=1)
+    return f"did you mean {near[0]!r}?" if near else ""

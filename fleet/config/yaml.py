@@ -1,0 +1,231 @@
+"""fleet.yaml to plain data, with the place of every value: includes, secrets, variables.
+
+``!include FILE`` reads a file of the configuration's own folder; ``!secret NAME`` takes a value from
+secrets.yaml beside it, which only its owner may read; ``${VAR}`` comes from the environment. Reading goes
+on after a problem, so that one run tells them all: the value is then None and its path is ``spoiled``.
+"""
+
+from __future__ import annotations
+
+import os
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+import yaml
+
+from fleet.config.nodes import MAX_BYTES, MAX_DEPTH, STR, BadYaml, compose, decoded, scalar
+from fleet.config.problems import Mark, Path, Problem, problem_at
+from fleet.config.text import nearest
+from fleet.config.variables import UndefinedVariable, expand
+
+MAX_NODES = 100_000
+SECRETS = "secrets.yaml"
+_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
+class Document(msgspec.Struct):
+    """What a file says, and where.
+
+    ``marks`` and ``keys`` give the place of each value and of each mapping's key. ``texts`` are the paths
+    whose text came from a variable or a secret and may stand for a number. ``spoiled`` are the paths that
+    could not be read; their problems are told already. ``secrets`` must never be printed.
+    """
+
+    data: Any = None
+    marks: dict[Path, Mark] = {}
+    keys: dict[Path, Mark] = {}
+    texts: set[Path] = set()
+    spoiled: set[Path] = set()
+    secrets: set[str] = set()
+    problems: list[Problem] = []
+    lines: dict[str, list[str]] = {}
+
+    def report(self, mark: Mark, message: str, hint: str = "") -> None:
+        """Add a problem with its line of text; secrets are taken out of the words."""
+        lines = self.lines.get(mark.file, [])
+        text = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""
+        for secret in sorted(self.secrets, key=len, reverse=True):
+            message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
+        self.problems.append(problem_at(mark, message, text=text, hint=hint))
+
+    def copy_places(self, source: Path, target: Path, value: Any) -> None:
+        """Let ``value``, which stands at ``source``, be told there when it is used at ``target`` too."""
+        for places in (self.marks, self.keys):
+            if source in places:
+                places[target] = places[source]
+        for paths in (self.texts, self.spoiled):
+            if source in paths:
+                paths.add(target)
+        parts = (
+            value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        )
+        for step, part in parts:
+            self.copy_places((*source, step), (*target, step), part)
+
+    def spoil(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
+        """Report a value that cannot be read."""
+        self.spoiled.add(path)
+        self.report(mark, message, hint)
+
+
+def read(path: pathlib.Path, environ: Mapping[str, str]) -> Document:
+    """Return what the file says with every problem met; never raises for what is in the files."""
+    reader = _Reader(path, environ)
+    reader.document.data = reader.file(path, Mark(str(path), 1, 1), ())
+    return reader.document
+
+
+class _Reader:
+    """Walks the nodes of a file and of what it includes."""
+
+    def __init__(self, path: pathlib.Path, environ: Mapping[str, str]) -> None:
+        self.document = Document()
+        self._shown = path.parent
+        self._folder = path.parent.resolve()
+        self._environ = environ
+        self._open_files: list[pathlib.Path] = []
+        self._open_nodes: list[int] = []
+        self._count = 0
+        self._secrets: dict[str, str] | None = None
+
+    def file(self, path: pathlib.Path, asked_at: Mark, where: Path) -> Any:
+        """Return the data of a file that stands at ``where``."""
+        shown = str(path)
+        try:
+            text = decoded(_bytes_of(path))
+            self.document.lines[shown] = text.splitlines()
+            node = compose(text)
+        except OSError as error:
+            return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}")
+        except BadYaml as error:
+            mark = Mark(shown, error.line, error.column, where)
+            return self.document.spoil(where, mark, str(error))
+        if node is None:
+            self.document.marks[where] = Mark(shown, 1, 1, where)
+            return None
+        self._open_files.append(path.resolve())
+        try:
+            return self._value(node, where, shown)
+        finally:
+            self._open_files.pop()
+
+    def _value(self, node: yaml.Node, where: Path, file: str) -> Any:
+        mark = _mark(node, file, where)
+        self.document.marks[where] = mark
+        self._count += 1
+        if self._count == MAX_NODES:
+            self.document.spoil((), mark, f"more than {MAX_NODES} values: is an alias repeated too often?")
+        if self._count >= MAX_NODES:
+            return None
+        if id(node) in self._open_nodes:
+            return self.document.spoil(where, mark, "an alias that contains itself")
+        if len(where) > MAX_DEPTH:
+            return self.document.spoil(where, mark, f"nested deeper than {MAX_DEPTH} levels")
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, where, mark)
+        if node.tag not in _COLLECTIONS:
+            return self._unknown_tag(node, where, mark)
+        self._open_nodes.append(id(node))
+        try:
+            if isinstance(node, yaml.MappingNode):
+                return self._mapping(node, where, file)
+            items = enumerate(node.value)
+            return [self._value(item, (*where, index), file) for index, item in items]
+        finally:
+            self._open_nodes.pop()
+
+    def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        for key, value in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag != STR:
+                self.document.report(_mark(key, file, where), "a key must be a plain word")
+                continue
+            path = (*where, key.value)
+            mark = _mark(key, file, path)
+            if key.value in data:
+                first = self.document.keys[path].line
+                self.document.report(mark, f"the key is there twice, first in line {first}")
+                continue
+            self.document.keys[path] = mark
+            data[key.value] = self._value(value, path, file)
+        return data
+
+    def _scalar(self, node: yaml.ScalarNode, where: Path, mark: Mark) -> Any:
+        if node.tag == "!include":
+            return self._include(node.value, where, mark)
+        if node.tag == "!secret":
+            return self._secret(node.value, where, mark)
+        if node.tag != STR:
+            return self._unknown_tag(node, where, mark)
+        if "$" not in node.value:
+            return scalar(node)
+        try:
+            text = expand(node.value, self._environ)
+        except UndefinedVariable as error:
+            return self.document.spoil(where, mark, str(error), error.hint)
+        self.document.texts.add(where)
+        return text
+
+    def _unknown_tag(self, node: yaml.Node, where: Path, mark: Mark) -> None:
+        hint = nearest(node.tag, ("!include", "!secret")) or "only !include and !secret are known"
+        self.document.spoil(where, mark, f"the tag {node.tag} is not allowed", hint)
+
+    def _include(self, name: str, where: Path, mark: Mark) -> Any:
+        path = pathlib.Path(os.path.normpath(pathlib.Path(mark.file).parent / name))
+        target = path.resolve()
+        if not target.is_relative_to(self._folder):
+            message = f"{name} is outside the folder of the configuration"
+            return self.document.spoil(where, mark, message, f"keep included files in {self._shown}/")
+        if target in self._open_files:
+            return self.document.spoil(where, mark, f"{name} includes itself")
+        return self.file(path, mark, where)
+
+    def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
+        if self._secrets is None:
+            self._secrets = self._read_secrets(where, mark)
+        if name in self._secrets:
+            self.document.texts.add(where)
+            return self._secrets[name]
+        if where not in self.document.spoiled and "" not in self._secrets:
+            hint = nearest(name, self._secrets) or f"add the line  {name}: ...  to it"
+            self.document.report(mark, f"{SECRETS} has no {name!r}", hint)
+        self.document.spoiled.add(where)
+        return None
+
+    def _read_secrets(self, where: Path, mark: Mark) -> dict[str, str]:
+        """Return the secrets by name; with the name ``""`` in it when they cannot be read."""
+        path = self._shown / SECRETS
+        unreadable = {"": ""}
+        try:
+            mode = path.stat().st_mode & 0o777
+            if mode & 0o077:
+                message = f"{path} can be read by others (mode {mode:04o})"
+                self.document.spoil(where, mark, message, f"chmod 600 {path}")
+                return unreadable
+            node = compose(decoded(_bytes_of(path)))
+        except OSError as error:
+            hint = "write the file with mode 0600, one  name: value  a line"
+            self.document.spoil(where, mark, f"cannot read {path}: {error.strerror}", hint)
+            return unreadable
+        except BadYaml as error:
+            self.document.spoil(where, Mark(str(path), error.line, error.column), str(error))
+            return unreadable
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        if node is not None and not all(isinstance(part, yaml.ScalarNode) for pair in pairs for part in pair):
+            self.document.spoil(where, Mark(str(path), 1, 1), "it must hold lines  name: value  only")
+            return unreadable
+        found = {key.value: value.value for key, value in pairs}
+        self.document.secrets |= {value for value in found.values() if len(value) >= 4}
+        return found
+
+
+def _bytes_of(path: pathlib.Path) -> bytes:
+    """Read a file, at most one byte more than is allowed."""
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES + 1)
+
+
+def _mark(node: yaml.Node, file: str, where: Path) -> Mark:
+    return Mark(file, node.start_mark.line + 1, node.start_mark.column + 1, where)
