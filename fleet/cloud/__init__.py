@@ -1,1 +1,1 @@
-"""The MQTT uplink; the only importer of the MQTT codec besides the demo broker."""
+"""The way to the Cyberwave cloud: one MQTT connection, and nothing of what the messages mean."""

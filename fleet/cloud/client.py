@@ -1,0 +1,274 @@
+"""The connection to the cloud: one thread that keeps a session alive and hands messages over."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Mapping
+
+from fleet.clock import Clock
+from fleet.cloud import endpoint
+from fleet.cloud.backoff import Backoff
+from fleet.cloud.connection import Connection
+from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.session import Session, SessionRefused
+from fleet.cloud.topics import check_apart, check_topic
+from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message, Outcome
+from fleet.errors import CloudError
+
+logger = logging.getLogger(__name__)
+
+LATEST_FLUSH = 0.02
+"""Seconds after which a message leaves even when nobody calls ``flush``."""
+
+
+class CloudClient:
+    """An MQTT client that reconnects by itself and never blocks who publishes.
+
+    ``subscriptions`` maps filters to QoS; they are asked for again after every reconnect.
+    ``on_message`` gets everything that one read brought, in order. All callbacks run on the cloud thread and
+    must only hand over: while one runs, nothing is read, written or acknowledged.
+    Raises ValueError for filters that overlap, CloudError for settings that are not safe or not usable.
+    """
+
+    def __init__(
+        self,
+        settings: CloudSettings,
+        subscriptions: Mapping[str, int],
+        *,
+        on_message: Callable[[list[Message]], None],
+        on_state: Callable[[CloudState, str], None],
+        clock: Clock,
+    ) -> None:
+        check_apart(subscriptions)
+        self.state = CloudState.DISCONNECTED
+        self.cause = "not started"
+        self.stats = CloudStats()
+        self._settings = settings
+        self._tls = endpoint.tls_context(settings)
+        self._subscriptions = dict(subscriptions)
+        self._on_message = on_message
+        self._on_state = on_state
+        self._clock = clock
+        self._outbox = Outbox(settings.queue_messages, settings.queue_bytes, self.stats)
+        self._network = Backoff(*settings.backoff)
+        self._refusals = Backoff(*settings.refused_backoff)
+        self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stopping = asyncio.Event()
+        self._closing = False
+        self._patience = 0.0
+        self._connection: Connection | None = None
+        self._flushing = False
+        self._armed = False
+
+    def start(self) -> None:
+        """Begin to connect, in the background. A client is started once."""
+        self._thread.start()
+
+    def close(self, timeout: float = 2.0) -> None:
+        """Send what waits, as far as ``timeout`` seconds allow, say goodbye (no will) and end the thread."""
+        self._patience = timeout
+        self._closing = True
+        if not self._thread.is_alive():
+            return
+        self._soon(self._stopping.set)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout + 1.0)
+
+    def publish(
+        self,
+        topic: str,
+        payload: bytes,
+        *,
+        qos: int = 0,
+        expiry: float | None = None,
+        correlation: bytes | None = None,
+        content_type: str | None = None,
+        on_done: Callable[[Outcome], None] | None = None,
+        urgent: bool = False,
+    ) -> bool:
+        """Queue a message; from any thread, never blocking. It leaves on ``flush`` or 20 ms later.
+
+        ``expiry`` is how many seconds it is worth sending; the rest goes to the broker in whole seconds.
+        ``urgent`` messages leave at once, before all that waits. Returns False, and never calls ``on_done``,
+        when it is not taken: QoS 0 without a connection, a full queue, a closed client.
+        Raises ValueError for a topic with wildcards or a QoS other than 0 and 1.
+        """
+        if qos not in (0, 1):
+            raise ValueError(f"messages are published with QoS 0 or 1, not {qos}")
+        deadline = None if expiry is None else self._clock.monotonic() + expiry
+        message = Outgoing(
+            check_topic(topic), payload, qos, urgent, deadline, correlation, content_type, on_done
+        )
+        if self._closing or not self._outbox.put(message):
+            return False
+        if urgent:
+            self.flush()
+        elif not self._armed:
+            self._armed = True
+            self._soon(self._flush_soon)
+        return True
+
+    def flush(self) -> None:
+        """Wake the writer once; everything that waits goes out in one send."""
+        if not self._flushing:
+            self._flushing = True
+            self._soon(self._flush_now)
+
+    def _soon(self, call: Callable[[], object]) -> None:
+        """Run a call on the cloud thread; before the start and after the close there is nothing to run."""
+        if self._loop is None:
+            self._flushing = self._armed = False
+            return
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(call)
+
+    def _flush_now(self) -> None:
+        """Write. The mark falls first, so that a message queued from now on wakes the thread again."""
+        self._flushing = False
+        self._write()
+
+    def _flush_soon(self) -> None:
+        """Let more messages gather, then write."""
+        asyncio.get_running_loop().call_later(LATEST_FLUSH, self._flush_late)
+
+    def _flush_late(self) -> None:
+        """Write what nobody flushed."""
+        self._armed = False
+        self._write()
+
+    def _write(self) -> None:
+        """Write what waits, and tell the senders of what was dropped."""
+        if self._connection:
+            self._connection.flush()
+        self._settle([(message, Outcome.DROPPED) for message in self._outbox.take_dropped()])
+
+    def _run(self) -> None:
+        """Be the cloud thread."""
+        asyncio.run(self._main())
+
+    async def _main(self) -> None:
+        """Keep connected until told to stop, then leave in an orderly way."""
+        self._loop = asyncio.get_running_loop()
+        if self._closing:
+            self._stopping.set()
+        work = [asyncio.create_task(self._keep_connected()), asyncio.create_task(self._watch())]
+        await self._stopping.wait()
+        await self._leave()
+        for task in work:
+            task.cancel()
+        await asyncio.gather(*work, return_exceptions=True)
+        self._outbox.clear()
+        self._write()
+        self._set_state(CloudState.CLOSED, "closed")
+
+    async def _leave(self) -> None:
+        """Wait a little for what is under way, then say goodbye."""
+        end = self._clock.monotonic() + self._patience * 0.75
+        while (connection := self._connection) and connection.busy() and self._clock.monotonic() < end:
+            connection.flush()
+            await asyncio.sleep(0.01)
+        if connection:
+            await connection.leave(self._patience * 0.25)
+
+    async def _keep_connected(self) -> None:
+        """Connect, serve until the connection falls, wait, and begin again."""
+        self._set_state(CloudState.CONNECTING, f"{self._settings.host}:{self._settings.port}")
+        while True:
+            try:
+                state, backoff = CloudState.DISCONNECTED, self._network
+                cause = str(await self._serve())
+            except SessionRefused as refusal:
+                state, backoff, cause = CloudState.REFUSED, self._refusals, str(refusal)
+            except CloudError as error:
+                cause = str(error)
+            except Exception as error:
+                logger.exception("the cloud connection failed in a way that was not foreseen")
+                cause = f"{type(error).__name__}: {error}"
+            if self._stopping.is_set():
+                return
+            self._set_state(state, cause)
+            await asyncio.sleep(backoff.wait())
+
+    async def _serve(self) -> CloudError:
+        """Carry one connection from its beginning to its end; return why it ended."""
+        session = Session(self._settings, self._subscriptions, self._outbox, self.stats)
+
+        def make() -> Connection:
+            return Connection(session, self._settings, self._clock, self._deliver, self._settle)
+
+        try:
+            async with asyncio.timeout(self._settings.connect_timeout):
+                connection = await endpoint.open_connection(self._settings, self._tls, make)
+                self._connection = connection
+                await connection.answered()
+            return await self._serve_ready(connection, session)
+        except TimeoutError:
+            return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s")
+        finally:
+            self._finish(session)
+
+    async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
+        """Be connected until the connection ends; return why, or raise SessionRefused."""
+        if connection.ready.done():
+            began = self._clock.monotonic()
+            self.stats.connects += 1
+            self._refusals.reset()
+            self._outbox.go_online()
+            self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
+            await asyncio.wait([connection.ended])
+            if self._clock.monotonic() - began > self._settings.backoff[1]:
+                self._network.reset()
+        reason = connection.ended.result()
+        if isinstance(reason, SessionRefused):
+            raise reason
+        return reason
+
+    def _finish(self, session: Session) -> None:
+        """Leave nothing of a connection behind but the messages that must be sent again."""
+        connection, self._connection = self._connection, None
+        if connection:
+            connection.give_up(CloudError("given up"))
+        self._outbox.go_offline()
+        session.end()
+        self._write()
+
+    async def _watch(self) -> None:
+        """Look after time: dead links, messages that are no longer worth sending."""
+        while True:
+            await asyncio.sleep(self._connection.patience if self._connection else 1.0)
+            if self._connection:
+                self._connection.watch()
+            self._outbox.expire(self._clock.monotonic())
+            self._write()
+
+    def _deliver(self, messages: list[Message]) -> None:
+        """Hand messages over; an error there must not end the connection."""
+        try:
+            self._on_message(messages)
+        except Exception:
+            logger.exception("handing over %d messages failed", len(messages))
+
+    def _settle(self, outcomes: list[tuple[Outgoing, Outcome]]) -> None:
+        """Tell senders what became of their messages."""
+        for message, outcome in outcomes:
+            if message.on_done is None:
+                continue
+            try:
+                message.on_done(outcome)
+            except Exception:
+                logger.exception("telling the sender of a message to %s failed", message.topic)
+
+    def _set_state(self, state: CloudState, cause: str) -> None:
+        """Tell of a change, once."""
+        if (state, cause) == (self.state, self.cause):
+            return
+        self.state, self.cause = state, cause
+        logger.info("cloud %s: %s", state, cause)
+        try:
+            self._on_state(state, cause)
+        except Exception:
+            logger.exception("telling the cloud's state failed")

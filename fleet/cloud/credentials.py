@@ -1,0 +1,57 @@
+"""Who we are to Cyberwave's broker: client id, user name, password (the published SDK's rules, 0.7.4)."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Mapping
+
+import msgspec
+
+PLACEHOLDER = "mqttcyb"
+"""The user name that means "derive it from the token"."""
+_TOKEN = "cw_"  # noqa: S105 - how a token begins
+
+
+class Credentials(msgspec.Struct, frozen=True):
+    """What goes into CONNECT; shown without the password."""
+
+    username: str
+    password: str
+
+    def __repr__(self) -> str:
+        """Describe the credentials without the password."""
+        return f"Credentials({self.username!r})"
+
+
+def client_id(producer: str, *, simulated: bool) -> str:
+    """Return a client id that no other client has, such as ``fleet_live_<32 hex>``.
+
+    It doubles as ``session_id`` on payloads, and the broker guards reply inboxes by it.
+    """
+    return f"{producer}_{'sim' if simulated else 'live'}_{uuid.uuid4().hex}"
+
+
+def credentials(
+    token: str | None, username: str = PLACEHOLDER, password: str | None = None
+) -> Credentials | None:
+    """Return the credentials, None for an anonymous client (no token and no password).
+
+    A password that is not a token belongs to a plain broker account, whose user name stays as it is. In every
+    other case the broker demands a user name that hashes to the token.
+    """
+    secret = password or token
+    if not secret:
+        return None
+    if password and not password.startswith(_TOKEN):
+        return Credentials(username, password)
+    return Credentials("cwh_" + hashlib.sha256(secret.encode()).hexdigest(), secret)
+
+
+def from_environment(environ: Mapping[str, str]) -> Credentials | None:
+    """Return the credentials that the SDK would take from the same environment variables."""
+    return credentials(
+        environ.get("CYBERWAVE_API_KEY"),
+        environ.get("CYBERWAVE_MQTT_USERNAME") or PLACEHOLDER,
+        environ.get("CYBERWAVE_MQTT_PASSWORD"),
+    )

@@ -1,0 +1,127 @@
+"""MQTT packets to and from bytes, for both protocol versions, with the codec's sharp edges covered.
+
+A packet is read only when all of it is there, so "not enough bytes" inside one is a fault and not a wait.
+The codec panics on text that is not UTF-8; that too is only a malformed packet here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+import mqtt5
+
+from fleet.cloud import v311
+from fleet.errors import WireError
+
+Protocol = Literal[5, 311]
+
+_CONNECT = 1
+_ONLY_OLDER = b"\x20\x02\x00\x01"
+"""How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
+
+
+def encode(packet: mqtt5.Packet, protocol: Protocol) -> bytes:
+    """Return the bytes of a packet; raise ValueError when the protocol cannot carry it."""
+    return packet.write() if protocol == 5 else v311.write(packet)
+
+
+def frame_length(data: bytes, start: int = 0) -> int | None:
+    """Return the length of the frame that starts there, None while too little is known.
+
+    Raises WireError for a length field of more than four bytes.
+    """
+    size = 0
+    for index in range(4):
+        if start + 1 + index >= len(data):
+            return None
+        byte = data[start + 1 + index]
+        size |= (byte & 0x7F) << 7 * index
+        if not byte & 0x80:
+            return 2 + index + size
+    raise WireError("a packet's length field is longer than four bytes")
+
+
+class Decoder:
+    """Cuts one byte stream into packets and remembers the piece that is not whole yet.
+
+    Without a protocol, the first packet must be CONNECT and decides it (a broker's side).
+    """
+
+    def __init__(self, protocol: Protocol | None, limit: int) -> None:
+        self.protocol = protocol
+        self._limit = limit
+        self._rest = bytearray()
+        self._needed = 0
+
+    def feed(self, data: bytes) -> Iterator[mqtt5.Packet]:
+        """Yield the packets that the bytes complete; raise WireError where they stop making sense."""
+        if self._rest:
+            self._rest += data
+            if len(self._rest) < self._needed:
+                return
+            data = bytes(self._rest)
+            self._rest.clear()
+        start = 0
+        while (end := self._end(data, start)) is not None:
+            yield self._read(data, start, end)
+            start = end
+        self._rest += data[start:]
+
+    def _end(self, data: bytes, start: int) -> int | None:
+        """Return where the frame ends, None when it is not whole; note how much is needed then."""
+        length = frame_length(data, start)
+        if length is None:
+            self._needed = 0
+            return None
+        if length > self._limit:
+            raise WireError(f"a packet of {length} bytes is larger than {self._limit}")
+        self._needed = length
+        return start + length if start + length <= len(data) else None
+
+    def _read(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
+        """Return the packet of one whole frame."""
+        frame = memoryview(data)[start:end]
+        if self.protocol is None:
+            self.protocol = _spoken(frame)
+        if self.protocol == 311:
+            return _guarded(v311.read, frame)
+        if frame == _ONLY_OLDER:
+            return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
+        packet = _guarded(_read5, frame)
+        if getattr(packet, "packet_id", None) == 0 or "\0" in getattr(packet, "topic", ""):
+            raise WireError("a packet identifier is 0 or a topic holds a NUL")
+        return packet
+
+
+def _spoken(frame: memoryview) -> Protocol:
+    """Return the protocol version that a CONNECT asks for: the byte behind the protocol name."""
+    head = bytes(frame[:12])
+    if head[0] >> 4 != _CONNECT:
+        raise WireError("the first packet is not CONNECT")
+    name = head.find(b"\x00\x04MQTT")
+    level = head[name + 6] if 1 < name <= 5 and name + 6 < len(head) else 0
+    if level not in (4, 5):
+        raise WireError("the client speaks neither MQTT 5 nor MQTT 3.1.1")
+    return 5 if level == 5 else 311
+
+
+def _read5(frame: memoryview) -> mqtt5.Packet:
+    """Read one MQTT 5 frame with the codec."""
+    packet, length = mqtt5.read(frame)
+    if length != len(frame):
+        raise ValueError("the packet has bytes after its end")
+    return packet
+
+
+def _guarded(read: Callable[[memoryview], mqtt5.Packet], frame: memoryview) -> mqtt5.Packet:
+    """Read, turning every way in which the codecs refuse bytes into WireError."""
+    try:
+        return read(frame)
+    except (ValueError, IndexError) as error:
+        raise WireError(f"not an MQTT packet: {error}") from None
+    except BaseException as error:
+        # The codec's panic derives from BaseException and has no public name to catch it by.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise WireError("not an MQTT packet: a text is not UTF-8") from None

@@ -1,0 +1,110 @@
+"""What the cloud connection is given and what it hands out; frozen, and free of the codec's types."""
+
+from __future__ import annotations
+
+import enum
+from typing import Literal
+
+import msgspec
+
+PAYLOAD_LIMIT = 32 * 1024 * 1024
+"""The largest MQTT packet, in bytes, that Cyberwave's broker takes; also the most that is accepted."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """One message from the broker.
+
+    ``retain`` is true only for an old message that the broker kept, so a command that carries it is stale.
+    ``response_topic`` and ``correlation`` are MQTT 5's request and response pair.
+    """
+
+    topic: str
+    payload: bytes
+    qos: int = 0
+    retain: bool = False
+    response_topic: str | None = None
+    correlation: bytes | None = None
+
+
+class Will(msgspec.Struct, frozen=True):
+    """What the broker says for us when the connection falls without a goodbye."""
+
+    topic: str
+    payload: bytes
+    qos: int = 0
+
+
+class CloudSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the broker is and how to speak to it. Times are seconds, sizes are bytes.
+
+    ``insecure`` must be true for a plain connection to another computer: the token travels in clear text.
+    ``backoff`` is the first and the longest wait after a network failure, ``refused_backoff`` after a no.
+    ``queue_messages`` and ``queue_bytes`` bound what waits in memory; beyond them the oldest is dropped.
+    """
+
+    host: str
+    port: int = 8883
+    tls: bool = True
+    insecure: bool = False
+    ca_file: str | None = None
+    username: str | None = None
+    password: str | None = None
+    client_id: str
+    protocol: Literal[5, 311] = 5
+    keepalive: int = 5
+    will: Will | None = None
+    connect_timeout: float = 10.0
+    backoff: tuple[float, float] = (0.05, 1.0)
+    refused_backoff: tuple[float, float] = (5.0, 60.0)
+    queue_messages: int = 10_000
+    queue_bytes: int = 16 * 1024 * 1024
+
+    def __repr__(self) -> str:
+        """Describe the connection without the password, so that no log can hold it."""
+        return f"CloudSettings({self.client_id!r} at {self.host}:{self.port})"
+
+
+class CloudState(enum.StrEnum):
+    """How the connection stands."""
+
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    DISCONNECTED = "disconnected"
+    """The network failed; it is tried again soon."""
+    REFUSED = "refused"
+    """The broker said no; it is tried again slowly, and a person should read why."""
+    CLOSED = "closed"
+
+
+class Outcome(enum.StrEnum):
+    """What became of one published message."""
+
+    SENT = "sent"
+    """QoS 0: written; nobody knows more."""
+    ACKED = "acked"
+    """QoS 1: the broker has it."""
+    HELD = "held"
+    """QoS 1: the broker has it, but nobody is subscribed (MQTT 5 reason 0x10), so nobody will see it."""
+    REFUSED = "refused"
+    """The broker will not take this message, or it is larger than the broker allows."""
+    DROPPED = "dropped"
+    """It ran out of time, was pushed out by the queue's bound, or the connection was closed first."""
+
+
+class CloudStats:
+    """Counters since the start; read from any thread, written by the cloud thread and the queue.
+
+    ``rtt`` is the last measured round trip to the broker in seconds, None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.connects = 0
+        self.received = 0
+        self.sent = 0
+        self.acked = 0
+        self.dropped = 0
+        self.refused = 0
+        self.refused_subscriptions = 0
+        self.inflight = 0
+        self.queued = 0
+        self.rtt: float | None = None
