@@ -1,1 +1,4 @@
-"""For adapter authors: contract tests, bad wires, a clock that tests turn."""
+"""For the authors of adapters: the contract as tests, a robot that records, a clock to turn, bad wires.
+
+``contract`` needs pytest; the rest needs nothing that the host does not need.
+"""

@@ -1,0 +1,30 @@
+"""A clock that tests turn."""
+
+from __future__ import annotations
+
+
+class ManualClock:
+    """A fleet.clock.Clock that stands still until it is told to go on."""
+
+    def __init__(self, *, monotonic: float = 1000.0, time: float = 1_800_000_000.0) -> None:
+        self._monotonic = monotonic
+        self._time = time
+
+    def monotonic(self) -> float:
+        """Return seconds that never jump."""
+        return self._monotonic
+
+    def time(self) -> float:
+        """Return Unix seconds."""
+        return self._time
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; raises ValueError for time that runs backwards."""
+        if seconds < 0:
+            raise ValueError("time does not run backwards; step() sets the wall clock")
+        self._monotonic += seconds
+        self._time += seconds
+
+    def step(self, seconds: float) -> None:
+        """Set the wall clock forward or back, as a time server does; no time passes."""
+        self._time += seconds

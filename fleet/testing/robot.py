@@ -1,0 +1,97 @@
+"""A Robot for tests: it records what an adapter tells the host, and the test turns its wheel."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from typing import TypeVar
+
+from fleet.model.health import Health
+from fleet.model.report import Report
+from fleet.testing.clock import ManualClock
+
+SharedT = TypeVar("SharedT")
+ReportT = TypeVar("ReportT", bound=Report)
+WITHIN = 20.0  # s; how long a test waits for what must happen, on a slow computer
+
+
+class RecordingRobot:
+    """What an adapter's ``run`` is given in a test.
+
+    ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
+    """
+
+    def __init__(self, name: str = "robot", clock: ManualClock | None = None) -> None:
+        self.name = name
+        self.clock = clock or ManualClock()
+        self.log = logging.getLogger(f"fleet.robot.{name}")
+        self.reports: list[Report] = []
+        self.healths: list[Health] = []
+        self.losses: list[str] = []
+        self._calls: list[_Periodic] = []
+        self._told = asyncio.Event()
+
+    def report(self, report: Report) -> None:
+        """Record a report."""
+        self.reports.append(report)
+        self._told.set()
+
+    def health(self, health: Health) -> None:
+        """Record how the way to the robot is."""
+        self.healths.append(health)
+        self._told.set()
+
+    def authority_lost(self, reason: str) -> None:
+        """Record that somebody else took the robot."""
+        self.losses.append(reason)
+        self._told.set()
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Hang a call on the wheel, which ``advance`` turns."""
+        self._calls.append(_Periodic(seconds, call, self.clock.monotonic() + seconds))
+
+    def share(
+        self,
+        key: str,  # noqa: ARG002 - a lone robot shares with nobody
+        make: Callable[[], AbstractAsyncContextManager[SharedT]],
+    ) -> AbstractAsyncContextManager[SharedT]:
+        """Return what ``make`` gives."""
+        return make()
+
+    def advance(self, seconds: float) -> None:
+        """Turn the wheel: let time pass and make the calls that are due, in their order.
+
+        What a call raises is raised here; the host would end the ``run``.
+        """
+        end = self.clock.monotonic() + seconds
+        while self._calls:
+            first = min(self._calls, key=lambda call: call.due)
+            if first.due > end:
+                break
+            self.clock.advance(max(0.0, first.due - self.clock.monotonic()))
+            first.due += first.period
+            first.call()
+        self.clock.advance(max(0.0, end - self.clock.monotonic()))
+
+    async def until(self, condition: Callable[[], bool], within: float = WITHIN) -> None:
+        """Wait until a condition on what was recorded holds; raises TimeoutError."""
+        async with asyncio.timeout(within):
+            while not condition():
+                self._told.clear()
+                await self._told.wait()
+
+    async def first(self, kind: type[ReportT]) -> ReportT:
+        """Wait for the first report of a kind; raises TimeoutError."""
+        await self.until(lambda: any(isinstance(report, kind) for report in self.reports))
+        return next(report for report in self.reports if isinstance(report, kind))
+
+
+class _Periodic:
+    """One call on the wheel and when it is due (monotonic s)."""
+
+    def __init__(self, period: float, call: Callable[[], None], due: float) -> None:
+        self.period = period
+        self.call = call
+        self.due = due

@@ -1,0 +1,61 @@
+"""A tracked rover that speaks ASCII lines over a serial line or TCP.
+
+It is told ``M <m/s> <rad/s>`` and stops by itself 0.5 s after the last one; ``L 1`` and ``L 0`` switch its
+lamps. It says ``B <volts> <percent>`` and ``P <x m> <y m> <yaw rad>``.
+"""
+
+import re
+from collections.abc import Iterable
+from typing import Literal
+
+from pydantic import Field
+
+from fleet import AdapterConfig, Command, FrameAdapter, Limits, Unsupported, Vector3, Velocity, command
+from fleet.link.url import LinkText
+from fleet.model.geometry import quaternion_from_yaw
+from fleet.model.report import BatteryReport, PoseReport
+
+_SAID = re.compile(rb"([BP])((?: -?\d{1,6}(?:\.\d{1,6})?){2,3})")
+
+
+class TrackedRoverConfig(AdapterConfig):
+    """Its fields in fleet.yaml."""
+
+    adapter: Literal["tracked-rover"]
+    link: LinkText = Field(description="serial:/dev/...?baud=115200 or tcp:HOST:PORT.")
+
+
+class TrackedRover(FrameAdapter[TrackedRoverConfig]):
+    """Translates between velocities and the rover's lines."""
+
+    Config = TrackedRoverConfig
+    limits = Limits(speed=1.2, yaw_rate=2.0)
+
+    def encode(self, ask: Command | Velocity) -> Iterable[bytes]:
+        """Yield the line that drives."""
+        if not isinstance(ask, Velocity):
+            raise Unsupported(f"a tracked rover has no {ask.name!r}")
+        yield b"M %.3f %.3f\n" % (ask.linear.x, ask.yaw_rate)
+
+    @command("lights_on", moves=False)
+    def lights_on(self) -> Iterable[bytes]:
+        """Switch the lamps on."""
+        yield b"L 1\n"
+
+    @command("lights_off", moves=False)
+    def lights_off(self) -> Iterable[bytes]:
+        """Switch the lamps off."""
+        yield b"L 0\n"
+
+    def decode(self, frame: bytes, stamp: float) -> Iterable[BatteryReport | PoseReport]:
+        """Yield what one line says."""
+        match = _SAID.fullmatch(frame)
+        kind, numbers = (match[1], [float(text) for text in match[2].split()]) if match else (b"", [])
+        if kind == b"B" and len(numbers) == 2 and 0 <= numbers[1] <= 100:
+            yield BatteryReport(stamp, voltage=numbers[0], percent=numbers[1])
+        if kind == b"P" and len(numbers) == 3:
+            yield PoseReport(stamp, Vector3(*numbers[:2]), quaternion_from_yaw(numbers[2]))
+
+    def halt(self) -> Iterable[bytes]:
+        """Yield the line that stops it."""
+        yield b"M 0 0\n"
