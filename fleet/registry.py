@@ -155,18 +155,22 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
     try:
         with contextlib.redirect_stdout(sys.stderr):
             adapter = point.load()
-        name = _checked(adapter)
-        if name != plugin.name:
-            raise _Unusable(
-                f"its Config says adapter: {name!r} but its entry point is called {plugin.name!r}; "
-                "make them the same"
-            )
+        _check_name(_checked(adapter), plugin.name)
     # An adapter is anybody's code: whatever its import raises is told, and costs only its own robots.
     except (Exception, SystemExit) as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
         report = _why(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)
     return msgspec.structs.replace(plugin, state=PluginState.LOADED, adapter=adapter)
+
+
+def _check_name(config_says: str, entry_point: str) -> None:
+    """Refuse an adapter that is called differently in its two places."""
+    if config_says != entry_point:
+        raise _Unusable(
+            f"its Config says adapter: {config_says!r} but its entry point is called {entry_point!r}; "
+            "make them the same"
+        )
 
 
 def _module_from(path: Path) -> ModuleType:

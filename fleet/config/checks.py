@@ -10,16 +10,17 @@ from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import AdapterConfig
 
+Identity = tuple[type[AdapterConfig], str]
 
-def check_robots(listed: Any, robots: Mapping[int, AdapterConfig], document: Document) -> None:
+
+def check_robots(listed: Any, identities: Mapping[int, Identity], document: Document) -> None:
     """Report, at the later one, robots that share a name, a twin, or the very same machine.
 
-    Two robots are the same machine when their configs are of one class and their ``identity()``, which a
-    config may define, is equal and not None (the same link and system id, say).
+    ``identities`` are those of the robots, by place in the list, whose config has one.
     """
     first: dict[tuple[str, object], int] = {}
     for index, robot in enumerate(listed if isinstance(listed, list) else ()):
-        for what, value, key in _unique(robot, robots.get(index)):
+        for what, value, key in _unique(robot, identities.get(index)):
             other = first.setdefault((what, value), index)
             if other != index:
                 before = document.marks["robots", other]
@@ -27,14 +28,24 @@ def check_robots(listed: Any, robots: Mapping[int, AdapterConfig], document: Doc
                 document.report(_place(index, key, document), message)
 
 
-def _unique(robot: Any, config: AdapterConfig | None) -> Iterator[tuple[str, object, str]]:
+def identity_of(config: AdapterConfig) -> Identity | None:
+    """Return what machine a config stands for, as far as it tells.
+
+    A config may define ``identity() -> str | None``: equal for two configs of one class that reach the
+    very same machine (the same link and system id, say), None when that cannot happen.
+    """
+    identity = getattr(config, "identity", None)
+    value = identity() if callable(identity) else None
+    return None if value is None else (type(config), value)
+
+
+def _unique(robot: Any, identity: Identity | None) -> Iterator[tuple[str, object, str]]:
     """Yield what no two robots may share: the word for it, the value, the key to point at."""
     for key in ("name", "twin"):
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
             yield key, robot[key].lower(), key
-    identity = getattr(config, "identity", None)
-    if callable(identity) and (value := identity()) is not None:
-        yield "way to the robot", (type(config), value), "link"
+    if identity is not None:
+        yield "way to the robot", identity, "link"
 
 
 def _place(index: int, key: str, document: Document) -> Mark:

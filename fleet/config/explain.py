@@ -231,8 +231,6 @@ def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo
     """Return the field at a location; None inside lists and the like."""
     if not location:
         return None
+    name = str(location[-1])
     models = _models_at(model, location[:-1])
-    return next(
-        (each.model_fields[str(location[-1])] for each in models if str(location[-1]) in each.model_fields),
-        None,
-    )
+    return next((each.model_fields[name] for each in models if name in each.model_fields), None)

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 from pydantic import ConfigDict
 
-from fleet.config.checks import check_groups, check_robots
+from fleet.config.checks import Identity, check_groups, check_robots, identity_of
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated
 from fleet.config.problems import InvalidConfig, Path, Problem
@@ -41,6 +41,14 @@ class Loaded(msgspec.Struct, frozen=True):
     registry: Registry
     robots: tuple[tuple[AdapterConfig, Plugin], ...]
     problems: tuple[Problem, ...] = ()
+
+
+class _Made(msgspec.Struct, frozen=True):
+    """A robot that its own adapter's Config has taken."""
+
+    config: AdapterConfig
+    plugin: Plugin
+    identity: Identity | None
 
 
 class _AnyRobot(AdapterConfig):
@@ -76,7 +84,8 @@ def load(
     context = {"folder": file.parent}
     sections = validated(Sections, outline, (), document, context)
     robots = _robots(document, registry, context)
-    check_robots(data.get("robots"), {index: config for index, (config, _) in robots.items()}, document)
+    identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
+    check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
@@ -112,9 +121,7 @@ def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.
             yield folder / name
 
 
-def _robots(
-    document: Document, registry: Registry, context: Mapping[str, Any]
-) -> dict[int, tuple[AdapterConfig, Plugin]]:
+def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) -> dict[int, _Made]:
     """Return the robots that could be made, by their place in the list."""
     listed = document.data.get("robots")
     if ("robots",) in document.spoiled:
@@ -138,7 +145,7 @@ def _robots(
 
 def _robot(
     robot: Any, at: Path, document: Document, registry: Registry, context: Mapping[str, Any]
-) -> tuple[AdapterConfig, Plugin] | None:
+) -> _Made | None:
     """Check one robot by its adapter's Config; None after reporting why it cannot be made."""
     if at in document.spoiled:
         return None
@@ -147,8 +154,14 @@ def _robot(
     if plugin is None or plugin.adapter is None:
         validated(_AnyRobot, merged, at, document, context)
         return None
-    config = validated(plugin.adapter.Config, merged, at, document, context)
-    return (config, plugin) if config else None
+    try:
+        config = validated(plugin.adapter.Config, merged, at, document, context)
+        return _Made(config, plugin, identity_of(config)) if config else None
+    # The validators are the adapter's own code.
+    except Exception as error:  # noqa: BLE001
+        reason = f"{type(error).__name__}: {error}"
+        document.report(document.marks[at], f"the adapter {plugin.name!r} failed to check it", reason)
+        return None
 
 
 def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:
@@ -200,12 +213,12 @@ def _merged(under: Any, over: Any, under_at: Path, over_at: Path, document: Docu
 
 
 def _runnable(
-    robots: Mapping[int, tuple[AdapterConfig, Plugin]], problems: Iterable[Problem]
+    robots: Mapping[int, _Made], problems: Iterable[Problem]
 ) -> tuple[tuple[AdapterConfig, Plugin], ...]:
     """Return the robots that nothing is wrong with, in the order of the file."""
     matches = (_ROBOT_PATH.match(problem.path) for problem in problems)
     broken = {int(match[1]) for match in matches if match}
-    return tuple(robot for index, robot in robots.items() if index not in broken)
+    return tuple((made.config, made.plugin) for index, made in robots.items() if index not in broken)
 
 
 def _groups_of(

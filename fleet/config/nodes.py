@@ -88,7 +88,7 @@ def _check_depth(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                mark = event.start_mark
+                mark: Any = event.start_mark
                 raise BadYaml(f"nested deeper than {MAX_DEPTH} levels", mark.line + 1, mark.column + 1)
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
@@ -96,7 +96,7 @@ def _check_depth(text: str) -> None:
 
 def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
     """Say a parser's error in one line, with tabs named as what they are."""
-    mark = error.problem_mark or error.context_mark
+    mark: Any = error.problem_mark or error.context_mark
     line, column = (mark.line, mark.column) if mark else (0, 0)
     lines = text.split("\n")
     message = f"{error.problem or error}"

@@ -90,7 +90,8 @@ class CloudConfig(Model):
         "",
         pattern=r"^[^+#\s]*$",
         description="Put before every topic as it is, without a separator. Left out: "
-        "CYBERWAVE_MQTT_TOPIC_PREFIX, CYBERWAVE_TOPIC_PREFIX, or CYBERWAVE_ENVIRONMENT unless it is production.",
+        "CYBERWAVE_MQTT_TOPIC_PREFIX, CYBERWAVE_TOPIC_PREFIX, or CYBERWAVE_ENVIRONMENT unless "
+        "it is production.",
     )
     keepalive: int = Field(
         5, ge=1, le=600, description="Seconds; a dead way is noticed after about one and a half of them."

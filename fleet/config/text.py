@@ -14,7 +14,7 @@ def printable(text: str) -> str:
 
 
 def _escaped(character: str) -> str:
-    """Return a tab as a blank (carets must stay aligned), all else as ``\\x1b``."""
+    """Return a tab as a blank (carets must stay aligned), all else as its escape."""
     return " " if character == "\t" else character.encode("unicode_escape").decode()
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -58,10 +58,7 @@ class Document(msgspec.Struct):
         for paths in (self.texts, self.spoiled):
             if source in paths:
                 paths.add(target)
-        parts = (
-            value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-        )
-        for step, part in parts:
+        for step, part in _parts_of(value):
             self.copy_places((*source, step), (*target, step), part)
 
     def spoil(self, path: Path, mark: Mark, message: str, hint: str = "") -> None:
@@ -119,14 +116,13 @@ class _Reader:
             self.document.spoil((), mark, f"more than {MAX_NODES} values: is an alias repeated too often?")
         if self._count >= MAX_NODES:
             return None
-        if id(node) in self._open_nodes:
-            return self.document.spoil(where, mark, "an alias that contains itself")
-        if len(where) > MAX_DEPTH:
-            return self.document.spoil(where, mark, f"nested deeper than {MAX_DEPTH} levels")
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(node, where, mark)
         if node.tag not in _COLLECTIONS:
             return self._unknown_tag(node, where, mark)
+        if id(node) in self._open_nodes or len(where) > MAX_DEPTH:
+            reason = "an alias that contains itself" if id(node) in self._open_nodes else "nested too deeply"
+            return self.document.spoil(where, mark, reason)
         self._open_nodes.append(id(node))
         try:
             if isinstance(node, yaml.MappingNode):
@@ -219,6 +215,13 @@ class _Reader:
         found = {key.value: value.value for key, value in pairs}
         self.document.secrets |= {value for value in found.values() if len(value) >= 4}
         return found
+
+
+def _parts_of(value: Any) -> Iterable[tuple[str | int, Any]]:
+    """Return the parts of a mapping or a list with the step that leads to each."""
+    if isinstance(value, dict):
+        return value.items()
+    return enumerate(value) if isinstance(value, list) else ()
 
 
 def _bytes_of(path: pathlib.Path) -> bytes:
