@@ -37,15 +37,10 @@ class TrackedRover(FrameAdapter[TrackedRoverConfig]):
             raise Unsupported(f"a tracked rover has no {ask.name!r}")
         yield b"M %.3f %.3f\n" % (ask.linear.x, ask.yaw_rate)
 
-    @command("lights_on", moves=False)
-    def lights_on(self) -> Iterable[bytes]:
-        """Switch the lamps on."""
-        yield b"L 1\n"
-
-    @command("lights_off", moves=False)
-    def lights_off(self) -> Iterable[bytes]:
-        """Switch the lamps off."""
-        yield b"L 0\n"
+    @command("lights", moves=False)
+    def lights(self, *, on: bool = True) -> Iterable[bytes]:
+        """Switch the lamps."""
+        yield b"L %d\n" % on
 
     def decode(self, frame: bytes, stamp: float) -> Iterable[BatteryReport | PoseReport]:
         """Yield what one line says."""

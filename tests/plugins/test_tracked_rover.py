@@ -42,9 +42,8 @@ def test_a_velocity_becomes_one_line(rover):
 
 
 def test_lamps_are_switched_without_moving():
-    lights = capabilities(TrackedRover).commands["lights_on"]
-    assert list(TrackedRover(config()).lights_on()) == [b"L 1\n"]
-    assert not lights.moves
+    assert list(TrackedRover(config()).lights(on=False)) == [b"L 0\n"]
+    assert not capabilities(TrackedRover).commands["lights"].moves
 
 
 def test_what_it_cannot_do_is_unsupported(rover):
@@ -75,7 +74,7 @@ async def test_it_drives_and_reports_over_a_link():
         run = asyncio.create_task(adapter.run(robot))
         await robot.until(lambda: robot.healths)
         adapter.drive(Velocity(Vector3(0.5)))
-        await perform(adapter, capabilities(TrackedRover).commands["lights_on"], Command("lights_on"))
+        await perform(adapter, capabilities(TrackedRover).commands["lights"], Command("lights"))
         assert (await robot.first(BatteryReport)).percent == 87.0
         await adapter.stop("the test is over")
         assert machine.heard == [b"M 0.500 0.000\n", b"L 1\n", b"M 0 0\n"]
