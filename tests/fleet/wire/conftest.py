@@ -1,9 +1,29 @@
-"""Hostile bytes and one twin for the tests of the wire."""
+"""Hostile bytes, every kind of report and one twin, for the tests of the wire."""
 
 import random
 from collections.abc import Callable, Iterable, Iterator
 
 import pytest
+from hypothesis import strategies as st
+
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.navigation import ActionState
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    GpsReport,
+    ImuReport,
+    JointReport,
+    LogReport,
+    MetricsReport,
+    MissionProgress,
+    NavigationReport,
+    PoseReport,
+    StatusText,
+    TelemetryReport,
+)
 
 TWIN = "6f0c9a1e-3b7d-4c55-9a41-0d6f6f1f2a10"
 
@@ -35,3 +55,77 @@ def hostile() -> Callable[[Iterable[bytes]], Iterator[bytes]]:
             yield _mutated(chance.choice(pool), chance)
 
     return make
+
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+STAMPS = st.floats(0, 4e9)
+WORDS = st.text(max_size=12)
+VECTORS = st.builds(Vector3, FINITE, FINITE, FINITE)
+PLACES = st.builds(GeoPoint, st.floats(-90, 90), st.floats(-180, 180), FINITE)
+JOINTS = st.dictionaries(WORDS, FINITE, max_size=4)
+PLAIN = st.dictionaries(
+    WORDS, st.none() | st.booleans() | FINITE | WORDS | st.lists(FINITE, max_size=2), max_size=3
+)
+COUNTS = st.integers(0, 2**31)
+
+
+@st.composite
+def _joint_reports(draw):
+    positions = draw(JOINTS)
+    some = st.dictionaries(st.sampled_from(sorted(positions)), FINITE) if positions else st.just({})
+    return JointReport(draw(STAMPS), positions, draw(some), draw(some))
+
+
+REPORTS = {
+    PoseReport: st.builds(PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE)),
+    JointReport: _joint_reports(),
+    BatteryReport: st.builds(
+        BatteryReport,
+        STAMPS,
+        st.none() | st.floats(0, 100),
+        st.none() | st.floats(0, 100),
+        st.none() | FINITE,
+    ),
+    GpsReport: st.builds(
+        GpsReport,
+        STAMPS,
+        PLACES,
+        st.sampled_from(["none", "2d", "3d", "rtk_fixed"]),
+        st.none() | COUNTS,
+        st.none() | FINITE,
+        st.none() | FINITE,
+        st.none() | FINITE,
+    ),
+    ImuReport: st.builds(ImuReport, STAMPS, VECTORS, VECTORS),
+    FlightStateReport: st.builds(FlightStateReport, STAMPS, st.booleans(), WORDS),
+    FlightControllerReport: st.builds(
+        FlightControllerReport,
+        STAMPS,
+        st.booleans(),
+        WORDS,
+        st.booleans(),
+        WORDS,
+        WORDS,
+        st.none() | COUNTS,
+        st.none() | COUNTS,
+        st.none() | st.booleans(),
+        st.lists(st.builds(StatusText, WORDS, st.integers(0, 7)), max_size=3).map(tuple),
+        st.booleans(),
+        st.none() | st.integers(1, 255),
+        COUNTS,
+        st.none() | st.builds(MissionProgress, COUNTS, st.none() | COUNTS, st.none() | COUNTS),
+        st.none() | PLACES,
+    ),
+    MetricsReport: st.builds(MetricsReport, STAMPS, PLAIN, PLAIN, st.lists(PLAIN, max_size=2).map(tuple)),
+    NavigationReport: st.builds(
+        NavigationReport, STAMPS, WORDS, st.sampled_from(ActionState), st.floats(0, 100), WORDS
+    ),
+    TelemetryReport: st.builds(TelemetryReport, STAMPS, WORDS, PLAIN),
+    LogReport: st.builds(LogReport, STAMPS, st.sampled_from(["DEBUG", "INFO", "ERROR"]), WORDS),
+}
+
+
+@pytest.fixture(scope="session")
+def reports() -> dict[type, st.SearchStrategy]:
+    """Return a strategy for every kind of report, within the ranges that their contracts allow."""
+    return REPORTS

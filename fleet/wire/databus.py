@@ -1,0 +1,285 @@
+"""Reports on the bus, in Cyberwave's own format, which its SDK reads and writes.
+
+A sample is: u32 length of the header (16 + JSON), f64 Unix seconds, i64 sequence per channel, header JSON
+(all little-endian), payload. Where the SDK documents a payload (position, joint_states, battery, imu) it has
+that shape; gps has the names of its MQTT topic; every other channel has the fields of its report, with
+``ts`` for the stamp.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar, get_args
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.report import (
+    BatteryReport,
+    GpsReport,
+    ImuReport,
+    JointReport,
+    PoseReport,
+    Report,
+)
+from fleet.wire.encoding import encode_finite
+from fleet.wire.strict import parse_object, text
+
+LARGEST_HEADER = 64 * 1024
+
+_FIXED = struct.Struct("<Idq")
+_STAMP_AND_SEQUENCE = 16  # bytes of the fixed part that the length covers
+_JSON_TYPE = "application/json"
+_JSON_HEADER = b'{"content_type":"application/json"}'
+_JSON_LENGTH = _STAMP_AND_SEQUENCE + len(_JSON_HEADER)
+_JSON_START = _FIXED.size + len(_JSON_HEADER)
+
+ReportT = TypeVar("ReportT", bound=Report)
+
+
+class _Vector(msgspec.Struct, frozen=True):
+    """A vector all of whose components must be given."""
+
+    x: float
+    y: float
+    z: float
+
+    @classmethod
+    def of(cls, vector: Vector3) -> _Vector:
+        return cls(vector.x, vector.y, vector.z)
+
+    def vector(self) -> Vector3:
+        return Vector3(self.x, self.y, self.z)
+
+
+class _Position(msgspec.Struct, frozen=True):
+    """``position``: metres in the world, and a quaternion."""
+
+    ts: float
+    x: float
+    y: float
+    z: float
+    qx: float
+    qy: float
+    qz: float
+    qw: float
+
+    @classmethod
+    def of(cls, report: PoseReport) -> _Position:
+        p, r = report.position, report.rotation
+        return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w)
+
+    def report(self) -> PoseReport:
+        rotation = Quaternion(self.qw, self.qx, self.qy, self.qz)
+        return PoseReport(self.ts, Vector3(self.x, self.y, self.z), rotation)
+
+
+class _Joints(msgspec.Struct, frozen=True, omit_defaults=True):
+    """``joint_states``: arrays by the order of ``names``; null where one joint tells nothing."""
+
+    ts: float
+    names: list[str]
+    positions: list[float]
+    velocities: list[float | None] = []
+    efforts: list[float | None] = []
+
+    @classmethod
+    def of(cls, report: JointReport) -> _Joints:
+        names = list(report.positions)
+        return cls(
+            report.stamp,
+            names,
+            list(report.positions.values()),
+            _aligned(names, report.velocities, "velocities"),
+            _aligned(names, report.efforts, "efforts"),
+        )
+
+    def report(self) -> JointReport:
+        positions = dict(zip(self.names, self.positions, strict=True))
+        if len(positions) != len(self.names):
+            raise ValueError("a joint is named twice")
+        return JointReport(self.ts, positions, self._by_name(self.velocities), self._by_name(self.efforts))
+
+    def _by_name(self, values: list[float | None]) -> dict[str, float]:
+        if not values:
+            return {}
+        pairs = zip(self.names, values, strict=True)
+        return {name: value for name, value in pairs if value is not None}
+
+
+def _aligned(names: list[str], values: Mapping[str, float], what: str) -> list[float | None]:
+    """Return values in the order of ``names``, empty when there are none."""
+    if not values:
+        return []
+    if unknown := values.keys() - set(names):
+        raise WireError(f"{min(unknown)!a} has no position", where=what)
+    return [values.get(name) for name in names]
+
+
+class _Battery(msgspec.Struct, frozen=True, omit_defaults=True):
+    """``battery``: volts, amperes out, percent."""
+
+    ts: float
+    voltage_v: float | None = None
+    current_a: float | None = None
+    charge_pct: float | None = None
+
+    @classmethod
+    def of(cls, report: BatteryReport) -> _Battery:
+        return cls(report.stamp, report.voltage, report.current, report.percent)
+
+    def report(self) -> BatteryReport:
+        return BatteryReport(self.ts, self.charge_pct, self.voltage_v, self.current_a)
+
+
+class _Imu(msgspec.Struct, frozen=True):
+    """``imu``: m/s2 and rad/s in the body frame."""
+
+    ts: float
+    accel: _Vector
+    gyro: _Vector
+
+    @classmethod
+    def of(cls, report: ImuReport) -> _Imu:
+        return cls(report.stamp, _Vector.of(report.accel), _Vector.of(report.gyro))
+
+    def report(self) -> ImuReport:
+        return ImuReport(self.ts, self.gyro.vector(), self.accel.vector())
+
+
+class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
+    """``gps``: degrees and metres, with the names of the MQTT topic."""
+
+    ts: float
+    latitude: float
+    longitude: float
+    altitude: float
+    fix_type: str
+    satellite_count: int | None = None
+    compass_heading: float | None = None
+    horizontal_accuracy: float | None = None
+    vertical_accuracy: float | None = None
+
+    @classmethod
+    def of(cls, report: GpsReport) -> _Gps:
+        point = report.point
+        return cls(
+            report.stamp,
+            point.latitude,
+            point.longitude,
+            point.altitude,
+            report.fix_type,
+            report.satellites,
+            report.heading,
+            report.horizontal_accuracy,
+            report.vertical_accuracy,
+        )
+
+    def report(self) -> GpsReport:
+        return GpsReport(
+            self.ts,
+            GeoPoint(self.latitude, self.longitude, self.altitude),
+            self.fix_type,
+            self.satellite_count,
+            self.compass_heading,
+            self.horizontal_accuracy,
+            self.vertical_accuracy,
+        )
+
+
+class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
+    """How the reports of one channel stand on the bus."""
+
+    to_wire: Callable[[Any], Any]
+    from_wire: Callable[[Any], Report]
+    decoder: msgspec.json.Decoder[Any]
+
+
+def _shaped(shape: Any) -> _Codec[Any]:
+    """Return the codec of a channel whose payload has a shape of its own."""
+    return _Codec(shape.of, shape.report, msgspec.json.Decoder(shape))
+
+
+def _as_it_is(kind: Any) -> _Codec[Any]:
+    """Return the codec of a channel whose payload is the report's own fields, ``stamp`` called ``ts``."""
+    fields = [_same_field(field) for field in msgspec.structs.fields(kind)]
+    shape = msgspec.defstruct(f"_{kind.__name__}", fields, frozen=True, rename={"stamp": "ts"})
+    return _Codec(
+        lambda report: shape(*msgspec.structs.astuple(report)),
+        lambda wire: kind(*msgspec.structs.astuple(wire)),
+        msgspec.json.Decoder(shape),
+    )
+
+
+def _same_field(field: msgspec.structs.FieldInfo) -> tuple[str, Any] | tuple[str, Any, Any]:
+    """Return how to define a field of the same name, type and default."""
+    if field.required:
+        return field.name, field.type
+    if field.default is msgspec.NODEFAULT:
+        return field.name, field.type, msgspec.field(default_factory=field.default_factory)
+    return field.name, field.type, field.default
+
+
+_SHAPES: Mapping[type[Any], type[Any]] = {
+    PoseReport: _Position,
+    JointReport: _Joints,
+    BatteryReport: _Battery,
+    ImuReport: _Imu,
+    GpsReport: _Gps,
+}
+
+_CODECS: Mapping[str, _Codec[Any]] = MappingProxyType(
+    {
+        kind.channel: _shaped(_SHAPES[kind]) if kind in _SHAPES else _as_it_is(kind)
+        for kind in get_args(Report)
+    }
+)
+
+
+def encode_report(report: Report, sequence: int) -> bytes:
+    """Return a report as a sample of its channel; raises WireError for a number that is not finite."""
+    payload = encode_finite(_CODECS[report.channel].to_wire(report))
+    return b"".join((_FIXED.pack(_JSON_LENGTH, report.stamp, sequence), _JSON_HEADER, payload))
+
+
+def decode_report(channel: str, sample: bytes) -> Report:
+    """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
+    codec = _CODECS.get(channel)
+    if codec is None:
+        raise WireError(f"no report has the channel {channel[:60]!a}")
+    try:
+        return codec.from_wire(codec.decoder.decode(json_payload(sample)))
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise WireError(str(error), where=channel) from None
+
+
+def json_payload(sample: bytes) -> bytes:
+    """Return the JSON in a sample: behind the header, or the whole of it when it has none.
+
+    Raises WireError when it is neither, or when the header says that it is something else.
+    """
+    if len(sample) >= _JSON_START and sample[_FIXED.size : _JSON_START] == _JSON_HEADER:
+        return sample[_JSON_START:]
+    end = _header_end(sample)
+    if end is not None:
+        content_type = text(parse_object(sample[_FIXED.size : end]), "content_type", "header")
+        if content_type != _JSON_TYPE:
+            raise WireError(f"{content_type[:40]!a} is not JSON", where="header.content_type")
+        return sample[end:]
+    if not sample.startswith(b"{"):
+        raise WireError("neither a Cyberwave sample nor a JSON object")
+    return sample
+
+
+def _header_end(sample: bytes) -> int | None:
+    """Return where the header ends, None when the bytes cannot begin with one."""
+    if len(sample) < _FIXED.size:
+        return None
+    length: int = _FIXED.unpack_from(sample)[0]
+    if not _STAMP_AND_SEQUENCE <= length <= min(LARGEST_HEADER, len(sample) - 4):
+        return None
+    return 4 + length

@@ -1,0 +1,43 @@
+"""Model values to JSON bytes, with the certainty that no NaN or infinity goes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.wire.strict import path
+
+_ENCODER = msgspec.json.Encoder()
+
+
+def encode_finite(value: Any) -> bytes:
+    """Return ``value`` (builtins and msgspec structs) as JSON.
+
+    Raises WireError with the place of a number that is not finite, and for what JSON cannot hold.
+    """
+    try:
+        encoded = _ENCODER.encode(value)
+        # The encoder writes null for NaN and infinity: only then is it worth a look.
+        if b"null" in encoded:
+            for where in _not_finite(msgspec.to_builtins(value), ""):
+                raise WireError("not a finite number", where=where)
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise WireError(f"cannot be sent as JSON: {error}") from None
+    return encoded
+
+
+def _not_finite(value: Any, where: str) -> Iterator[str]:
+    """Yield the places of the numbers in ``value`` that are not finite."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            yield where
+    elif isinstance(value, dict):
+        for name, member in value.items():
+            yield from _not_finite(member, path(where, str(name)))
+    elif isinstance(value, list | tuple):
+        for index, member in enumerate(value):
+            yield from _not_finite(member, path(where, str(index)))

@@ -1,0 +1,230 @@
+"""Reports as MQTT messages, in the forms that Cyberwave's SDK and storage read.
+
+These differ from the bus payloads of the same reports (``fleet.wire.databus``): a bridge translates, it
+does not copy. Nothing is sent for what is unknown, and no number that is not finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from fleet.errors import WireError
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    GpsReport,
+    ImuReport,
+    JointReport,
+    LogReport,
+    MetricsReport,
+    MissionProgress,
+    NavigationReport,
+    PoseReport,
+    Report,
+    TelemetryReport,
+)
+from fleet.wire.encoding import encode_finite
+from fleet.wire.strict import without_nulls
+from fleet.wire.topics import JOINT_UPDATE
+
+NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
+UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
+
+Body = dict[str, Any]
+Leaves = list[tuple[str, Body]]
+
+
+def to_mqtt(report: Report, *, source_type: str, session: str) -> list[tuple[str, bytes]]:
+    """Return what to publish for a report: (leaf of the twin's topic, JSON), often one, at times none.
+
+    The joints' leaf is ``joint:update``, which ``Topics.twin`` resolves. ``session`` is the edge's client
+    id, left out when empty. Raises WireError for a number that is not finite or out of its range.
+    """
+    envelope: Body = {"source_type": source_type, "timestamp": report.stamp}
+    if session:
+        envelope["session_id"] = session
+    leaves = _FORMS[type(report)](report)
+    return [(leaf, encode_finite(_enveloped(leaf, body, envelope))) for leaf, body in leaves]
+
+
+def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
+    """Return a body with what all messages carry; nothing in the body can replace that."""
+    message = {**body, **envelope}
+    if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
+        del message["source_type"]
+    return message
+
+
+def _pose(report: PoseReport) -> Leaves:
+    """Position and rotation go on two topics, in object form."""
+    position = {"type": "position", "position": _seen_vector(report.position)}
+    rotation = {"type": "rotation", "rotation": _seen_rotation(report.rotation)}
+    return [("position", position), ("rotation", rotation)]
+
+
+def _seen_vector(vector: Vector3) -> Body:
+    """Return a position that the SDK's readers do not take for a missing one."""
+    seen = _vector(vector)
+    if vector == Vector3():
+        seen["x"] = NUDGE
+    return seen
+
+
+def _seen_rotation(turn: Quaternion) -> Body:
+    """Return a rotation that the SDK's readers do not take for a missing one."""
+    z = NUDGE if turn == Quaternion() else turn.z
+    return {"w": turn.w, "x": turn.x, "y": turn.y, "z": z}
+
+
+def _vector(vector: Vector3) -> Body:
+    """Return a vector in object form."""
+    return {"x": vector.x, "y": vector.y, "z": vector.z}
+
+
+def _joints(report: JointReport) -> Leaves:
+    """Use the aggregated form, the only one in which no other field can pass for a joint."""
+    if not report.positions:
+        return []
+    body: Body = {"positions": report.positions}
+    if report.velocities:
+        body["velocities"] = report.velocities
+    if report.efforts:
+        body["efforts"] = report.efforts
+    return [(JOINT_UPDATE, body)]
+
+
+def _battery(report: BatteryReport) -> Leaves:
+    """``twin.battery.v1``: nothing when the percentage is unknown."""
+    if report.percent is None:
+        return []
+    if not 0 <= report.percent <= 100:
+        raise WireError(f"0 to 100 percent is possible, not {report.percent}", where="percent")
+    body = {"percentage": report.percent, "voltage": report.voltage, "current": report.current}
+    return [("battery/status", without_nulls(body))]
+
+
+def _gps(report: GpsReport) -> Leaves:
+    """Nothing without a fix."""
+    if report.fix_type == "none":
+        return []
+    body = {
+        **_place(report.point),
+        "satellite_count": report.satellites,
+        "compass_heading": None if report.heading is None else report.heading % 360.0,
+        "horizontal_accuracy": report.horizontal_accuracy,
+        "vertical_accuracy": report.vertical_accuracy,
+        "fix_type": report.fix_type,
+    }
+    return [("gps", without_nulls(body))]
+
+
+def _place(point: GeoPoint) -> Body:
+    """Return a place on Earth in the names of the wire."""
+    return {"latitude": point.latitude, "longitude": point.longitude, "altitude": point.altitude}
+
+
+def _imu(report: ImuReport) -> Leaves:
+    """Rates in rad/s and accelerations in m/s2."""
+    return [("imu", {"gyro": _vector(report.gyro), "accel": _vector(report.accel)})]
+
+
+def _flight_state(report: FlightStateReport) -> Leaves:
+    """``twin.flight_state.v1``; an empty mode means not reported."""
+    body: Body = {"is_flying": report.is_flying}
+    if report.flight_mode:
+        body["flight_mode"] = report.flight_mode
+    return [("flight_state", body)]
+
+
+def _flight_controller(report: FlightControllerReport) -> Leaves:
+    """``twin.flight_controller.v1``."""
+    link = {
+        "connected": report.connected,
+        "vehicle_sysid": report.system_id,
+        "reboots": report.reboots,
+    }
+    body = {
+        "type": "flight_controller",
+        "armed": report.armed,
+        "mode": report.mode,
+        "failsafe": report.failsafe,
+        "autopilot": report.autopilot or None,
+        "vehicle": report.vehicle or None,
+        "custom_mode": report.custom_mode,
+        "system_status": report.system_status,
+        "ready_to_arm": report.ready_to_arm,
+        "status_texts": [{"text": said.text, "severity": said.severity} for said in report.status_texts],
+        "link": without_nulls(link),
+        "mission": None if report.mission is None else _mission(report.mission),
+        "home": None if report.home is None else _place(report.home),
+    }
+    return [("flight_controller", without_nulls(body))]
+
+
+def _mission(mission: MissionProgress) -> Body:
+    """Return the autopilot's mission; a total of none is not told."""
+    body = {
+        "current_seq": mission.current,
+        "total": mission.total or None,
+        "last_reached_seq": mission.last_reached,
+    }
+    return without_nulls(body)
+
+
+def _metrics(report: MetricsReport) -> Leaves:
+    """Put the categories inside ``metrics``; errors are told even when there are none any more."""
+    metrics: Body = {"errors": report.errors}
+    if report.power:
+        metrics["power"] = report.power
+    if report.navigation:
+        metrics["navigation"] = report.navigation
+    return [("metrics", {"metrics": metrics})]
+
+
+def _navigation(report: NavigationReport) -> Leaves:
+    """One status of one action."""
+    body: Body = {
+        "action_id": report.action_id,
+        "status": report.state.value,
+        "progress": min(max(report.progress, 0.0), 100.0),
+        "message": report.message,
+    }
+    return [("navigate/status", body)]
+
+
+def _telemetry(report: TelemetryReport) -> Leaves:
+    """One message of the telemetry topic."""
+    return [("telemetry", {**report.fields, "type": report.type})]
+
+
+def _log(report: LogReport) -> Leaves:
+    """Say a line to the log store, which reads upper-case levels."""
+    body = {
+        "type": "driver_log",
+        "message": report.message,
+        "level": report.level.upper(),
+        "source": "edge",
+    }
+    return [("driverlog", body)]
+
+
+_FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
+    {
+        PoseReport: _pose,
+        JointReport: _joints,
+        BatteryReport: _battery,
+        GpsReport: _gps,
+        ImuReport: _imu,
+        FlightStateReport: _flight_state,
+        FlightControllerReport: _flight_controller,
+        MetricsReport: _metrics,
+        NavigationReport: _navigation,
+        TelemetryReport: _telemetry,
+        LogReport: _log,
+    }
+)
