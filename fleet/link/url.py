@@ -27,9 +27,11 @@ EXAMPLES = {
     "serial": "serial:/dev/ttyUSB0?baud=115200",
     "memory": "memory:rover",
 }
-_HOST_AND_PORT = re.compile(r"(?:\[(?P<six>[0-9a-fA-F:.%\w]+)\]|(?P<host>[A-Za-z0-9._-]+)):(?P<port>\d{1,5})")
-_DEVICE = re.compile(r"(?P<path>/[^?\s]+)\?baud=(?P<baud>[1-9]\d{1,7})")
-_NAME = re.compile(r"[\w.-]+")
+_HOST_AND_PORT = re.compile(
+    r"(?:\[(?P<six>[0-9a-fA-F:.%\w]+)\]|(?P<host>[A-Za-z0-9._-]+)):(?P<port>\d{1,5})", re.ASCII
+)
+_DEVICE = re.compile(r"(?P<path>/[^?\s]+)\?baud=(?P<baud>[1-9]\d{1,7})", re.ASCII)
+_NAME = re.compile(r"[\w.-]+", re.ASCII)
 
 
 class LinkUrl(msgspec.Struct, frozen=True):
