@@ -18,7 +18,7 @@ import re
 import sys
 import traceback
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
@@ -27,6 +27,7 @@ from typing import Any
 import msgspec
 
 from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
+from fleet.commands import commands_of
 from fleet.robot_config import AdapterConfig
 
 log = logging.getLogger(__name__)
@@ -216,15 +217,8 @@ def _checked(adapter: Any) -> str:
     names = typing.get_args(field.annotation) if field else ()
     if len(names) != 1 or not isinstance(names[0], str):
         raise _Unusable(f'{config.__name__} needs the field adapter: Literal["its name"]')
-    declared(adapter)
+    commands_of(adapter)  # raises for a method whose parameters have no types
     return names[0]
-
-
-def declared(adapter: type[AnyAdapter]) -> Mapping[str, str]:
-    """Return the commands that an adapter declares: name to summary (empty for a FrameAdapter's verbs)."""
-    if issubclass(adapter, FrameAdapter):
-        return dict.fromkeys(adapter.verbs, "")
-    return {name: spec.summary for name, spec in adapter.commands().items()}
 
 
 def _why(error: BaseException, path: Path | None) -> str:
@@ -266,5 +260,7 @@ def _extra_with(module: str, point: EntryPoint) -> str | None:
         match = re.match(r"([\w.-]+).*extra\s*==\s*[\"']([\w-]+)[\"']", requirement)
         if match and match[1].lower().replace("-", "_") == module.lower():
             return match[2]
+    if module == point.module.partition(".")[0]:
+        return None  # a part of the adapter itself is missing: no extra brings that
     extras = point.dist.metadata.get_all("Provides-Extra") if point.dist else None
     return point.name if point.name in (extras or ()) else None

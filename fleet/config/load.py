@@ -99,6 +99,25 @@ def load(
     return Loaded(config, registry, runnable, problems)
 
 
+def registry_for(
+    path: str | os.PathLike[str],
+    environ: Mapping[str, str] | None = None,
+    registry: Registry | None = None,
+) -> Registry:
+    """Return the adapters that a fleet file can use, whatever else is wrong in it.
+
+    Raises InvalidConfig when the file cannot be read at all.
+    """
+    file = pathlib.Path(path)
+    registry = registry or Registry()
+    document = read(file, os.environ if environ is None else environ)
+    if not _is_mapping(document):
+        raise InvalidConfig(document.problems)
+    for folder in _folders(document.data, file.parent):
+        registry.add_folder(folder)
+    return registry
+
+
 def _place_in_file(problem: Problem) -> tuple[str, int, int]:
     return problem.file, problem.line, problem.column
 

@@ -1,0 +1,21 @@
+"""The program ``fleet``. Asking for its version loads nothing else."""
+
+from __future__ import annotations
+
+import sys
+
+from fleet.version import __version__
+
+
+def main() -> int:
+    """Run the command line and return the exit code."""
+    if sys.argv[1:] == ["--version"]:
+        sys.stdout.write(f"fleet {__version__}\n")
+        return 0
+    from fleet.cli.main import main as run_command  # noqa: PLC0415 - the version is told without it
+
+    return run_command(sys.argv[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

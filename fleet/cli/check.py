@@ -1,0 +1,60 @@
+"""``fleet check``: every problem of a fleet file, or one line that says it is well."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import click
+import msgspec
+
+from fleet.cli.output import ExitCode, Output, counted, show_error, with_output
+from fleet.config.load import Loaded, load
+from fleet.config.problems import InvalidConfig
+
+
+@click.command()
+@click.argument("file", default="fleet.yaml", type=click.Path())
+@with_output
+def check(out: Output, file: str) -> ExitCode:
+    """Check a fleet file and tell every problem in it.
+
+    Reads FILE (fleet.yaml when left out) and all it includes, and imports the adapters that its robots
+    name. Opens no link and no connection. Exit code 3 when there is a problem.
+    """
+    try:
+        loaded = load(file)
+    except InvalidConfig as error:
+        problems = [msgspec.to_builtins(problem) for problem in error.problems]
+        out.data({"ok": False, "file": file, "problems": problems})
+        if not out.as_json:
+            show_error(error)
+        return ExitCode.CONFIG_INVALID
+    out.data({"ok": True, "file": file, **_summary(loaded), "problems": []})
+    out.say(f"{file} is valid: {_sentence(loaded)}")
+    return ExitCode.OK
+
+
+def _summary(loaded: Loaded) -> dict[str, Any]:
+    """Return what the file says, for programs."""
+    cloud = loaded.config.cloud
+    return {
+        "edge": loaded.config.edge.id,
+        "robots": [
+            {"name": robot.name, "twin": robot.twin, "adapter": plugin.name, "simulated": robot.simulated}
+            for robot, plugin in loaded.robots
+        ],
+        "groups": loaded.config.groups,
+        "cloud": f"{cloud.host}:{cloud.port}" if cloud else None,
+    }
+
+
+def _sentence(loaded: Loaded) -> str:
+    """Return what the file says, in one line."""
+    kinds = Counter(plugin.name for _, plugin in loaded.robots)
+    robots = ", ".join(f"{number} {name}" for name, number in sorted(kinds.items()))
+    cloud = loaded.config.cloud
+    return (
+        f"edge {loaded.config.edge.id}, {counted(len(loaded.robots), 'robot')} ({robots}), "
+        f"{counted(len(loaded.config.groups), 'group')}, {f'cloud {cloud.host}' if cloud else 'no cloud'}"
+    )

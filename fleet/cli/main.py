@@ -1,0 +1,103 @@
+"""The group of commands. Each is imported when it is used, so that help and errors come at once."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+from fleet.cli.output import ExitCode, exit_code_of, show_error
+from fleet.config.text import nearest
+from fleet.errors import FleetError
+from fleet.version import __version__
+
+COMMANDS: Mapping[str, str] = {
+    "init": "fleet.cli.init:init",
+    "check": "fleet.cli.check:check",
+    "run": "fleet.cli.run:run",
+    "demo": "fleet.cli.demo:demo",
+    "ps": "fleet.cli.ps:ps",
+    "send": "fleet.cli.send:send",
+    "goto": "fleet.cli.send:goto",
+    "stop": "fleet.cli.send:stop",
+    "adapters": "fleet.cli.adapters:adapters",
+    "schema": "fleet.cli.schema:schema",
+}
+SUMMARIES: Mapping[str, str] = {
+    "init": "Write an example fleet.yaml to begin with.",
+    "check": "Check a fleet file and tell every problem in it.",
+    "run": "Run the fleet of a fleet file.",
+    "demo": "Run simulated robots; nothing else is needed.",
+    "ps": "Show the robots that run, and how they are.",
+    "send": "Send a command to a robot and wait for its answer.",
+    "goto": "Send a robot to a place.",
+    "stop": "Stop robots at once.",
+    "adapters": "Show the kinds of robots that can be used.",
+    "schema": "Print the JSON Schema of fleet.yaml for editors.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported by name from ``COMMANDS``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """Return the names in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import a command; None when there is none of this name."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command of a line; an unknown one is told with the nearest."""
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = nearest(args[0], COMMANDS)
+            ctx.fail(f"there is no command {args[0]!r}{f'; {near}' if near else ''}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(SUMMARIES.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="fleet", message="%(prog)s %(version)s")
+def fleet() -> None:
+    """One fleet.yaml, one command: drones, quadrupeds and wheeled robots as one fleet.
+
+    Results go to stdout, everything else to stderr. Exit codes: 0 ok, 1 runtime error, 2 usage,
+    3 configuration invalid, 4 edge not running, 5 command rejected or denied, 6 timeout, 7 some robots
+    failed, 130 interrupted.
+    """
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line; return its exit code. Errors are one line (or one a problem) on stderr."""
+    try:
+        result: Any = fleet.main(args=list(arguments), prog_name="fleet", standalone_mode=False)
+        sys.stdout.flush()
+    except click.Abort:
+        return ExitCode.INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except FleetError as error:
+        show_error(error)
+        return exit_code_of(error)
+    except BrokenPipeError:  # the reader of our output went away, as head does
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.RUNTIME_ERROR
+    return result if isinstance(result, int) else ExitCode.OK

@@ -1,0 +1,177 @@
+"""What every command shares: exit codes, results on stdout, the rest on stderr, tables, JSON, colours."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import json
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TextIO
+
+import click
+
+from fleet.config.text import printable
+from fleet.errors import CommandError, ConfigError, FleetError, TimedOut
+
+GAP = "  "
+NARROWEST_TEXT = 24  # a last column narrower than this is shown below, not beside
+
+
+class ExitCode(enum.IntEnum):
+    """How a command ended; the only place where the numbers are given."""
+
+    OK = 0
+    RUNTIME_ERROR = 1
+    USAGE = 2  # the command line was wrong
+    CONFIG_INVALID = 3  # fleet.yaml cannot be used
+    NOT_RUNNING = 4  # no edge answers
+    REJECTED = 5  # the host or the robot said no
+    TIMEOUT = 6  # the robot did not answer in time
+    SOME_FAILED = 7  # of several robots, some
+    INTERRUPTED = 130  # ctrl-c
+
+
+_EXIT_OF: Mapping[type[FleetError], ExitCode] = {
+    ConfigError: ExitCode.CONFIG_INVALID,
+    TimedOut: ExitCode.TIMEOUT,
+    CommandError: ExitCode.REJECTED,
+}
+
+
+def exit_code_of(error: FleetError) -> ExitCode:
+    """Return the exit code that tells this error; the most specific class decides."""
+    codes = (_EXIT_OF[kind] for kind in type(error).__mro__ if kind in _EXIT_OF)
+    return next(codes, ExitCode.RUNTIME_ERROR)
+
+
+def show_error(error: FleetError) -> None:
+    """Write an error to stderr; the problems of a fleet file each with its line and a caret."""
+    problems = getattr(error, "problems", ())
+    for problem in problems:
+        sys.stderr.write(f"{problem.shown()}\n")
+    if problems:
+        sys.stderr.write(f"fleet: {counted(len(problems), 'problem')}\n")
+    else:
+        sys.stderr.write(f"fleet: {printable(str(error))}\n")
+
+
+def counted(number: int, word: str) -> str:
+    """Return ``1 robot`` or ``2 robots``."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+class Output:
+    """Where one command writes. With ``as_json`` only ``data`` reaches stdout, and nothing else does."""
+
+    def __init__(
+        self,
+        *,
+        as_json: bool = False,
+        color: bool = False,
+        width: int = 80,
+        out: TextIO | None = None,
+        err: TextIO | None = None,
+    ) -> None:
+        self.as_json = as_json
+        self._color = color
+        self._width = width
+        self._out = out or sys.stdout
+        self._err = err or sys.stderr
+
+    def say(self, text: str) -> None:
+        """Write a result for people."""
+        if not self.as_json:
+            self._out.write(f"{printable(text)}\n")
+
+    def note(self, text: str) -> None:
+        """Write what is no result to stderr."""
+        self._err.write(f"{printable(text)}\n")
+
+    def data(self, value: Any) -> None:
+        """Write the result for programs, as one JSON document."""
+        if self.as_json:
+            self._out.write(json.dumps(value, indent=2, default=str) + "\n")
+
+    def table(self, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+        """Write rows for people; see ``table_lines``."""
+        if not self.as_json:
+            lines = table_lines(headings, list(rows), self._width)
+            self._out.write("".join(f"{self.colored(line, _COLOR_OF)}\n" for line in lines))
+
+    def colored(self, line: str, colors: Mapping[str, str]) -> str:
+        """Return a line with the words of ``colors`` coloured, when colours are on."""
+        if not self._color:
+            return line
+        return " ".join(
+            click.style(word, fg=colors[word]) if word in colors else word for word in line.split(" ")
+        )
+
+
+_COLOR_OF = {
+    "ok": "green",
+    "loaded": "green",
+    "degraded": "yellow",
+    "offline": "red",
+    "fault": "red",
+    "failed": "red",
+}
+
+
+def with_output(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options --json and --no-color and, as its first argument, its Output."""
+
+    @click.option("--json", "as_json", is_flag=True, help="Print one JSON document for programs.")
+    @click.option("--no-color", is_flag=True, help="Print without colours (as NO_COLOR=1 does).")
+    @functools.wraps(function)
+    def command(*args: Any, as_json: bool, no_color: bool, **options: Any) -> Any:
+        color = not (no_color or os.environ.get("NO_COLOR")) and sys.stdout.isatty()
+        width = shutil.get_terminal_size().columns
+        return function(Output(as_json=as_json, color=color, width=width), *args, **options)
+
+    return command
+
+
+def table_lines(headings: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Return the lines of a table that fits ``width`` columns.
+
+    The last column takes what is left and wraps between words. Where that would be too narrow, each row
+    becomes a block of  ``heading: value``  lines. A single word longer than the line stays whole.
+    """
+    cells = [[printable(cell) for cell in row] for row in rows]
+    columns = list(zip(headings, *cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1)
+    if before + widths[-1] > width and width - before < NARROWEST_TEXT:
+        return [line for row in cells for line in _block(headings, row, width)]
+    room = max(width - before, 1)
+    table = [[heading.upper() for heading in headings], *cells]
+    return [line for row in table for line in _row(row, widths, room)]
+
+
+def _row(row: Sequence[str], widths: Sequence[int], room: int) -> list[str]:
+    """Return one row of a table; the last cell wrapped into ``room`` columns."""
+    first = "".join(f"{cell:<{size}}{GAP}" for cell, size in zip(row[:-1], widths[:-1], strict=True))
+    parts = _wrapped(row[-1], room)
+    return [f"{first if index == 0 else ' ' * len(first)}{part}".rstrip() for index, part in enumerate(parts)]
+
+
+def _block(headings: Sequence[str], row: Sequence[str], width: int) -> list[str]:
+    """Return one row as lines of ``heading: value``, the first cell as the title."""
+    lines = [row[0]]
+    for heading, cell in zip(headings[1:], row[1:], strict=True):
+        if cell:
+            first, *rest = _wrapped(f"{heading}: {cell}", width - 2)
+            lines += [
+                f"{GAP}{first}",
+                *(f"{GAP}{GAP}{part}" for line in rest for part in _wrapped(line, width - 4)),
+            ]
+    return lines
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    """Break text between words only."""
+    return textwrap.wrap(text, max(width, 1), break_long_words=False, break_on_hyphens=False) or [""]
