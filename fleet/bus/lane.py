@@ -28,18 +28,23 @@ class Publisher(Protocol):
 
 
 class Question:
-    """One query that arrived; may be answered later, from any thread, more than once, until ``close``."""
+    """One query that arrived; may be answered later, from any thread, more than once, until ``close``.
+
+    ``key`` is the one it was declared on, ``asked`` the one that was asked for (it may have wildcards).
+    """
 
     def __init__(self, query: zenoh.Query, key: str) -> None:
         self._query: zenoh.Query | None = query
         self.key = key
+        self.asked = str(query.key_expr)
         self.payload = query.payload.to_bytes() if query.payload is not None else b""
-        self.parameters = {str(name): str(value) for name, value in dict(query.parameters).items()}
+        pairs = str(query.parameters).split(";")
+        self.parameters = {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
 
-    def reply(self, payload: bytes) -> None:
-        """Send one answer; an asker who is gone does not matter."""
+    def reply(self, payload: bytes, key: str | None = None) -> None:
+        """Send one answer (on ``key``, where many are answered at once); the asker may be gone."""
         if self._query is not None:
-            self._query.reply(self.key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            self._query.reply(key or self.key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def close(self) -> None:
         """Say that there are no more answers."""
@@ -172,6 +177,11 @@ class Lane:
             call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
+
+
+def keys_meet(one: str, other: str) -> bool:
+    """Return True when two key expressions have a key in common."""
+    return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
 
 
 def _direct(call: Callable[[Any], None]) -> Any:

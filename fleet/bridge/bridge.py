@@ -1,0 +1,134 @@
+"""The bridge of one edge: its own twins, both ways, and their heartbeat."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.bridge.downlink import Downlink, Port
+from fleet.bridge.uplink import TwinInfo, Uplink
+from fleet.clock import Clock
+from fleet.cloud.client import CloudClient
+from fleet.cloud.credentials import client_id
+from fleet.cloud.values import CloudSettings, CloudState, Message, Will
+from fleet.model.report import TelemetryReport
+from fleet.wire.health import edge_health
+from fleet.wire.reports import to_mqtt
+from fleet.wire.topics import Topics
+
+log = logging.getLogger(__name__)
+
+HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
+
+
+class Bridge:
+    """Everything between the bus and one broker.
+
+    ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers.
+    """
+
+    def __init__(
+        self,
+        settings: CloudSettings,
+        topics: Topics,
+        ports: Mapping[str, Port],
+        *,
+        edge: str,
+        soon: Callable[[Callable[[], None]], None],
+        alive: Callable[[str], bool],
+        clock: Clock,
+    ) -> None:
+        self._edge = edge
+        self._topics = topics
+        self._ports = ports
+        self._clock = clock
+        self._began = clock.monotonic()
+        session = settings.client_id or client_id("fleet", simulated=False)
+        subscriptions: dict[str, int] = {}
+        for twin in ports:
+            subscriptions |= topics.inbound(twin)
+        self._session = session
+        self.client = CloudClient(
+            msgspec.structs.replace(settings, client_id=session, will=self._will()),
+            subscriptions,
+            on_message=self._arrived,
+            on_state=self._state_changed,
+            clock=clock,
+        )
+        twins = {twin: TwinInfo(port.name, port.source_type) for twin, port in ports.items()}
+        self.uplink = Uplink(topics, twins, session=session, publish=self._publish, alive=alive)
+        self.downlink = Downlink(topics, ports, session=session, send=self._answer, soon=soon, clock=clock)
+
+    def start(self) -> None:
+        """Begin to connect."""
+        self.client.start()
+
+    def close(self) -> None:
+        """Say that every twin is disconnected, and leave."""
+        for port in self._ports.values():
+            self._say(port, "disconnected", {"reason": "the edge ends"})
+        self.client.close()
+
+    def turn(self) -> None:
+        """Publish what is due; at the end of each turn of the wheel."""
+        self.uplink.turn(self._clock.monotonic())
+        self.client.flush()
+
+    def beat(self, extra: Mapping[str, Any]) -> None:
+        """Publish the heartbeat of every twin; ``extra``: host figures."""
+        for twin, port in self._ports.items():
+            payload = edge_health(
+                twin=twin,
+                edge_id=self._edge,
+                uptime=self._clock.monotonic() - self._began,
+                stamp=self._clock.time(),
+                source_type=port.source_type,
+                session=self._session,
+                extra=extra,
+            )
+            self.client.publish(self._topics.twin(twin, "edge_health"), payload)
+
+    def _will(self) -> Will | None:
+        """Return what the broker says when we vanish; a connection has one will, so for one twin."""
+        for port in self._ports.values():
+            (topic, payload) = self._telemetry(port, "disconnected", {"reason": "the edge vanished"})
+            return Will(topic, payload)
+        return None
+
+    def _telemetry(self, port: Port, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
+        """Return topic and payload of a telemetry message."""
+        report = TelemetryReport(self._clock.time(), kind, fields)
+        ((leaf, payload),) = to_mqtt(report, source_type=port.source_type, session=self._session)
+        return self._topics.twin(port.twin, leaf), payload
+
+    def _say(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
+        """Publish a telemetry message."""
+        topic, payload = self._telemetry(port, kind, fields)
+        self.client.publish(topic, payload, qos=1)
+
+    def _publish(self, topic: str, payload: bytes, qos: int) -> bool:
+        """Queue for the next flush."""
+        return self.client.publish(topic, payload, qos=qos)
+
+    def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
+        """Publish an answer at once."""
+        self.client.publish(
+            topic,
+            payload,
+            qos=1,
+            correlation=correlation,
+            content_type="application/json",
+            urgent=True,
+        )
+
+    def _arrived(self, messages: list[Message]) -> None:
+        """Take messages; on the cloud's thread."""
+        self.downlink.arrived(messages)
+
+    def _state_changed(self, state: CloudState, cause: str) -> None:
+        """Tell how the connection stands; on the cloud's thread."""
+        level = logging.INFO if state in (CloudState.CONNECTED, CloudState.CONNECTING) else logging.WARNING
+        log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")

@@ -1,0 +1,57 @@
+"""From a message on any way in to an ask at a robot's desk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from fleet.model.command import Command, Setpoint, Way
+from fleet.model.navigation import Navigate
+from fleet.robot_config import AdapterConfig, Limits
+from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
+from fleet.wire.navigation import decode_navigate
+
+Kind = Literal["command", "navigate", "motion"]
+Ask = Command | Setpoint | Navigate
+
+VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude
+
+
+def _within(limit: float | None) -> float:
+    """Return the default magnitude, or the limit where that is smaller."""
+    return VERB_SPEED if limit is None else min(VERB_SPEED, limit)
+
+
+class Decoder:
+    """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read."""
+
+    def __init__(self, config: AdapterConfig, limits: Limits, *, planar: bool) -> None:
+        self._order = config.rotation_order
+        self._planar = planar
+        self._defaults = MotionDefaults(
+            forward=_within(limits.speed),
+            lateral=_within(limits.speed),
+            vertical=_within(limits.vertical_speed),
+            yaw_rate=_within(limits.yaw_rate),
+        )
+        self._decoders: dict[Kind, Callable[[bytes, Way, str], Ask | None]] = {
+            "command": self._command,
+            "navigate": self._navigate,
+            "motion": self._motion,
+        }
+
+    def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
+        """Return the ask in a message; None for one that asks nothing (a reply)."""
+        return self._decoders[kind](payload, way, request_id)
+
+    def _command(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
+        """Decode the ``command`` topic's messages."""
+        return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
+
+    def _navigate(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
+        """Decode the ``navigate/command`` topic's messages."""
+        return decode_navigate(payload, way=way, rotation_order=self._order, planar=self._planar)
+
+    def _motion(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
+        """Decode the ``motion/command`` topic's messages."""
+        return decode_motion(payload, way=way, request_id=request_id)

@@ -1,0 +1,221 @@
+"""The composition root: fleet.yaml, loaded, to a running edge. Everything is built here, and only here."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.bridge.bridge import Bridge
+from fleet.bridge.downlink import Port
+from fleet.bus import keys
+from fleet.bus.lane import Question
+from fleet.bus.session import open_edge
+from fleet.clock import Clock
+from fleet.cloud.values import CloudState
+from fleet.config.load import Loaded
+from fleet.health.aggregate import edge_health, robots_by_health
+from fleet.health.load import read_load
+from fleet.host.logs import publish_robot_logs
+from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.remote import RemoteRobot
+from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.stops import take_stops
+from fleet.host.workers import Worker, names_of
+from fleet.model.health import Health, Level
+from fleet.model.state import EdgeState, RobotState
+from fleet.version import __version__
+
+log = logging.getLogger(__name__)
+
+HEALTH_EVERY = 1.0  # s
+HEARTBEAT_EVERY = 5.0  # s, contract 9.2
+
+
+class Edge:
+    """One edge: its robots here and in workers, its bus, its bridge, its health.
+
+    Raises BusError when the bus cannot be opened, CloudError for unusable cloud settings.
+    """
+
+    def __init__(self, loaded: Loaded, path: Path, *, directory: Path, clock: Clock) -> None:
+        config = loaded.config
+        self._config = config
+        self._clock = clock
+        self._began = clock.monotonic()
+        self.bus = open_edge(bus_settings(config), directory)
+        here = [(robot, plugin) for robot, plugin in loaded.robots if not worker_of(robot, plugin)]
+        away = [(robot, plugin) for robot, plugin in loaded.robots if worker_of(robot, plugin)]
+        self.process = RobotProcess(
+            config.edge.id,
+            self.bus,
+            [RobotSpec(robot, plugin.adapter, plugin.name) for robot, plugin in here],
+            clock=clock,
+        )
+        self.remote = {
+            robot.name: RemoteRobot(
+                robot,
+                adapter=plugin.name,
+                edge=config.edge.id,
+                control=self.bus.control,
+                clock=clock,
+                soon=self._soon,
+                worker=worker_of(robot, plugin),
+            )
+            for robot, plugin in away
+        }
+        self._workers = [
+            Worker(
+                name,
+                edge=config.edge.id,
+                config=path,
+                directory=directory,
+                control=self.bus.control,
+                clock=clock,
+                told=self._worker_is,
+            )
+            for name in names_of(robot.worker for robot in self.remote.values())
+        ]
+        self.bridge = self._bridge()
+        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+
+    async def run(self, ended: asyncio.Event) -> None:
+        """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
+        self._declare()
+        self.process.start()
+        if self.bridge is not None:
+            self.process.wheel.at_end(self.bridge.turn)
+            self.bridge.start()
+        workers = [
+            asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
+        ]
+        try:
+            await ended.wait()
+        finally:
+            for task in workers:
+                task.cancel()
+            await self.process.stop()
+            await asyncio.gather(*workers, return_exceptions=True)
+            if self.bridge is not None:
+                self.bridge.turn()
+                await asyncio.to_thread(self.bridge.close)
+            self.bus.close()
+
+    def states(self) -> list[RobotState]:
+        """Return the state of every robot of this edge."""
+        return [*self.process.states(), *(robot.state() for robot in self.remote.values())]
+
+    def state(self) -> EdgeState:
+        """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
+        states = self.states()
+        cloud = self._cloud_health()
+        health = edge_health(states, [cloud])
+        load = read_load()
+        stats = self.bridge.client.stats if self.bridge else None
+        return EdgeState(
+            edge=self._config.edge.id,
+            version=__version__,
+            stamp=self._clock.time(),
+            uptime=round(self._clock.monotonic() - self._began, 1),
+            health=health.level.word,
+            cause=health.cause,
+            robots=robots_by_health(states),
+            cloud=self.bridge.client.state.value if self.bridge else "none",
+            cloud_cause=cloud.cause,
+            queued=stats.queued if stats else 0,
+            dropped=(stats.dropped if stats else 0) + self.process.outbox.dropped,
+            load=load.load,
+            memory_percent=load.memory_percent,
+            threads=load.threads,
+            groups=self._groups,
+        )
+
+    def _soon(self, call: Callable[[], None]) -> None:
+        """Run a call on the event loop; from any thread."""
+        self.process.loop.call_soon_threadsafe(call)
+
+    def _bridge(self) -> Bridge | None:
+        """Build the bridge, where fleet.yaml has a cloud."""
+        cloud = self._config.cloud
+        if cloud is None:
+            return None
+        ports: dict[str, Port] = {}
+        for local in self.process.robots.values():
+            ports[local.twin] = local
+        for remote in self.remote.values():
+            ports[remote.twin] = remote
+        simulated = all(port.source_type == "sim" for port in ports.values())
+        return Bridge(
+            cloud_settings(cloud, simulated=simulated),
+            topics(cloud),
+            ports,
+            edge=self._config.edge.id,
+            soon=self._soon,
+            alive=self._alive,
+            clock=self._clock,
+        )
+
+    def _declare(self) -> None:
+        """Show the edge on the bus, and begin what it says about itself."""
+        edge = self._config.edge.id
+        publish_robot_logs(self.process)
+        take_stops(self.process, self.bus, self._groups)
+        if self.bridge is not None:
+            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
+        self.bus.control.answer(keys.health(edge), self._asked_health)
+        health = self.bus.control.publisher(keys.health(edge))
+
+        def tell_health() -> None:
+            health.put(msgspec.json.encode(self.state()))
+
+        self.process.wheel.every(HEALTH_EVERY, tell_health, owner="", failed=_log_failure)
+        if self.bridge is not None:
+            self.process.wheel.every(HEARTBEAT_EVERY, self._beat, owner="", failed=_log_failure)
+        self.bus.control.token(keys.edge(edge))
+
+    def _beat(self) -> None:
+        """Publish every twin's heartbeat."""
+        assert self.bridge is not None
+        load = read_load()
+        figures: Mapping[str, float | None] = {
+            "host_memory_percent": load.memory_percent,
+            "host_memory_available_mb": load.memory_available_mb,
+            "cpu_temp_c": load.cpu_temperature,
+        }
+        self.bridge.beat({name: value for name, value in figures.items() if value is not None})
+
+    def _asked_health(self, question: Question) -> None:
+        """Answer with the edge's state; on the bus's thread."""
+
+        def tell() -> None:
+            question.reply(msgspec.json.encode(self.state()))
+            question.close()
+
+        self._soon(tell)
+
+    def _cloud_health(self) -> Health:
+        """Return how the cloud's connection is."""
+        if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
+            return Health()
+        client = self.bridge.client
+        level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
+        return Health(level, f"cloud {client.state.value}: {client.cause}")
+
+    def _alive(self, name: str) -> bool:
+        """Return True while a robot answers."""
+        robot = self.process.robots.get(name) or self.remote.get(name)
+        return robot is not None and robot.state().health in (Level.OK.word, Level.DEGRADED.word)
+
+    def _worker_is(self, worker: str, cause: str) -> None:
+        """Pass on what is wrong with a worker to its robots."""
+        for robot in self.remote.values():
+            if robot.worker == worker:
+                robot.worker_is(cause)
+
+
+def _log_failure(error: Exception) -> None:
+    """Tell of the host's own timers: they are not expected to fail."""
+    log.error("a timer of the edge failed", exc_info=error)

@@ -1,0 +1,197 @@
+"""One robot of this process: its desk, its runner, its reports and its state, wired together."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from fleet.clock import Clock
+from fleet.errors import WireError
+from fleet.host.asks import Decoder, Kind
+from fleet.host.desk import EMERGENCY, Desk
+from fleet.host.handle import Handle
+from fleet.host.make import AdapterClass, capabilities, make_adapter
+from fleet.host.outbox import Outbox
+from fleet.host.runner import Runner
+from fleet.host.shared import Shared
+from fleet.host.snapshot import Snapshot
+from fleet.host.ticket import Answer, Ticket
+from fleet.host.watchdog import Watched
+from fleet.host.wheel import Wheel
+from fleet.link.backoff import backoff
+from fleet.model.command import Command, Origin, Way
+from fleet.model.health import Level
+from fleet.model.report import Report, TelemetryReport
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+
+RESTART = "restart_adapter"
+"""The one command that the host itself carries out: end a quarantine, or begin the run anew."""
+
+
+def source_type(config: AdapterConfig) -> str:
+    """Return the source type of a robot's own state."""
+    return "sim" if config.simulated else "edge"
+
+
+class LocalRobot:
+    """A robot whose adapter runs in this process."""
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        plugin: AdapterClass,
+        *,
+        adapter: str,
+        edge: str,
+        worker: str,
+        clock: Clock,
+        wheel: Wheel,
+        shared: Shared,
+        outbox: Outbox,
+        changed: Callable[[str], None],
+    ) -> None:
+        self.config = config
+        self.name = config.name
+        self.twin = str(config.twin)
+        self.source_type = source_type(config)
+        self.legacy_status = config.legacy_status
+        self._adapter = adapter
+        self._edge = edge
+        self._worker = worker
+        self._clock = clock
+        self._wheel = wheel
+        self._shared = shared
+        self._send = outbox.sender(self.twin)
+        self._seen = Snapshot()
+        self._loop = asyncio.get_running_loop()
+        self._online = False
+        self._log = logging.getLogger(f"fleet.robot.{config.name}")
+        can = capabilities(plugin)
+        self._decoder = Decoder(
+            config, config.limits.over(can.limits), planar=can.limits.vertical_speed is None
+        )
+        self.desk = Desk(config, can, publish=self.publish, crashed=self._crashed, clock=clock)
+        self._changed = changed
+        self.runner = Runner(
+            self.desk,
+            make=lambda: make_adapter(plugin, config),
+            handle=self._new_handle,
+            waits=backoff,
+            clock=clock,
+            changed=self._health_changed,
+        )
+
+    def receive(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        answer: Answer,
+        waits: bool = False,
+        request_id: str = "",
+    ) -> None:
+        """Take a message. Its answers: the receipt, and the end when the asker waits; none to a reply."""
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+        except WireError as error:
+            self._log.warning("refused a %s message: %s", kind, error)
+            Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
+            return
+        if ask is None:
+            return
+        ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
+        if isinstance(ask, Command) and ask.name == RESTART:
+            self.runner.lift()
+            ticket.done()
+        else:
+            self.desk.receive(ask, ticket)
+
+    def look_for_emergency(self, payload: bytes) -> None:
+        """Halt and latch at once when a command message is an emergency stop; from any thread.
+
+        The message is then handed to ``receive`` like any other, which stops, answers and records it.
+        """
+        if b"stop" not in payload:
+            return
+        try:
+            ask = self._decoder.decode("command", payload, way=Way.BUS)
+        except WireError:
+            return
+        if isinstance(ask, Command) and ask.name == EMERGENCY:
+            self.desk.emergency("asked over the bus or the cloud")
+
+    def emergency(self, why: str) -> None:
+        """Stop and latch at once, from any thread; the loop follows with the adapter's own stop."""
+        self.desk.emergency(why)
+        self._loop.call_soon_threadsafe(self._follow_emergency, why)
+
+    def watched(self) -> Watched:
+        """Return what the watchdog needs."""
+        return Watched(self.desk.deadman, self.desk.halt, self._expired)
+
+    def publish(self, report: Report) -> None:
+        """Send a report on its way."""
+        self._seen.take(report)
+        self._send(report)
+
+    def state(self) -> RobotState:
+        """Return what the robot looks like now."""
+        health = self.runner.health
+        return RobotState(
+            name=self.name,
+            twin=self.twin,
+            adapter=self._adapter,
+            edge=self._edge,
+            stamp=self._clock.time(),
+            health=health.level.word,
+            cause=health.cause,
+            simulated=self.config.simulated,
+            worker=self._worker,
+            mode=self._seen.mode,
+            armed=self._seen.armed,
+            battery=self._seen.battery,
+            position=self._seen.position,
+            activity=self.desk.activity,
+            emergency_stop=self.desk.latched,
+            last_command=self.desk.last_command,
+            last_outcome=self.desk.last_outcome,
+        )
+
+    def _new_handle(self, runner: Runner) -> Handle:
+        """Return the handle of a new run."""
+        return Handle(
+            self.name,
+            clock=self._clock,
+            wheel=self._wheel,
+            shared=self._shared,
+            publish=self.publish,
+            healthy=runner.healthy,
+            lost_authority=self.desk.authority_lost,
+            failed=runner.crashed,
+        )
+
+    def _crashed(self, error: Exception) -> None:
+        """Hand an adapter's failure to the runner."""
+        self.runner.crashed(error)
+
+    def _expired(self) -> None:
+        """Follow the watchdog's halt on the loop."""
+        self._loop.call_soon_threadsafe(self.desk.lease_ran_out)
+
+    def _follow_emergency(self, why: str) -> None:
+        """Let the adapter bring the robot to its own standstill."""
+        ask = Command(EMERGENCY, origin=Origin(Way.BUS, session=why))
+        self.desk.receive(ask, Ticket(EMERGENCY, lambda _: None))
+
+    def _health_changed(self) -> None:
+        """Say on the telemetry channel when the robot comes and goes."""
+        online = self.runner.health.level < Level.OFFLINE
+        if online != self._online:
+            self._online = online
+            kind = "connected" if online else "disconnected"
+            fields = {} if online else {"reason": self.runner.health.cause}
+            self.publish(TelemetryReport(self._clock.time(), kind, fields))
+        self._changed(self.name)

@@ -1,0 +1,41 @@
+"""Where log lines go: to stderr for who runs the edge, and a robot's own to its ``driverlog``."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from fleet.host.process import RobotProcess
+from fleet.model.report import LogReport
+
+ROBOT_LOGGER = "fleet.robot."
+
+
+class _ToDriverlog(logging.Handler):
+    """Publishes what is logged about a robot, warnings and worse."""
+
+    def __init__(self, process: RobotProcess) -> None:
+        super().__init__(logging.WARNING)
+        self._process = process
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand a line to its robot, on the loop; from any thread."""
+        robot = self._process.robots.get(record.name.removeprefix(ROBOT_LOGGER))
+        if robot is None:
+            return
+        report = LogReport(record.created, record.levelname, record.getMessage())
+        self._process.loop.call_soon_threadsafe(robot.publish, report)
+
+
+def publish_robot_logs(process: RobotProcess) -> None:
+    """Send the robots' warnings to their twins from now on."""
+    logging.getLogger(ROBOT_LOGGER.rstrip(".")).addHandler(_ToDriverlog(process))
+
+
+def log_to_stderr(level: int) -> None:
+    """Log one line each to stderr: time, level, where, what."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S"))
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(level)

@@ -1,0 +1,86 @@
+"""Reports on their way to the bus: the newest of each state, every event, put once a turn of the wheel."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+
+from fleet.bus.lane import Lane, Publisher, Question, keys_meet
+from fleet.errors import WireError
+from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
+from fleet.wire.databus import encode_report
+from fleet.wire.topics import data_key
+
+log = logging.getLogger(__name__)
+
+EVENTS = (NavigationReport, TelemetryReport, LogReport)
+WAITING = 1000  # events of one turn; a robot that reports more loses its newest, counted
+
+
+class Outbox:
+    """All reports of one process."""
+
+    def __init__(self, lane: Lane) -> None:
+        self._lane = lane
+        self._publishers: dict[str, Publisher] = {}
+        self._sequences: dict[str, int] = {}
+        self._latest: dict[tuple[str, str], Report] = {}
+        self._events: list[tuple[str, Report]] = []
+        self._last: dict[str, bytes] = {}
+        self._lock = threading.Lock()  # the last samples are read on the bus's thread
+        self.dropped = 0
+        lane.answer("cw/*/data/**", self._asked)
+
+    def put(self, twin: str, report: Report) -> None:
+        """Take a report; it leaves with the next ``flush``."""
+        if not isinstance(report, EVENTS):
+            self._latest[(twin, report.channel)] = report
+        elif len(self._events) < WAITING:
+            self._events.append((twin, report))
+        else:
+            self.dropped += 1
+
+    def sender(self, twin: str) -> Callable[[Report], None]:
+        """Return ``put`` for one twin."""
+
+        def send(report: Report) -> None:
+            self.put(twin, report)
+
+        return send
+
+    def flush(self) -> None:
+        """Put everything that waits."""
+        events, self._events = self._events, []
+        latest, self._latest = self._latest, {}
+        for twin, report in events:
+            self._send(twin, report)
+        for (twin, _), report in latest.items():
+            self._send(twin, report)
+
+    def _send(self, twin: str, report: Report) -> None:
+        """Encode and put one report; one that cannot be said is dropped, told and counted."""
+        key = data_key(twin, report.channel)
+        sequence = self._sequences.get(key, 0)
+        try:
+            sample = encode_report(report, sequence)
+        except WireError as error:
+            self.dropped += 1
+            log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+            return
+        publisher = self._publishers.get(key)
+        if publisher is None:
+            publisher = self._publishers[key] = self._lane.publisher(key)
+        self._sequences[key] = sequence + 1
+        with self._lock:
+            self._last[key] = sample
+        publisher.put(sample)
+
+    def _asked(self, question: Question) -> None:
+        """Answer with the last sample of each channel that was asked for; on the bus's thread."""
+        with self._lock:
+            last: Mapping[str, bytes] = dict(self._last)
+        for key, sample in last.items():
+            if keys_meet(question.asked, key):
+                question.reply(sample, key)
+        question.close()

@@ -1,0 +1,247 @@
+"""What the edge's process and a worker's have in common: robots on a wheel, a watchdog, and the bus."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import os
+import sys
+import threading
+import traceback
+import weakref
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FrameType
+from typing import Any, cast
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.lane import Publisher, Question
+from fleet.bus.session import Bus
+from fleet.clock import Clock
+from fleet.host.asks import Kind
+from fleet.host.local import LocalRobot
+from fleet.host.make import AdapterClass
+from fleet.host.outbox import Outbox
+from fleet.host.shared import Shared
+from fleet.host.watchdog import LoopWatch, Watchdog
+from fleet.host.wheel import Wheel
+from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+
+log = logging.getLogger(__name__)
+
+STATE_EVERY = 1.0  # s between states of a robot that does not change
+SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
+KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
+
+
+class RobotSpec(msgspec.Struct, frozen=True):
+    """One robot to run here: its config, and the class and name of its adapter."""
+
+    config: Any
+    plugin: Any
+    adapter: str
+
+
+class RobotProcess:
+    """The robots of one process."""
+
+    def __init__(
+        self, edge: str, bus: Bus, specs: Iterable[RobotSpec], *, clock: Clock, worker: str = ""
+    ) -> None:
+        self.edge = edge
+        self.bus = bus
+        self.clock = clock
+        self.worker = worker
+        self.loop = asyncio.get_running_loop()
+        self.wheel = Wheel(self.loop)
+        self.outbox = Outbox(bus.reports)
+        self._owners: weakref.WeakKeyDictionary[asyncio.Task[Any], str] = weakref.WeakKeyDictionary()
+        self._main_thread = threading.get_ident()
+        self._shared = Shared()
+        self._requests = itertools.count(1)
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._states: dict[str, Publisher] = {}
+        self.watchdog = Watchdog(
+            clock,
+            LoopWatch(
+                beat=lambda: self.wheel.beat, running=self._running, blocked=self._blocked, stuck=self._stuck
+            ),
+        )
+        self.robots: dict[str, LocalRobot] = {
+            spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
+        }
+
+    def _make(self, config: AdapterConfig, plugin: AdapterClass, adapter: str) -> LocalRobot:
+        """Build one robot."""
+        return LocalRobot(
+            config,
+            plugin,
+            adapter=adapter,
+            edge=self.edge,
+            worker=self.worker,
+            clock=self.clock,
+            wheel=self.wheel,
+            shared=self._shared,
+            outbox=self.outbox,
+            changed=self.publish_state,
+        )
+
+    def start(self) -> None:
+        """Start every robot; those that fail are tried again by their own runners."""
+        # A thread that wants to stop a robot must not wait long for the interpreter.
+        sys.setswitchinterval(0.0005)
+        for robot in self.robots.values():
+            self._declare(robot)
+            self.watchdog.add(robot.name, robot.watched())
+            task = self.loop.create_task(robot.runner.run(), name=f"robot:{robot.name}")
+            self._owners[task] = robot.name
+            self._tasks[robot.name] = task
+        self.wheel.every(STATE_EVERY, self._publish_states, owner="", failed=_never)
+        self.wheel.at_end(self.outbox.flush)
+        self.wheel.start()
+        self.watchdog.start()
+
+    async def stop(self) -> None:
+        """Bring every robot that we were moving to a standstill, then let go of them."""
+        for task in self._tasks.values():
+            task.cancel()
+        if self._tasks:
+            _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
+            for task in late:
+                log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
+        self.outbox.flush()
+        self.wheel.stop()
+        self.watchdog.stop()
+
+    def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
+        """Emergency-stop robots at once, from any thread; no name means all of this process."""
+        stopped = [name for name in self.robots if not names or name in names]
+        for name in stopped:
+            self.robots[name].emergency(why)
+        return stopped
+
+    def publish_state(self, name: str) -> None:
+        """Publish a robot's state now."""
+        if name in self._states:
+            self._states[name].put(msgspec.json.encode(self.robots[name].state()))
+
+    def states(self) -> list[RobotState]:
+        """Return the state of every robot here."""
+        return [robot.state() for robot in self.robots.values()]
+
+    def _publish_states(self) -> None:
+        """Publish every state."""
+        for name in self._states:
+            self.publish_state(name)
+
+    def _declare(self, robot: LocalRobot) -> None:
+        """Show the robot on the bus and take what is asked of it there."""
+        control = self.bus.control
+        control.token(keys.robot(self.edge, robot.name))
+        control.answer(keys.command(self.edge, robot.name), self._asker(robot))
+        control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
+        self._states[robot.name] = control.publisher(keys.state(self.edge, robot.name))
+        self.bus.reports.subscribe(f"cw/{robot.twin}/data/commands/velocity", self._driver(robot))
+
+    def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:
+        """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
+
+        def asked(question: Question) -> None:
+            robot.look_for_emergency(question.payload)
+            self.loop.call_soon_threadsafe(self._receive, robot, question)
+
+        return asked
+
+    def _state_teller(self, robot: LocalRobot) -> Callable[[Question], None]:
+        """Return what answers with a robot's state."""
+
+        def tell(question: Question) -> None:
+            question.reply(msgspec.json.encode(robot.state()))
+            question.close()
+
+        def asked(question: Question) -> None:
+            self.loop.call_soon_threadsafe(tell, question)
+
+        return asked
+
+    def _driver(self, robot: LocalRobot) -> Callable[[str, bytes], None]:
+        """Return what takes local setpoints."""
+
+        def drive(payload: bytes) -> None:
+            robot.receive("motion", payload, way=Way.BUS, answer=_unheard)
+
+        def arrived(_key: str, payload: bytes) -> None:
+            self.loop.call_soon_threadsafe(drive, payload)
+
+        return arrived
+
+    def _receive(self, robot: LocalRobot, question: Question) -> None:
+        """Take a question for a robot; its answers are the receipt and, when it waits, the end."""
+        waits = question.parameters.get("wait") == "1"
+        kind = cast("Kind", question.parameters.get("kind", "command"))
+
+        def answer(reply: Reply) -> None:
+            question.reply(msgspec.json.encode(reply))
+            if not (waits and reply.ok and reply.done is None):
+                question.close()
+
+        if kind not in KINDS:
+            refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
+            answer(Reply(kind, ReplyStatus.REJECTED, refusal))
+            return
+        robot.receive(
+            kind,
+            question.payload,
+            way=Way.CLOUD if question.parameters.get("way") == "cloud" else Way.BUS,
+            answer=answer,
+            waits=waits,
+            request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
+        )
+
+    # -- who blocks the loop -------------------------------------------------------------------------
+
+    def _running(self) -> str:
+        """Return which robot the loop is busy with; on the watchdog's thread."""
+        if self.wheel.owner:
+            return self.wheel.owner
+        task = asyncio.current_task(self.loop)
+        return self._owners.get(task, "") if task is not None else ""
+
+    def _blocked(self, name: str, seconds: float) -> None:
+        """Say who blocks the loop and where, and count it; on the watchdog's thread."""
+        where = _where(sys._current_frames().get(self._main_thread))  # noqa: SLF001 - there is no public way
+        log.error("%s blocks the event loop at %s", name, where)
+        robot = self.robots.get(name)
+        if robot is not None:
+            self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
+
+    def _stuck(self, name: str) -> None:
+        """Give the process up: it is restarted by who watches it; every robot has been halted."""
+        log.critical("the event loop is stuck in %s: this process ends now", name)
+        os._exit(70)
+
+
+def _where(frame: FrameType | None) -> str:
+    """Return the innermost place outside the standard library, as file:line in function."""
+    if frame is None:
+        return "an unknown place"
+    stack = traceback.extract_stack(frame)
+    own = [
+        entry for entry in stack if "/asyncio/" not in entry.filename and "/lib/python3" not in entry.filename
+    ]
+    last = own[-1] if own else stack[-1]
+    return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
+
+
+def _unheard(_reply: Reply) -> None:
+    """Answer nobody: a published setpoint has no reply."""
+
+
+def _never(error: Exception) -> None:
+    """Fail loudly: the host's own periodic work does not raise."""
+    log.error("the host's own timer failed", exc_info=error)

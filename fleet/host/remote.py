@@ -1,0 +1,128 @@
+"""A robot of this edge whose adapter runs in a worker: reached over the bus, which is the only boundary."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.lane import Lane
+from fleet.clock import Clock
+from fleet.host.asks import Kind
+from fleet.host.local import source_type
+from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.health import Level
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+
+log = logging.getLogger(__name__)
+
+ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
+SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
+
+
+class RemoteRobot:
+    """The edge's side of a robot in a worker."""
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        *,
+        adapter: str,
+        edge: str,
+        control: Lane,
+        clock: Clock,
+        soon: Callable[[Callable[[], None]], None],
+        worker: str,
+    ) -> None:
+        self.name = config.name
+        self.twin = str(config.twin)
+        self.source_type = source_type(config)
+        self.legacy_status = config.legacy_status
+        self.worker = worker
+        self._edge = edge
+        self._control = control
+        self._clock = clock
+        self._soon = soon
+        self._cause = "its worker is starting"
+        self._heard = float("-inf")
+        self._state = RobotState(
+            name=self.name,
+            twin=self.twin,
+            adapter=adapter,
+            edge=edge,
+            stamp=clock.time(),
+            simulated=config.simulated,
+            worker=self.worker,
+        )
+        control.subscribe(keys.state(edge, self.name), self._state_arrived)
+
+    def look_for_emergency(self, payload: bytes) -> None:
+        """Stop at once over the stop lane when a message may be an emergency stop; from any thread."""
+        if b"emergency_stop" in payload:
+            self.emergency("asked over the cloud")
+
+    def emergency(self, _why: str) -> None:
+        """Stop and latch; from any thread."""
+        self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
+
+    def receive(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        answer: Callable[[Reply], None],
+        request_id: str = "",
+    ) -> None:
+        """Hand a message to the worker; what it answers goes back, or that nobody answered."""
+        answered: list[Reply] = []
+
+        def on_answer(data: bytes) -> None:
+            reply = msgspec.json.decode(data, type=Reply)
+            answered.append(reply)
+            self._soon(lambda: answer(reply))
+
+        def on_end() -> None:
+            if not answered:
+                silence = Reply(
+                    kind, ReplyStatus.TIMEOUT, f"worker {self.worker} did not answer: {self._cause}"
+                )
+                self._soon(lambda: answer(silence))
+
+        parameters = {"kind": kind, "way": way.value}
+        if request_id:
+            parameters["id"] = request_id
+        self._control.ask_later(
+            keys.command(self._edge, self.name),
+            payload,
+            timeout=ANSWER_WITHIN,
+            parameters=parameters,
+            on_answer=on_answer,
+            on_end=on_end,
+        )
+
+    def worker_is(self, cause: str) -> None:
+        """Note what is wrong with the worker; empty when it runs."""
+        self._cause = cause or "its worker is silent"
+        if cause:
+            self._heard = float("-inf")
+
+    def state(self) -> RobotState:
+        """Return what the worker last said, or why it says nothing."""
+        if self._clock.monotonic() - self._heard <= SILENT_AFTER:
+            return self._state
+        return msgspec.structs.replace(
+            self._state, health=Level.OFFLINE.word, cause=self._cause, stamp=self._clock.time()
+        )
+
+    def _state_arrived(self, _key: str, payload: bytes) -> None:
+        """Take the worker's word; on the bus's thread."""
+        try:
+            self._state = msgspec.json.decode(payload, type=RobotState)
+        except msgspec.DecodeError as error:
+            log.warning("%s: a state that cannot be read: %s", self.name, error)
+            return
+        self._heard = self._clock.monotonic()

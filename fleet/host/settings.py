@@ -1,0 +1,80 @@
+"""fleet.yaml's models, as the bus, the cloud and the processes want them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from fleet.bus.settings import BusSettings, BusTls
+from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
+from fleet.cloud.values import CloudSettings
+from fleet.config.schema import CloudConfig, FleetConfig
+from fleet.registry import Plugin
+from fleet.robot_config import AdapterConfig
+from fleet.wire.topics import Topics, prefix_from
+
+MAIN = "main"
+"""The worker name that means: in the edge's own process."""
+
+
+def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
+    """Return the worker that a robot runs in, empty for the edge's own process.
+
+    A drop-in file is not trusted with the edge's process unless its robot says ``worker: main``.
+    """
+    if config.worker == MAIN:
+        return ""
+    if config.worker is None and Path(plugin.origin).suffix == ".py":
+        return config.name
+    return config.worker or ""
+
+
+def bus_settings(config: FleetConfig) -> BusSettings:
+    """Return the bus's settings."""
+    bus = config.bus
+    tls = BusTls()
+    if bus.tls is not None:
+        tls = BusTls(
+            root_ca=str(bus.tls.root_ca),
+            certificate=str(bus.tls.cert),
+            key=str(bus.tls.key),
+            mutual=bus.tls.mutual,
+            verify_name=bus.tls.verify_name,
+        )
+    return BusSettings(
+        edge=config.edge.id,
+        mode=bus.mode,
+        listen=bus.listen or None,
+        connect=bus.connect,
+        tls=tls,
+        user=bus.user,
+        password=bus.password.get_secret_value() if bus.password else None,
+        scouting=bus.scouting,
+    )
+
+
+def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
+    """Return the cloud's settings, with the credentials as the SDK derives them."""
+    login = credentials(
+        cloud.token.get_secret_value() if cloud.token else None,
+        cloud.username or PLACEHOLDER,
+        cloud.password.get_secret_value() if cloud.password else None,
+    )
+    return CloudSettings(
+        host=cloud.host,
+        port=cloud.port,
+        tls=cloud.tls,
+        insecure=cloud.insecure,
+        ca_file=str(cloud.ca_file) if cloud.ca_file else None,
+        username=login.username if login else None,
+        password=login.password if login else None,
+        client_id=client_id("fleet", simulated=simulated),
+        protocol=cloud.protocol,
+        keepalive=cloud.keepalive,
+    )
+
+
+def topics(cloud: CloudConfig, environ: Mapping[str, str] = os.environ) -> Topics:
+    """Return the topics with the prefix of the file, or of the environment."""
+    return Topics(prefix_from(cloud.prefix or None, environ))

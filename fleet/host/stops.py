@@ -1,0 +1,49 @@
+"""The stop lane: an emergency stop for a robot, a group, an edge, or everything there is.
+
+Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list, or nothing, means all.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.lane import Question
+from fleet.bus.session import Bus
+from fleet.host.process import RobotProcess
+
+
+def take_stops(process: RobotProcess, bus: Bus, groups: dict[str, list[str]]) -> None:
+    """Stop this process's robots when the stop key is published or asked; on the bus's threads."""
+    key = keys.stop(process.edge)
+
+    def stop(payload: bytes) -> list[str]:
+        return process.stop_robots(names_in(payload, groups), "the stop key")
+
+    def asked(question: Question) -> None:
+        stopped = stop(question.payload)
+        # Each process answers on a key of its own, so that the answers of several are all kept.
+        question.reply(msgspec.json.encode(stopped))
+        question.close()
+
+    def published(_key: str, payload: bytes) -> None:
+        stop(payload)
+
+    for lane in (bus.control, bus.reports):
+        lane.subscribe(key, published)
+    bus.control.answer(key, asked)
+
+
+def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
+    """Return the robots that a stop names, groups spelt out; none means all.
+
+    What cannot be read stops everything: a stop is never lost to its trimmings.
+    """
+    try:
+        given = msgspec.json.decode(payload, type=list[str]) if payload else []
+    except msgspec.DecodeError:
+        return ()
+    names: list[str] = []
+    for name in given:
+        names += groups.get(name, [name])
+    return tuple(names)

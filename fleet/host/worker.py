@@ -1,0 +1,86 @@
+"""The worker process: some of an edge's robots, in a process of their own.
+
+It reads the same fleet.yaml, joins the edge's bus and runs the robots that name it. Its links, dead-men and
+stops are here; the edge reaches it only over the bus. Started by the edge, or by hand on another machine:
+``python -m fleet.host.worker --name arm --config fleet.yaml``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import os
+import signal
+import sys
+from pathlib import Path
+
+from fleet.bus import keys
+from fleet.bus.session import join
+from fleet.bus.settings import runtime_dir
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.errors import FleetError
+from fleet.host.logs import log_to_stderr, publish_robot_logs
+from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.settings import bus_settings, worker_of
+from fleet.host.stops import take_stops
+
+log = logging.getLogger(__name__)
+
+BEAT = 0.25  # s between signs that the event loop turns
+
+
+async def run(name: str, config: Path, directory: Path) -> None:
+    """Run one worker until SIGTERM, or until the edge that started it is gone."""
+    loaded = load(config, os.environ, partial=True)
+    bus = join(bus_settings(loaded.config), directory)
+    specs = [
+        RobotSpec(robot, plugin.adapter, plugin.name)
+        for robot, plugin in loaded.robots
+        if worker_of(robot, plugin) == name
+    ]
+    edge = loaded.config.edge.id
+    process = RobotProcess(edge, bus, specs, clock=SystemClock(), worker=name)
+    ended = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    publish_robot_logs(process)
+    take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
+    process.start()
+    bus.control.token(keys.worker(edge, name))
+    beat = bus.control.publisher(keys.heartbeat(edge, name))
+    parent = os.getppid()
+
+    def show_life() -> None:
+        beat.put(b"")
+        if os.getppid() != parent:
+            log.error("the edge is gone: worker %s ends", name)
+            ended.set()
+
+    process.wheel.every(BEAT, show_life, owner="", failed=lambda _: ended.set())
+    try:
+        await ended.wait()
+    finally:
+        await process.stop()
+        bus.close()
+
+
+def main() -> int:
+    """Parse the arguments and run."""
+    parser = argparse.ArgumentParser(description="Runs the robots of one worker of fleet.yaml.")
+    parser.add_argument("--name", required=True, help="the worker's name, as the robots give it")
+    parser.add_argument("--config", required=True, type=Path, help="fleet.yaml")
+    parser.add_argument("--directory", type=Path, help="where the edge's sockets are")
+    given = parser.parse_args()
+    log_to_stderr(logging.INFO)
+    try:
+        asyncio.run(run(given.name, given.config, given.directory or runtime_dir()))
+    except FleetError as error:
+        log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
