@@ -1,0 +1,129 @@
+"""Run the project on a computer that has only git and Python 3.11: ``python3 run.py demo`` or ``test``.
+
+Installs what uv.lock pins into ``.venv`` (with uv, which it gets for itself when there is none), then hands
+over to ``fleet demo`` or to the tests. Needs nothing but the standard library, from any folder.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+ENVIRONMENT = ROOT / ".venv"
+OWN_UV = ROOT / ".venv-uv"
+OLDEST_PYTHON = (3, 11)
+OLDEST_UV = (0, 5)
+USAGE = """usage: python3 run.py demo [options of fleet demo]
+       python3 run.py test [options of pytest]"""
+# What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
+PACKAGES = {
+    "demo": ["--no-default-groups", "--extra", "mavlink", "--inexact"],
+    "test": ["--all-extras"],
+}
+PROGRAMS = {
+    "demo": ["fleet", "demo"],
+    "test": ["python", "-m", "pytest", "-n", "auto", "--dist", "loadgroup"],
+}
+
+
+class Impossible(Exception):
+    """It cannot be run; the message says what to do."""
+
+
+def say(text: str) -> None:
+    """Tell the user what is being done."""
+    print(f"run.py: {text}", file=sys.stderr, flush=True)
+
+
+def works(uv: str | Path) -> bool:
+    """Return True for a uv that runs and is new enough for uv.lock."""
+    try:
+        told = subprocess.run([str(uv), "--version"], capture_output=True, text=True, check=False)
+    except OSError:
+        return False
+    version = re.match(r"uv (\d+)\.(\d+)", told.stdout)
+    return told.returncode == 0 and version is not None and tuple(map(int, version.groups())) >= OLDEST_UV
+
+
+def find_uv() -> Path:
+    """Return uv: the user's own, or one in a folder of ours, made with venv and pip."""
+    users = shutil.which("uv")
+    if users and works(users):
+        return Path(users)
+    own = OWN_UV / "bin" / "uv"
+    if works(own):
+        return own
+    say("there is no uv: making one in .venv-uv, for this folder only")
+    run(
+        [sys.executable, "-m", "venv", "--clear", str(OWN_UV)],
+        "Python cannot make environments; on Debian and Ubuntu: sudo apt-get install -y python3-venv",
+    )
+    (OWN_UV / ".gitignore").write_text("*\n")
+    run(
+        [str(OWN_UV / "bin" / "python"), "-m", "pip", "install", "--quiet", "uv"],
+        "pip could not install uv; look at the lines above, or install uv yourself",
+    )
+    return own
+
+
+def run(command: list[str], advice: str) -> None:
+    """Run a step; raises Impossible with the advice when it fails."""
+    environment = os.environ | {
+        "UV_PROJECT_ENVIRONMENT": str(ENVIRONMENT),
+        "UV_COMPILE_BYTECODE": "1",  # once here, instead of at every start
+    }
+    environment.pop("VIRTUAL_ENV", None)
+    if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode != 0:
+        raise Impossible(advice)
+
+
+def install(word: str) -> None:
+    """Bring ``.venv`` to what uv.lock pins; talks only when there is something to wait for."""
+    uv = find_uv()
+    stamp = ENVIRONMENT / f".ready-for-{word}"
+    newest = max((ROOT / name).stat().st_mtime for name in ("uv.lock", "pyproject.toml"))
+    ready = stamp.exists() and stamp.stat().st_mtime > newest
+    if not ready:
+        say("installing the packages that uv.lock pins into .venv")
+    command = [str(uv), "sync", "--frozen", "--python", sys.executable, *PACKAGES[word]]
+    run(command + ["--quiet"] * ready, "uv could not install the packages; look at the lines above")
+    stamp.touch()
+
+
+def check_mosquitto() -> None:
+    """Raise Impossible when the tests' MQTT broker is not installed."""
+    if shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin") is None:
+        raise Impossible("the tests need an MQTT broker: sudo apt-get install -y mosquitto mosquitto-clients")
+
+
+def start(arguments: list[str]) -> None:
+    """Install, then become the program that was asked for; raises Impossible."""
+    if sys.version_info < OLDEST_PYTHON:
+        raise Impossible(
+            f"this is Python {sys.version.split()[0]}; at least 3.11 is needed: python3.11 run.py ..."
+        )
+    if not arguments or arguments[0] not in PROGRAMS:
+        raise Impossible(f"what shall be run?\n{USAGE}")
+    word, *options = arguments
+    if word == "test":
+        check_mosquitto()
+    install(word)
+    os.chdir(ROOT)
+    name, *rest = PROGRAMS[word]
+    program = str(ENVIRONMENT / "bin" / name)
+    os.execv(program, [program, *rest, *options])
+
+
+if __name__ == "__main__":
+    try:
+        start(sys.argv[1:])
+    except Impossible as error:
+        say(str(error))
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
