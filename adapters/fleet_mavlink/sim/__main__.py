@@ -1,0 +1,137 @@
+"""``python -m fleet_mavlink.sim``: simulated MAVLink vehicles on UDP or TCP."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from fleet.sim.faults import parse_faults
+from fleet_mavlink.sim.control import answer
+from fleet_mavlink.sim.faults import FAULTS
+from fleet_mavlink.sim.server import Address, SimServer
+from fleet_mavlink.sim.spec import ZURICH, SimSpec, parse_home, parse_ready, spec_of
+
+
+def _address(text: str) -> Address:
+    """Return HOST:PORT."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise ValueError(f"{text!r} is not HOST:PORT")
+    return host, int(port)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m fleet_mavlink.sim", description=__doc__)
+    parser.add_argument("--flavour", choices=("ardupilot", "px4"), default="ardupilot")
+    parser.add_argument("--vehicles", type=int, default=1, help="how many; 0 with --stdin to add them later")
+    parser.add_argument("--system-id", type=int, default=1, help="of the first; the rest count on")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--to", help="HOST:PORT to speak to, for all vehicles")
+    way.add_argument("--port", type=int, help="first UDP port to wait on; the rest count on (free ones)")
+    way.add_argument("--tcp", type=int, help="first TCP port to wait on; the rest count on")
+    parser.add_argument("--home", default=",".join(map(str, ZURICH)), help="LAT,LON,ALT,HEADING")
+    parser.add_argument("--spacing", type=float, default=5.0, help="metres between two vehicles")
+    parser.add_argument("--ready-after", default="real", help="seconds until armable (as the real one)")
+    parser.add_argument("--speed", type=float, default=1.0, help="seconds of simulation in a second")
+    parser.add_argument("--fault", default="", help=f"NAME:VALUE,... of {', '.join(sorted(FAULTS))}")
+    parser.add_argument("--with", dest="accessories", default="", help="gimbal,adsb: more components")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--stdin", action="store_true", help="take JSON lines; end when stdin closes")
+    return parser
+
+
+def _specs(options: argparse.Namespace) -> list[SimSpec]:
+    """Return the vehicles asked for, in a row to the east; raises ValueError."""
+    latitude, longitude, altitude, heading = parse_home(options.home)
+    metres_per_degree = 75_000.0
+    return [
+        spec_of(
+            {
+                "flavour": options.flavour,
+                "system_id": options.system_id + place,
+                "home": (
+                    latitude,
+                    longitude + place * options.spacing / metres_per_degree,
+                    altitude,
+                    heading,
+                ),
+                "ready": parse_ready(options.ready_after),
+                "speed": options.speed,
+                "faults": parse_faults(options.fault, FAULTS),
+                "seed": options.seed,
+                "accessories": tuple(filter(None, options.accessories.split(","))),
+            }
+        )
+        for place in range(options.vehicles)
+    ]
+
+
+async def _add_all(server: SimServer, options: argparse.Namespace) -> None:
+    """Open the sockets and say on stdout where the vehicles are."""
+    target = _address(options.to) if options.to else None
+    for place, spec in enumerate(_specs(options)):
+        if options.tcp is not None:
+            station = await server.add_tcp(spec, options.tcp + place if options.tcp else 0)
+        else:
+            station = await server.add_udp(spec, target, options.port + place if options.port else 0)
+        _tell(msgspec.json.encode({"added": {"system_id": spec.system_id, "port": station.port}}) + b"\n")
+
+
+def _tell(line: bytes) -> None:
+    sys.stdout.buffer.write(line)
+    sys.stdout.buffer.flush()
+
+
+async def _obey_stdin(server: SimServer) -> None:
+    """Carry out the lines of stdin until it closes."""
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader()
+    transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    try:
+        while line := await reader.readline():
+            _tell(await answer(server, line))
+    finally:
+        transport.close()
+
+
+async def _serve(options: argparse.Namespace) -> None:
+    """Run until a signal, or until stdin closes when it is obeyed."""
+    server = SimServer()
+    await _add_all(server, options)
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    tasks = [loop.create_task(server.run()), loop.create_task(ended.wait())]
+    if options.stdin:
+        tasks.append(loop.create_task(_obey_stdin(server)))
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the simulator; return the exit status (2: it was asked for something impossible)."""
+    options = _parser().parse_args(arguments)
+    try:
+        asyncio.run(_serve(options))
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"fleet_mavlink.sim: {error}\n")
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

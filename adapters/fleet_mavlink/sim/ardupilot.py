@@ -1,0 +1,302 @@
+"""ArduCopter 4.6.3 as it was seen to behave: start-up, arming, GUIDED, fail-safes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ardupilot_commands import COMMANDS
+from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.streams import heartbeat
+
+_BODY_FRAMES = frozenset({8, 9})
+_OFFSET_FRAMES = frozenset({7, 8, 9})
+_RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
+_AMSL_FRAMES = frozenset({0, 5})
+_STOP = (0.0, 0.0, 0.0)
+_EKF_GRACE = 10.0  # seconds without satellites until the position counts as lost
+_LANDED_DISARM = 2.0
+_PREARM_EVERY = 30.0
+_PREARM_BIT, _GPS_BIT = 0x10000000, 0x20
+
+
+class ArduPilot(Autopilot):
+    """ArduCopter."""
+
+    autopilot_id: ClassVar[int] = int(mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    capabilities: ClassVar[int] = 0xFBEF
+    version: ClassVar[int] = 0x040603FF
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
+    real_ready: ClassVar[float] = 42.6
+    fix_type: ClassVar[int] = 6
+    spin_up: ClassVar[float] = 3.4
+    obeys_other_components: ClassVar[bool] = True
+    obeys_broadcast: ClassVar[bool] = True
+
+    def __init__(self, boot: Boot) -> None:
+        super().__init__(boot, MODES["STABILIZE"])
+        self._switch_read = False
+        self._prearm_told_at = boot.at
+        self._low_since: float | None = None
+        self._battery_acted = False
+        self.motors_stopped: Manoeuvre | None = None  # what goes on when the emergency stop is released
+        self.paused: Manoeuvre | None = None  # what goes on after DO_PAUSE_CONTINUE
+
+    # readiness
+
+    @property
+    def _gps_found(self) -> bool:
+        return self.age(10.0)
+
+    @property
+    def initialised(self) -> bool:
+        """True after "ArduPilot Ready"."""
+        return self.age(2.45)
+
+    @property
+    def origin_set(self) -> bool:
+        """True once the estimator has an origin; home comes with it."""
+        return self.home is not None
+
+    @property
+    def has_position(self) -> bool:
+        """True once the estimator uses GPS, and until it has been without for 10 s."""
+        if "not_ready" in self.faults and not self.armed:
+            return False
+        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > _EKF_GRACE
+        return self.age(self.real_ready) and not lost
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return why the motors cannot be armed in this mode; force skips the checks after the start."""
+        if not self.initialised:
+            return ["System not initialised"]
+        if not self.mode.armable or (self.mode.name == "AUTO" and not self.missions.loaded):
+            return [f"{self.mode.name} mode not armable"]
+        if force:
+            return []
+        found = []
+        if self.mode.position and not self.has_position:
+            found.append("Need Position Estimate")
+        if not self.age(23.5):
+            found.append("EKF3 still initialising")
+        return found
+
+    def sensors(self) -> tuple[int, int, int]:
+        """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
+        healthy = 0x4771FC0F | (_GPS_BIT if self.gps_fix else 0)
+        if not self.refusals(force=False):
+            healthy |= _PREARM_BIT
+        return 0x5371FC2F, 0x5361FC2F if self.armed else 0x5261FC2F, healthy
+
+    def system_status(self) -> int:
+        """STANDBY and ACTIVE go by being landed, not by being armed."""
+        if not self.initialised:
+            return int(mav.MAV_STATE_BOOT)
+        if self.failsafe:
+            return int(mav.MAV_STATE_CRITICAL)
+        return int(mav.MAV_STATE_ACTIVE if self.armed and self.flying else mav.MAV_STATE_STANDBY)
+
+    # speeds
+
+    @property
+    def cruise_speed(self) -> float:
+        """WPNAV_SPEED, or what DO_CHANGE_SPEED asked for: it stays in force."""
+        return self.asked_speed or self.params["WPNAV_SPEED"] / 100
+
+    @property
+    def top_speed(self) -> float:
+        """The same limit holds for velocities."""
+        return self.cruise_speed
+
+    @property
+    def climb_speed(self) -> float:
+        """WPNAV_SPEED_UP."""
+        return self.params["WPNAV_SPEED_UP"] / 100
+
+    @property
+    def sink_speed(self) -> float:
+        """WPNAV_SPEED_DN."""
+        return self.params["WPNAV_SPEED_DN"] / 100
+
+    @property
+    def takeoff_speed(self) -> float:
+        """As fast as any climb."""
+        return self.climb_speed
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """WPNAV_SPEED_DN above 10 m, LAND_SPEED below."""
+        return self.sink_speed, self.params["LAND_SPEED"] / 100, 10.0
+
+    @property
+    def nose_follows(self) -> bool:
+        """WP_YAW_BEHAVIOR other than 0 turns the nose into the direction of travel."""
+        return self.params["WP_YAW_BEHAVIOR"] != 0
+
+    # modes
+
+    def mission_mode(self) -> Mode:
+        """AUTO."""
+        return MODES["AUTO"]
+
+    def refusal_of(self, mode: Mode) -> str:
+        """Return why a mode cannot be entered now, empty when it can."""
+        if not (self.armed and self.flying):
+            return ""
+        if mode.name == "AUTO" and not self.missions.loaded:
+            return "init failed"
+        return "requires position" if mode.position and not self.has_position else ""
+
+    def change_mode(self, number: int) -> bool:
+        """Enter the mode of a number and show it at once in a heartbeat; False when it is refused."""
+        mode = MODES_BY_NUMBER.get(number)
+        if mode is None:
+            self.say(WARNING, f"No such mode {number}")
+            return False
+        refusal = self.refusal_of(mode)
+        if refusal:
+            self.say(WARNING, f"Mode change to {mode.name} failed: {refusal}")
+            return False
+        self.enter(mode)
+        self.out.append(heartbeat(self))
+        return True
+
+    def set_mode(self, message: Any) -> None:
+        """Obey SET_MODE, which gets no acknowledgement."""
+        self.change_mode(message.custom_mode)
+
+    # setpoints
+
+    def setpoint(self, message: Any) -> None:
+        """Obey a setpoint in GUIDED flight; ignore it silently otherwise."""
+        if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
+            self.paused = None
+            self.manoeuvre = self.fly_setpoint(setpoint_of(message))
+
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+        """Return the manoeuvre; what is not understood stops the vehicle."""
+        if setpoint.force or not setpoint.finite:
+            return Drive(_STOP)
+        heading = setpoint.heading
+        if heading is not None and setpoint.frame in _BODY_FRAMES:
+            heading += self.body.heading
+        if setpoint.position is not None:
+            place = self._place(setpoint.frame, setpoint.position)
+            return GoTo(*place, heading=heading) if place is not None else Drive(_STOP)
+        known = setpoint.frame in _OFFSET_FRAMES | _RELATIVE_FRAMES | _AMSL_FRAMES | {1}
+        if setpoint.velocity is None or not known:
+            return Drive(_STOP)
+        velocity = setpoint.velocity
+        if setpoint.frame in _BODY_FRAMES:
+            velocity = turned(velocity, self.body.heading)
+        until = self.time + self.params["GUID_TIMEOUT"]
+        return Drive(velocity, heading=heading, turn_rate=setpoint.turn_rate, until=until)
+
+    def _place(self, frame: int, position: Triple) -> Triple | None:
+        """Return a target as a local position, None for a frame that is not taken."""
+        x, y, z = position
+        if frame == 1:
+            return position
+        if frame in _OFFSET_FRAMES:
+            dn, de, dd = turned(position, self.body.heading) if frame in _BODY_FRAMES else position
+            return self.body.north + dn, self.body.east + de, self.body.down + dd
+        if frame in _RELATIVE_FRAMES and self.home is not None:
+            return self.ned_of(x, y, z + self.home[2])
+        return self.ned_of(x, y, z) if frame in _AMSL_FRAMES else None
+
+    # by itself
+
+    def gcs_heartbeat(self, message: Any) -> None:
+        """Only the station whose id is SYSID_MYGCS counts."""
+        if message.get_srcSystem() != int(self.params["SYSID_MYGCS"]):
+            return
+        super().gcs_heartbeat(message)
+        if self.failsafe == "gcs":
+            self.failsafe = ""
+            self.say(WARNING, "GCS Failsafe Cleared")
+
+    def supervise(self) -> None:
+        """Start up, tell why it is not ready, disarm by itself, watch the fail-safes."""
+        self._start_up()
+        if self.armed:
+            self._auto_disarm()
+        if self.armed and self.flying:
+            self._watch_gcs()
+            self._watch_battery()
+            self._watch_position()
+        elif not self.armed:
+            self.failsafe = ""
+        if self.runs_mission and getattr(self.manoeuvre, "returns", False):
+            self.enter(MODES["RTL"])
+            self.out.append(heartbeat(self))
+
+    def _start_up(self) -> None:
+        """Tell the steps of the start; the mode switch of the remote control resets the mode once."""
+        if not self.initialised:
+            return
+        self.say_once(INFO, "ArduPilot Ready")
+        if not self._switch_read and self.age(2.6):
+            self._switch_read = True
+            self.enter(MODES["STABILIZE"])
+        if self.home is None and self.age(20.0) and self.gps_fix:
+            self.say_once(INFO, "EKF3 IMU0 origin set")
+            self.set_home()
+        if self.has_position:
+            self.say_once(INFO, "EKF3 IMU0 is using GPS")
+        elif not self.armed and self.time - self._prearm_told_at > _PREARM_EVERY:
+            self._prearm_told_at = self.time
+            for refusal in self.refusals(force=False):
+                self.say(CRITICAL, f"PreArm: {refusal}")
+
+    def _auto_disarm(self) -> None:
+        """Disarm 2 s after a landing, and DISARM_DELAY after arming without a take-off."""
+        landed = self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM
+        ends = self.manoeuvre.done or self.mode.name in {"LAND", "RTL"}
+        delay = self.params["DISARM_DELAY"]
+        since = max(self.armed_at, self.touched_at or 0.0)
+        idle = delay > 0 and not self.flying and not self.taking_off and self.time - since > delay
+        if (landed and ends) or idle:
+            self.say(INFO, "Disarming motors")
+            self.disarm()
+
+    def fail(self, why: str, text: str, mode: str) -> None:
+        """Begin a fail-safe: say it, mark it, change the mode."""
+        self.failsafe = why
+        self.say(CRITICAL, text)
+        self.enter(MODES[mode] if self.has_position else MODES["LAND"])
+        self.out.append(heartbeat(self))
+
+    def _watch_gcs(self) -> None:
+        """FS_GCS_ENABLE 1: RTL after FS_GCS_TIMEOUT without the station."""
+        if not self.params["FS_GCS_ENABLE"] or self.gcs_heard_at is None or self.failsafe:
+            return
+        if self.time - self.gcs_heard_at > self.params["FS_GCS_TIMEOUT"]:
+            self.fail("gcs", "GCS Failsafe", "RTL")
+
+    def _watch_battery(self) -> None:
+        """Warn below BATT_LOW_VOLT for BATT_LOW_TIMER; BATT_FS_LOW_ACT 1 lands, 2 returns."""
+        if self.battery.volts >= self.params["BATT_LOW_VOLT"]:
+            self._low_since = None
+            return
+        self._low_since = self.time if self._low_since is None else self._low_since
+        if self._battery_acted or self.time - self._low_since < self.params["BATT_LOW_TIMER"]:
+            return
+        self._battery_acted = True
+        text = f"Battery 1 is low {self.battery.volts:.2f}V used {self.battery.used_mah:.0f} mAh"
+        mode = {1: "LAND", 2: "RTL"}.get(int(self.params["BATT_FS_LOW_ACT"]))
+        if mode is None:
+            self.say(WARNING, text)
+        else:
+            self.fail("battery", text, mode)
+
+    def _watch_position(self) -> None:
+        """Land when the position is lost in a mode that needs it."""
+        if self.mode.position and not self.has_position and self.failsafe != "ekf":
+            self.fail("ekf", "EKF variance", "LAND")

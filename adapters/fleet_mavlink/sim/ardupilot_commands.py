@@ -1,0 +1,231 @@
+"""What ArduCopter does with each command it knows; the rest is UNSUPPORTED."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ardupilot_modes import MODES
+from fleet_mavlink.sim.ask import ACCEPTED, DENIED, FAILED, IN_PROGRESS, UNSUPPORTED, Ask, whole
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Handler, accept
+from fleet_mavlink.sim.common_commands import (
+    FORCE,
+    get_message_interval,
+    message_interval,
+    request_version,
+)
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Takeoff, Turn, hold
+from fleet_mavlink.sim.streams import BUILDERS
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.ardupilot import ArduPilot
+
+_SKIP_CHECKS = 2989
+_FASTEST = 1 / 400  # seconds between two of a message
+_MOTOR_STOP = 31  # auxiliary function
+
+
+def _result(done: bool) -> int:  # noqa: FBT001 - turns an outcome into MAV_RESULT
+    return ACCEPTED if done else FAILED
+
+
+def _arm(pilot: ArduPilot, ask: Ask) -> int:
+    """Arm (1) or disarm (0); 21196 disarms in the air and skips the checks of arming."""
+    if ask.p1 not in {0.0, 1.0}:
+        return UNSUPPORTED
+    if ask.p1 == 0.0:
+        return _disarm(pilot, force=ask.p2 == FORCE)
+    if pilot.armed:
+        return ACCEPTED
+    refusals = pilot.refusals(force=ask.p2 in {FORCE, _SKIP_CHECKS})
+    for refusal in refusals:
+        pilot.say(CRITICAL, f"Arm: {refusal}")
+    if refusals:
+        return FAILED
+    pilot.arm()
+    pilot.say(INFO, "Arming motors")
+    pilot.enter(pilot.mode)
+    return ACCEPTED
+
+
+def _disarm(pilot: ArduPilot, *, force: bool) -> int:
+    if pilot.armed and pilot.flying and not force:
+        return FAILED
+    if pilot.armed:
+        pilot.say(INFO, "Disarming motors")
+    pilot.disarm()
+    return ACCEPTED
+
+
+def _take_off(pilot: ArduPilot, ask: Ask) -> int:
+    """Metres above home; COMMAND_INT only in GLOBAL_RELATIVE_ALT."""
+    if ask.frame is not None and ask.frame != mav.MAV_FRAME_GLOBAL_RELATIVE_ALT:
+        return DENIED
+    able = pilot.armed and pilot.mode.name == "GUIDED" and not pilot.flying and not pilot.taking_off
+    if not able or not ask.altitude > 0.0:
+        return FAILED
+    pilot.manoeuvre = Takeoff(pilot, pilot.home_ned()[2] - ask.altitude)
+    return ACCEPTED
+
+
+def _set_mode(pilot: ArduPilot, ask: Ask) -> int:
+    if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+        return FAILED
+    return _result(pilot.change_mode(whole(ask.p2)))
+
+
+def _return(pilot: ArduPilot, _ask: Ask) -> int:
+    return _result(pilot.change_mode(MODES["RTL"].custom))
+
+
+def _land(pilot: ArduPilot, _ask: Ask) -> int:
+    return _result(pilot.change_mode(MODES["LAND"].custom))
+
+
+def _start_mission(pilot: ArduPilot, ask: Ask) -> int:
+    """Only armed, and only the whole mission."""
+    if ask.p1 or ask.p2 or not pilot.missions.loaded:
+        return DENIED
+    return _result(pilot.armed and pilot.change_mode(MODES["AUTO"].custom))
+
+
+def _turn(pilot: ArduPilot, ask: Ask) -> int:
+    """Degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
+    if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= ask.p1 <= 360.0:
+        return FAILED
+    heading = math.radians(ask.p1)
+    direction = whole(ask.p3)
+    if ask.p4:
+        heading = pilot.body.heading + heading * (direction or 1)
+    rate = math.radians(ask.p2) if ask.p2 > 0.0 else pilot.agility.turn
+    pilot.manoeuvre = Turn(pilot, heading, rate, direction)
+    return ACCEPTED
+
+
+def _reposition(pilot: ArduPilot, ask: Ask) -> int:
+    """COMMAND_INT only; frames 0 and 5 are above sea level, 3 and 6 above home."""
+    if ask.frame is None:
+        return UNSUPPORTED
+    above_home = {0: 0.0, 5: 0.0, 3: 1.0, 6: 1.0}.get(ask.frame)
+    if above_home is None or pilot.home is None:
+        return DENIED
+    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
+        return DENIED
+    if not pilot.flying:
+        return DENIED
+    place = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
+    if not all(map(math.isfinite, place)):
+        return DENIED
+    pilot.manoeuvre = GoTo(*place, speed=ask.p1 if ask.p1 > 0.0 else None)
+    return ACCEPTED
+
+
+def _pause(pilot: ArduPilot, ask: Ask) -> int:
+    """Hold (0) or go on (1) in GUIDED and AUTO."""
+    if pilot.mode.name not in {"GUIDED", "AUTO"}:
+        return DENIED
+    if ask.p1 == 0.0 and pilot.paused is None:
+        pilot.paused, pilot.manoeuvre = pilot.manoeuvre, hold(pilot)
+    elif ask.p1 == 1.0 and pilot.paused is not None:
+        pilot.manoeuvre, pilot.paused = pilot.paused, None
+    return ACCEPTED
+
+
+def _speed(pilot: ArduPilot, ask: Ask) -> int:
+    """Stays in force for later moves."""
+    if not ask.p2 > 0.0:
+        return FAILED
+    pilot.asked_speed = ask.p2
+    return ACCEPTED
+
+
+def _home(pilot: ArduPilot, ask: Ask) -> int:
+    """Here (param 1 = 1), or at a place."""
+    if not pilot.origin_set:
+        return FAILED
+    if ask.p1 == 1.0:
+        pilot.set_home()
+        return ACCEPTED
+    place = (ask.latitude, ask.longitude, ask.altitude)
+    if not all(map(math.isfinite, place)) or place[:2] == (0.0, 0.0):
+        return FAILED
+    pilot.home = place
+    return ACCEPTED
+
+
+def _terminate(pilot: ArduPilot, ask: Ask) -> int:
+    """The same as a forced disarm."""
+    return _disarm(pilot, force=True) if ask.p1 >= 1.0 else FAILED
+
+
+def _auxiliary(pilot: ArduPilot, ask: Ask) -> int:
+    """The motor emergency stop stays armed: releasing it starts the motors again."""
+    if ask.p1 != _MOTOR_STOP:
+        return FAILED
+    if ask.p2 == 2.0 and pilot.motors_stopped is None:
+        pilot.motors_stopped, pilot.manoeuvre = pilot.manoeuvre, Idle()
+    elif ask.p2 == 0.0 and pilot.motors_stopped is not None:
+        pilot.manoeuvre, pilot.motors_stopped = pilot.motors_stopped, None
+    return ACCEPTED
+
+
+def _reboot(pilot: ArduPilot, ask: Ask) -> int:
+    if pilot.armed or ask.p1 not in {1.0, 3.0}:
+        return FAILED
+    pilot.reboot_asked = True
+    return ACCEPTED
+
+
+def _calibrate(pilot: ArduPilot, ask: Ask) -> int:
+    """IN_PROGRESS, and in the same moment the result."""
+    if pilot.armed:
+        return FAILED
+    pilot.acknowledge(ask, IN_PROGRESS)
+    return ACCEPTED
+
+
+def _interval(pilot: ArduPilot, ask: Ask) -> int:
+    """Unknown messages and rates of 400 Hz and more are denied."""
+    if whole(ask.p1) not in BUILDERS or 0.0 < ask.p2 <= _FASTEST * 1e6:
+        if whole(ask.p1) in BUILDERS:
+            pilot.say(CRITICAL, "Requested rate for message is too fast")
+        return DENIED
+    return message_interval(pilot, ask)
+
+
+def _request(pilot: ArduPilot, ask: Ask) -> int:
+    """Accepted also while the message cannot be built yet: then nothing comes."""
+    build = BUILDERS.get(whole(ask.p1))
+    if build is None:
+        return FAILED
+    message = build(pilot)
+    if message is not None:
+        pilot.out.append(message)
+    return ACCEPTED
+
+
+COMMANDS: Mapping[int, Handler] = {
+    mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
+    mav.MAV_CMD_NAV_LAND: _land,
+    mav.MAV_CMD_NAV_TAKEOFF: _take_off,
+    mav.MAV_CMD_CONDITION_YAW: _turn,
+    mav.MAV_CMD_DO_SET_MODE: _set_mode,
+    mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
+    mav.MAV_CMD_DO_SET_HOME: _home,
+    mav.MAV_CMD_DO_FLIGHTTERMINATION: _terminate,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_PAUSE_CONTINUE: _pause,
+    mav.MAV_CMD_DO_SET_ROI_NONE: accept,
+    mav.MAV_CMD_DO_AUX_FUNCTION: _auxiliary,
+    mav.MAV_CMD_PREFLIGHT_CALIBRATION: _calibrate,
+    mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
+    mav.MAV_CMD_MISSION_START: _start_mission,
+    mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
+    mav.MAV_CMD_SET_MESSAGE_INTERVAL: _interval,
+    mav.MAV_CMD_REQUEST_MESSAGE: _request,
+    mav.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_version,
+}

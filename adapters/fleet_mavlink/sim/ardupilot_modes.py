@@ -1,0 +1,39 @@
+"""ArduCopter's flight modes. Without a stick input the manual ones come down."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.manoeuvres import Land, Manoeuvre, Return, Sink, hold
+from fleet_mavlink.sim.mission_flight import FlyMission
+from fleet_mavlink.sim.modes import GUIDED_BASE, MANUAL_BASE, Mode
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+_STICK_AT_MINIMUM = 2.5  # m/s down
+
+
+def _sink(_pilot: Autopilot) -> Manoeuvre:
+    return Sink(_STICK_AT_MINIMUM)
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    """RTL_ALT is centimetres, RTL_LOIT_TIME milliseconds."""
+    return Return(pilot, pilot.params["RTL_ALT"] / 100, pilot.params["RTL_LOIT_TIME"] / 1000)
+
+
+_ALL = (
+    Mode("STABILIZE", 0, _sink, MANUAL_BASE, position=False),
+    Mode("ALT_HOLD", 2, _sink, MANUAL_BASE, position=False),
+    Mode("AUTO", 3, FlyMission, GUIDED_BASE),
+    Mode("GUIDED", 4, hold, GUIDED_BASE),
+    Mode("LOITER", 5, _sink, GUIDED_BASE),
+    Mode("RTL", 6, _home, GUIDED_BASE, armable=False),
+    Mode("LAND", 9, Land, GUIDED_BASE, position=False, armable=False),
+    Mode("POSHOLD", 16, _sink, GUIDED_BASE),
+    Mode("BRAKE", 17, hold, GUIDED_BASE, armable=False),
+    Mode("SMART_RTL", 21, _home, GUIDED_BASE, armable=False),
+)
+MODES = {mode.name: mode for mode in _ALL}
+MODES_BY_NUMBER = {mode.custom: mode for mode in _ALL}

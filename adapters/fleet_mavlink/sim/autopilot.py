@@ -1,0 +1,404 @@
+"""What both simulated autopilots have in common: state, time, texts, readiness, arming, landing.
+
+No I/O and no clock: time comes in with ``tick``. ArduPilot and PX4 are subclasses that bring their
+modes, commands, texts and fail-safes.
+"""
+
+from __future__ import annotations
+
+import random
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
+from fleet.model.geometry import Vector3
+from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask, ack
+from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, Idle, Manoeuvre, hold
+from fleet_mavlink.sim.mission_flight import leave_mission
+from fleet_mavlink.sim.missions import Missions
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.params import Params
+from fleet_mavlink.sim.physics import Agility, Body
+from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.streams import Streams, home_position
+
+Geo = tuple[float, float, float]  # degrees, degrees, metres above mean sea level
+Handler = Callable[[Any, Ask], "int | None"]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
+_TEXT = 50  # bytes in one STATUSTEXT
+CRITICAL, WARNING, INFO = 2, 4, 6  # severities
+
+
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """What an autopilot starts with; everything but the time stays over a reboot."""
+
+    system_id: int
+    place: Geo  # where it was put down
+    ready_after: float | None  # seconds to a usable position, None: as long as the real one
+    body: Body
+    battery: Battery
+    params: Params
+    missions: Missions
+    random: random.Random
+    faults: Mapping[str, float]
+    epoch: float  # Unix time at time 0
+    at: float
+
+
+class Autopilot(ABC):
+    """One autopilot from boot to reboot. Times are seconds of the simulation."""
+
+    autopilot_id: ClassVar[int]
+    capabilities: ClassVar[int]
+    version: ClassVar[int]
+    commands: ClassVar[Mapping[int, Handler]]
+    default_rates: ClassVar[Mapping[int, float]]
+    real_ready: ClassVar[float]  # seconds from boot to a usable position
+    fix_type: ClassVar[int]
+    spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
+    agility: ClassVar[Agility] = Agility(2.5, 2.5, 1.6)
+    ends_text: ClassVar[str] = ""
+    text_id_always: ClassVar[bool] = False
+    obeys_other_components: ClassVar[bool] = False
+    obeys_broadcast: ClassVar[bool] = False
+    ack_delay: ClassVar[float] = 0.0
+    ack_queue: ClassVar[int] = 1000
+
+    def __init__(self, boot: Boot, mode: Mode) -> None:
+        self.system_id = boot.system_id
+        self.place = boot.place
+        self.body = boot.body
+        self.battery = boot.battery
+        self.params = boot.params
+        self.missions = boot.missions
+        self.random = boot.random
+        self.faults = boot.faults
+        self.time = boot.at
+        self.booted_at = boot.at
+        self._epoch = boot.epoch
+        ready_after = self.real_ready if boot.ready_after is None else boot.ready_after
+        self._pace = ready_after / self.real_ready
+        self._origin = GeoOrigin(*boot.place)
+        self.streams = Streams(self.default_rates, boot.at + self.real_time(1.0))
+        self.out: list[Any] = []
+        self._later: list[tuple[float, Any]] = []
+        self._text_id = 0
+        self._told: set[str] = set()
+        self.mode = mode
+        self.manoeuvre: Manoeuvre = Idle()
+        self.armed = False
+        self.armed_at = 0.0
+        self.left_ground = False  # since it was armed
+        self.touched_at: float | None = None
+        self.home: Geo | None = None
+        self.failsafe = ""
+        self.terminated = False
+        self.gcs_heard_at: float | None = None
+        self.gps_lost_at: float | None = None
+        self.pilot_flies = False
+        self.reboot_asked = False
+        self.asked_speed: float | None = None  # m/s, from DO_CHANGE_SPEED
+
+    # time
+
+    def real_time(self, seconds: float) -> float:
+        """Return when something happens that the real autopilot does ``seconds`` after boot."""
+        return seconds * self._pace
+
+    def age(self, real_seconds: float) -> bool:
+        """Return True once the moment has come that the real one reaches ``real_seconds`` after boot."""
+        return self.time - self.booted_at >= self.real_time(real_seconds)
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since boot."""
+        return int((self.time - self.booted_at) * 1000) & 0xFFFFFFFF
+
+    @property
+    def boot_us(self) -> int:
+        """Microseconds since boot."""
+        return int((self.time - self.booted_at) * 1e6)
+
+    @property
+    def unix_time(self) -> float:
+        """Unix seconds in the simulation."""
+        return self._epoch + self.time
+
+    # position
+
+    def geo(self) -> Geo:
+        """Return where the vehicle is."""
+        return self.geo_of(self.body.north, self.body.east, self.body.down)
+
+    def geo_of(self, north: float, east: float, down: float) -> Geo:
+        """Return the place on Earth of a local position."""
+        point = geo_from_world(self._origin, Vector3(east, north, -down))
+        return point.latitude, point.longitude, point.altitude
+
+    def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
+        """Return the local position of a place on Earth (altitude above mean sea level)."""
+        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude))
+        return enu.y, enu.x, -enu.z
+
+    def home_ned(self) -> tuple[float, float, float]:
+        """Return home as a local position; where the vehicle was put down while home is unknown."""
+        return self.ned_of(*self.home) if self.home is not None else (0.0, 0.0, 0.0)
+
+    def height_over_home(self) -> float:
+        """Return metres above home."""
+        return self.home_ned()[2] - self.body.down
+
+    def set_home(self) -> None:
+        """Make the place of the vehicle its home and tell it."""
+        self.home = self.geo()
+        self.out.append(home_position(self))
+
+    @property
+    def gps_fix(self) -> bool:
+        """True while the receiver has a position."""
+        return self._gps_found and not self._gps_off
+
+    @property
+    def _gps_off(self) -> bool:
+        return "gps_loss" in self.faults
+
+    @property
+    @abstractmethod
+    def _gps_found(self) -> bool:
+        """True once the receiver has found satellites after boot."""
+
+    @property
+    @abstractmethod
+    def initialised(self) -> bool:
+        """True once the autopilot has finished its start."""
+
+    @property
+    @abstractmethod
+    def origin_set(self) -> bool:
+        """True once the estimator has an origin."""
+
+    @property
+    @abstractmethod
+    def has_position(self) -> bool:
+        """True while there is a usable position."""
+
+    @abstractmethod
+    def sensors(self) -> tuple[int, int, int]:
+        """Return SYS_STATUS's sensors: present, enabled, healthy."""
+
+    @abstractmethod
+    def system_status(self) -> int:
+        """Return HEARTBEAT's MAV_STATE."""
+
+    # speeds, m/s
+
+    @property
+    @abstractmethod
+    def cruise_speed(self) -> float:
+        """Speed towards a place."""
+
+    @property
+    @abstractmethod
+    def top_speed(self) -> float:
+        """Speed that a velocity setpoint is cut to."""
+
+    @property
+    @abstractmethod
+    def climb_speed(self) -> float:
+        """Fastest climb."""
+
+    @property
+    @abstractmethod
+    def sink_speed(self) -> float:
+        """Fastest descent."""
+
+    @property
+    @abstractmethod
+    def takeoff_speed(self) -> float:
+        """Climb during a take-off."""
+
+    @property
+    @abstractmethod
+    def landing(self) -> tuple[float, float, float]:
+        """Landing speed high, landing speed low, and the height (m) between the two."""
+
+    @property
+    def nose_follows(self) -> bool:
+        """True when the nose turns into the direction of travel."""
+        return False
+
+    # telling
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT, in chunks when it is longer than one."""
+        data = (text + self.ends_text).encode()
+        number = 0
+        if self.text_id_always or len(data) > _TEXT:
+            self._text_id += 1
+            number = self._text_id
+        for chunk, start in enumerate(range(0, len(data), _TEXT)):
+            part = data[start : start + _TEXT]
+            self.out.append(mav.MAVLink_statustext_message(severity, part, number, chunk))
+
+    def say_once(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT the first time after boot only."""
+        if text not in self._told:
+            self._told.add(text)
+            self.say(severity, text)
+
+    def later(self, delay: float, message: Any) -> None:
+        """Send a message after a delay."""
+        self._later.append((self.time + delay, message))
+
+    def acknowledge(self, ask: Ask, result: int) -> None:
+        """Answer a command; answers that the faults or the autopilot's short queue lose are not sent."""
+        if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
+            return
+        delay = self.ack_delay
+        slow = self.faults.get("slow_ack", 0.0)
+        if slow:
+            self.out.append(ack(ask, mav.MAV_RESULT_IN_PROGRESS, 10))
+            delay += slow
+        if len(self._later) >= self.ack_queue:
+            return
+        if delay:
+            self.later(delay, ack(ask, result))
+        else:
+            self.out.append(ack(ask, result))
+
+    # being asked
+
+    def command(self, ask: Ask) -> None:
+        """Carry out a command and acknowledge it."""
+        handler = self.commands.get(ask.command)
+        result = handler(self, ask) if handler else UNSUPPORTED
+        if result is not None:
+            self.acknowledge(ask, result)
+
+    @abstractmethod
+    def setpoint(self, message: Any) -> None:
+        """Obey or ignore SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT."""
+
+    @abstractmethod
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+        """Return the manoeuvre that a setpoint asks for."""
+
+    def gcs_heartbeat(self, message: Any) -> None:  # noqa: ARG002 - PX4 takes any
+        """Note that a ground station is there."""
+        self.gcs_heard_at = self.time
+
+    # modes and arming
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode and begin what it does; idle while the motors are off."""
+        if self.runs_mission and mode is not self.mode:
+            leave_mission(self)
+        self.mode = mode
+        self.pilot_flies = False
+        self.manoeuvre = mode.enter(self) if self.armed else Idle()
+
+    @property
+    def runs_mission(self) -> bool:
+        """True in the mode that flies the mission."""
+        return self.mode.name in {"AUTO", "MISSION"}
+
+    @abstractmethod
+    def mission_mode(self) -> Mode:
+        """Return the mode that flies the mission."""
+
+    @abstractmethod
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return why the motors cannot be armed now; empty: they can."""
+
+    def arm(self) -> None:
+        """Start the motors."""
+        self.armed = True
+        self.armed_at = self.time
+        self.left_ground = False
+        self.touched_at = None
+        self.set_home()
+
+    def disarm(self) -> None:
+        """Stop the motors."""
+        self.armed = False
+        self.manoeuvre = Idle()
+
+    @property
+    def flying(self) -> bool:
+        """True while the vehicle is off the ground."""
+        return not self.body.grounded
+
+    def landed_state(self) -> int:
+        """Return MAV_LANDED_STATE."""
+        if self.body.grounded:
+            return ON_GROUND
+        return self.manoeuvre.in_air_state if self.armed else LANDING
+
+    @property
+    def taking_off(self) -> bool:
+        """True from the take-off command to the height it asked for."""
+        return self.armed and self.manoeuvre.in_air_state == TAKING_OFF and not self.manoeuvre.done
+
+    # time passes
+
+    def tick(self, now: float, drift: tuple[float, float]) -> None:
+        """Move on to ``now``, at most about 0.05 s ahead."""
+        dt, self.time = now - self.time, now
+        aim = self.manoeuvre.aim(self)
+        if self.body.down < 0.0 or aim.thrust:
+            self.body.advance(aim, self.agility, drift if self.flying else (0.0, 0.0), dt)
+        self.battery.drain(self.armed and self.flying, dt)
+        self._watch_gps()
+        self._watch_ground()
+        self.supervise()
+        self._send_due()
+        self.out.extend(self.params.pending())
+        self.out.extend(self.missions.overdue(now))
+        if self.age(1.0):
+            self.out.extend(self.streams.due(self, now))
+
+    @abstractmethod
+    def supervise(self) -> None:
+        """Do what this autopilot does by itself: start-up, auto-disarm, fail-safes."""
+
+    def _send_due(self) -> None:
+        """Send what was put off until now."""
+        if not self._later:
+            return
+        self.out.extend(message for due, message in self._later if due <= self.time)
+        self._later = [entry for entry in self._later if entry[0] > self.time]
+
+    def _watch_gps(self) -> None:
+        """Remember since when satellites are gone."""
+        if self._gps_off:
+            self.gps_lost_at = self.time if self.gps_lost_at is None else self.gps_lost_at
+        else:
+            self.gps_lost_at = None
+
+    def _watch_ground(self) -> None:
+        """Remember leaving and touching the ground."""
+        if self.flying:
+            self.left_ground = self.left_ground or self.armed
+            self.touched_at = None
+        elif self.left_ground and self.touched_at is None:
+            self.touched_at = self.time
+            self.touched_ground()
+
+    def touched_ground(self) -> None:
+        """Say what there is to say at the touch-down."""
+
+    def pilot_takes_over(self, mode: Mode) -> None:
+        """Change to a mode by the switch of the remote control; the pilot holds the vehicle there."""
+        self.mode = mode
+        self.pilot_flies = True
+        self.manoeuvre = hold(self) if self.armed else Idle()
+
+
+def accept(_pilot: Autopilot, _ask: Ask) -> int:
+    """Accept a command that changes nothing here."""
+    return ACCEPTED

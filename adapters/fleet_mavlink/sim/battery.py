@@ -1,0 +1,32 @@
+"""The battery: empties faster in the air, and its voltage follows the charge."""
+
+from __future__ import annotations
+
+_IDLE, _FLYING = 0.5, 12.0  # amperes
+
+
+class Battery:
+    """A pack of ``capacity_mah``; volts fall from ``full`` to ``empty`` as it drains."""
+
+    def __init__(self, full: float, empty: float, capacity_mah: float = 5000.0) -> None:
+        self._full = full
+        self._empty = empty
+        self._capacity = capacity_mah
+        self.percent = 100.0
+        self.amperes = _IDLE
+
+    @property
+    def volts(self) -> float:
+        """Voltage of the whole pack."""
+        return self._empty + (self._full - self._empty) * self.percent / 100.0
+
+    @property
+    def used_mah(self) -> float:
+        """Charge taken out since it was full."""
+        return self._capacity * (100.0 - self.percent) / 100.0
+
+    def drain(self, flying: bool, dt: float) -> None:  # noqa: FBT001 - a physical input
+        """Take out what ``dt`` seconds need."""
+        self.amperes = _FLYING if flying else _IDLE
+        used = self.amperes * 1000.0 * dt / 3600.0
+        self.percent = max(0.0, self.percent - 100.0 * used / self._capacity)

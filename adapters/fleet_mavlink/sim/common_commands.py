@@ -1,0 +1,37 @@
+"""Commands that both autopilots carry out alike."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import ACCEPTED, Ask, whole
+from fleet_mavlink.sim.streams import autopilot_version
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+FORCE = 21196.0  # param 2 of arm and disarm
+
+
+def message_interval(pilot: Autopilot, ask: Ask) -> int:
+    """SET_MESSAGE_INTERVAL: microseconds; 0 is the default rate, -1 off."""
+    if ask.p2 == 0.0:
+        pilot.streams.reset(whole(ask.p1), pilot.time)
+    else:
+        pilot.streams.set(whole(ask.p1), ask.p2 / 1e6, pilot.time)
+    return ACCEPTED
+
+
+def get_message_interval(pilot: Autopilot, ask: Ask) -> int:
+    """GET_MESSAGE_INTERVAL, answered by MESSAGE_INTERVAL: -1 for a message that is not sent."""
+    every = pilot.streams.every(whole(ask.p1))
+    pilot.out.append(mav.MAVLink_message_interval_message(whole(ask.p1), int(every * 1e6) if every else -1))
+    return ACCEPTED
+
+
+def request_version(pilot: Autopilot, _ask: Ask) -> int:
+    """REQUEST_AUTOPILOT_CAPABILITIES, the old way to ask for AUTOPILOT_VERSION."""
+    pilot.out.append(autopilot_version(pilot))
+    return ACCEPTED

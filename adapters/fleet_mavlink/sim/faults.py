@@ -1,0 +1,20 @@
+"""The faults of a simulated vehicle: those of the wire, and its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fleet.sim.faults import WIRE_FAULTS
+
+VEHICLE_FAULTS: Mapping[str, str] = {
+    "ack_loss": "share of acknowledgements that are lost while the command is carried out, 0 to 1",
+    "no_ack": "no command is acknowledged",
+    "slow_ack": "seconds that every command takes; IN_PROGRESS is told at once",
+    "gps_loss": "no satellites",
+    "low_battery": "percent that is left from now on",
+    "not_ready": "the checks before arming never pass",
+    "pilot_takeover": "a pilot switches the mode by remote control",
+    "reboot": "the autopilot restarts now",
+    "wind": "metres per second of gusty wind from the west",
+}
+FAULTS: Mapping[str, str] = {**WIRE_FAULTS, **VEHICLE_FAULTS}

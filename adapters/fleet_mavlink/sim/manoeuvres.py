@@ -1,0 +1,230 @@
+"""What an autopilot does at a time: each manoeuvre turns the state of its vehicle into an aim."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from fleet_mavlink.sim.physics import Aim, approach
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
+
+
+class Place(Protocol):
+    """A position to be at: metres NED."""
+
+    north: float
+    east: float
+    down: float
+
+
+class Manoeuvre:
+    """The base: rest with the motors idle; falls when it is entered in the air."""
+
+    in_air_state = IN_AIR
+    done = False  # the manoeuvre has reached what it was for
+    arrival: float | None = None  # heading to keep, None: as it comes
+
+    def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - for overriders
+        """Return the motion wanted now; called once for every step of the physics."""
+        return Aim(thrust=False)
+
+
+class Idle(Manoeuvre):
+    """Motors idle or off."""
+
+
+def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) -> Aim:
+    """Return the aim that brings the vehicle to a place and keeps it there."""
+    body = pilot.body
+    dn, de, dd = place.north - body.north, place.east - body.east, place.down - body.down
+    distance = math.hypot(dn, de)
+    pace = approach(distance, speed, pilot.agility.across) / distance if distance > 1e-6 else 0.0
+    vd = max(-pilot.climb_speed, min(pilot.sink_speed, dd))
+    return Aim(dn * pace, de * pace, vd, heading)
+
+
+class GoTo(Manoeuvre):
+    """Fly to a place and hold it; ``heading`` None turns the nose as the autopilot's habit is."""
+
+    def __init__(
+        self,
+        north: float,
+        east: float,
+        down: float,
+        *,
+        heading: float | None = None,
+        speed: float | None = None,
+    ) -> None:
+        self.north = north
+        self.east = east
+        self.down = down
+        self.heading = heading
+        self.speed = speed
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim towards the place."""
+        body = pilot.body
+        flat = math.hypot(self.north - body.north, self.east - body.east)
+        self.done = flat < 0.5 and abs(self.down - body.down) < 0.4
+        heading = self.heading
+        if heading is None and flat > 2.0 and pilot.nose_follows:
+            heading = math.atan2(self.east - body.east, self.north - body.north)
+        return aim_at(pilot, self, self.speed or pilot.cruise_speed, heading)
+
+
+def braked(pilot: Autopilot) -> GoTo:
+    """Return: stay where the vehicle comes to stand when it brakes now."""
+    body = pilot.body
+    braking = body.speed / (2 * pilot.agility.across)
+    north, east = body.north + body.vn * braking, body.east + body.ve * braking
+    return GoTo(north, east, body.down, heading=body.heading)
+
+
+def hold(pilot: Autopilot) -> Manoeuvre:
+    """Return: brake and stay where the braking ends; idle on the ground."""
+    if pilot.body.grounded:
+        return Idle()
+    return braked(pilot)
+
+
+class Takeoff(Manoeuvre):
+    """Spin up, climb straight to ``down``, hold there."""
+
+    in_air_state = TAKING_OFF
+
+    def __init__(self, pilot: Autopilot, down: float) -> None:
+        self.north = pilot.body.north
+        self.east = pilot.body.east
+        self.down = down
+        self.heading = pilot.body.heading
+        self._lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim: nothing while the motors spin up, then upwards."""
+        if pilot.time < self._lift_at:
+            return Aim(thrust=False)
+        wanted = aim_at(pilot, self, pilot.cruise_speed, self.heading)
+        self.done = abs(self.down - pilot.body.down) < 0.2
+        if self.done:
+            self.in_air_state = IN_AIR
+        return Aim(wanted.vn, wanted.ve, max(-pilot.takeoff_speed, wanted.vd), self.heading)
+
+
+class Drive(Manoeuvre):
+    """Hold a velocity (m/s NED) until ``until``, then brake to a standstill."""
+
+    def __init__(
+        self,
+        velocity: tuple[float, float, float],
+        *,
+        heading: float | None = None,
+        turn_rate: float | None = None,
+        until: float = math.inf,
+    ) -> None:
+        self.velocity = velocity
+        self.heading = heading
+        self.turn_rate = turn_rate
+        self.until = until
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the velocity within the vehicle's own limits."""
+        if pilot.time > self.until:
+            return Aim()
+        vn, ve, vd = self.velocity
+        speed = math.hypot(vn, ve)
+        share = min(1.0, pilot.top_speed / speed) if speed > 0.0 else 1.0
+        heading = self.heading
+        if heading is None and self.turn_rate is None and pilot.nose_follows and speed > 0.3:
+            heading = math.atan2(ve, vn)
+        vd = max(-pilot.climb_speed, min(pilot.sink_speed, vd))
+        return Aim(vn * share, ve * share, vd, heading, self.turn_rate or 0.0)
+
+
+class Turn(Manoeuvre):
+    """Stay at the place and turn to ``heading`` at ``rate`` rad/s."""
+
+    def __init__(self, pilot: Autopilot, heading: float, rate: float, direction: int) -> None:
+        self._stay = hold(pilot)
+        self._heading = heading
+        self._rate = rate
+        self._direction = direction
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim that stays and turns."""
+        stay = self._stay.aim(pilot)
+        left = math.remainder(self._heading - pilot.body.heading, math.tau)
+        if abs(left) < 0.05 or self._direction == 0:
+            self._direction = 0
+            return Aim(stay.vn, stay.ve, stay.vd, self._heading)
+        return Aim(stay.vn, stay.ve, stay.vd, None, math.copysign(self._rate, self._direction))
+
+
+class Sink(Manoeuvre):
+    """Come down at ``speed`` m/s with no hold of the position (no stick input, no position)."""
+
+    def __init__(self, speed: float) -> None:
+        self._speed = speed
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return straight down."""
+        return Aim(vd=self._speed, heading=pilot.body.heading)
+
+
+class Land(Manoeuvre):
+    """Come down at a place, left out: where the vehicle is; slower near the ground."""
+
+    in_air_state = LANDING
+
+    def __init__(self, pilot: Autopilot, place: Place | None = None) -> None:
+        here = place or braked(pilot)
+        self.north = here.north
+        self.east = here.east
+        self.down = 0.0
+        self.heading = pilot.body.heading
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return down at the autopilot's landing speed; idle after the touch-down."""
+        if pilot.body.grounded:
+            self.done = True
+            return Aim(thrust=False)
+        fast, slow, slow_below = pilot.landing
+        flat = aim_at(pilot, self, pilot.cruise_speed, None) if pilot.has_position else Aim()
+        vd = slow if pilot.body.height < slow_below else fast
+        return Aim(flat.vn, flat.ve, vd, self.heading)
+
+
+class Return(Manoeuvre):
+    """Climb to ``height`` above home, fly home, wait ``wait`` seconds, land."""
+
+    def __init__(self, pilot: Autopilot, height: float, wait: float) -> None:
+        home_north, home_east, home_down = pilot.home_ned()
+        down = min(pilot.body.down, home_down - height)
+        here = pilot.body
+        self._legs = [
+            GoTo(here.north, here.east, down, heading=here.heading),
+            GoTo(home_north, home_east, down),
+        ]
+        self._wait = wait
+        self._land_at: float | None = None
+        self._land: Land | None = None
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim of the leg that is being flown."""
+        if self._land is not None:
+            self.done = self._land.done
+            return self._land.aim(pilot)
+        wanted = self._legs[0].aim(pilot)
+        if not self._legs[0].done:
+            return wanted
+        if len(self._legs) > 1:
+            del self._legs[0]
+        elif self._land_at is None:
+            self._land_at = pilot.time + self._wait
+        elif pilot.time >= self._land_at:
+            self.in_air_state = LANDING
+            self._land = Land(pilot, self._legs[0])
+        return wanted

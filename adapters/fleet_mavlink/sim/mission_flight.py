@@ -1,0 +1,140 @@
+"""Flying the stored mission, item after item."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre, Takeoff, hold
+from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NOT_STARTED, PAUSED, Item
+from fleet_mavlink.sim.physics import Aim
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+_RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
+_HOLD_FIRST_PARAM = frozenset({16, 19, 82, 93})  # items that stay param1 seconds
+RTL = 20
+
+
+def _place(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
+    """Return where an item is; 0/0 means where the vehicle is."""
+    altitude = item.z
+    if item.frame in _RELATIVE_FRAMES:
+        altitude += pilot.home[2] if pilot.home is not None else pilot.place[2]
+    if item.x == 0 and item.y == 0:
+        latitude, longitude, _ = pilot.geo()
+    else:
+        latitude, longitude = item.x / 1e7, item.y / 1e7
+    return pilot.ned_of(latitude, longitude, altitude)
+
+
+def _go(pilot: Autopilot, item: Item) -> Manoeuvre:
+    north, east, down = _place(pilot, item)
+    heading = math.radians(item.p4) if math.isfinite(item.p4) and item.p4 != 0.0 else None
+    return GoTo(north, east, down, heading=heading)
+
+
+def _take_off(pilot: Autopilot, item: Item) -> Manoeuvre:
+    return Takeoff(pilot, _place(pilot, item)[2])
+
+
+class _LandThere(Manoeuvre):
+    """Fly over the place of the item, then land."""
+
+    def __init__(self, pilot: Autopilot, item: Item) -> None:
+        north, east, _ = _place(pilot, item)
+        self._legs: list[Manoeuvre] = [GoTo(north, east, pilot.body.down)]
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim to the place, then down."""
+        if self._legs[0].done and not isinstance(self._legs[0], Land):
+            self._legs[0] = Land(pilot)
+        self.in_air_state = self._legs[0].in_air_state
+        wanted = self._legs[0].aim(pilot)
+        self.done = self._legs[0].done and isinstance(self._legs[0], Land)
+        return wanted
+
+
+_MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
+    16: _go,
+    19: _go,
+    82: _go,
+    93: lambda pilot, _item: hold(pilot),
+    22: _take_off,
+    21: _LandThere,
+}
+
+
+class FlyMission(Manoeuvre):
+    """Fly the items from the current one on; ``returns`` says that an item asks for RTL."""
+
+    def __init__(self, pilot: Autopilot) -> None:
+        missions = pilot.missions
+        if missions.state == COMPLETE or missions.current < missions.first:
+            missions.current = missions.first
+        missions.state = ACTIVE
+        self.returns = False
+        self._flown = -1  # number of the item that is being flown
+        self._leg: Manoeuvre = hold(pilot)
+        self._leave_at: float | None = None
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim of the item that is being flown."""
+        missions = pilot.missions
+        if not missions.loaded:  # cleared while it was flown
+            self.done = True
+        elif not self.done and self._flown != missions.current:
+            self._begin(pilot)
+        wanted = self._leg.aim(pilot)
+        self.in_air_state = self._leg.in_air_state
+        if not self.done and self._leg.done and self._waited(pilot):
+            self._reached(pilot)
+        return wanted
+
+    def _begin(self, pilot: Autopilot) -> None:
+        """Start the current item."""
+        self._flown = pilot.missions.current
+        self._leave_at = None
+        item = pilot.missions.items[self._flown]
+        make = _MANOEUVRES.get(item.command)
+        if make is not None:
+            self._leg = make(pilot, item)
+        elif item.command == RTL:
+            self.returns = True
+        else:
+            self._do(pilot, item)
+
+    def _do(self, pilot: Autopilot, item: Item) -> None:
+        """Carry out an item that moves nothing: it is done at once."""
+        if item.command == mav.MAV_CMD_DO_CHANGE_SPEED and item.p2 > 0.0:
+            pilot.asked_speed = item.p2
+        self._reached(pilot)
+
+    def _waited(self, pilot: Autopilot) -> bool:
+        """Return True once the stay that the item asks for is over."""
+        item = pilot.missions.items[self._flown]
+        if self._leave_at is None:
+            stay = item.p1 if item.command in _HOLD_FIRST_PARAM and math.isfinite(item.p1) else 0.0
+            self._leave_at = pilot.time + stay
+        return pilot.time >= self._leave_at
+
+    def _reached(self, pilot: Autopilot) -> None:
+        """Tell that an item is done and go to the next; the number stays below the count."""
+        missions = pilot.missions
+        pilot.out.append(mav.MAVLink_mission_item_reached_message(missions.current))
+        if missions.current + 1 < len(missions.items):
+            missions.current += 1
+            return
+        missions.state = COMPLETE
+        self.done = True
+
+
+def leave_mission(pilot: Autopilot) -> None:
+    """Note that the mission is left for another mode."""
+    missions = pilot.missions
+    if missions.state == ACTIVE:
+        missions.state = PAUSED if pilot.armed else NOT_STARTED

@@ -1,0 +1,413 @@
+"""PX4 1.16.1 as it was seen to behave: start-up, arming, OFFBOARD, fail-safes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.px4_commands import COMMANDS
+from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+
+_BODY_NED = 8
+_LOCAL_NED = 1
+_RELATIVE_FRAMES = frozenset({3, 6})
+_AMSL_FRAMES = frozenset({0, 5})
+_ENOUGH_STREAM = 0.2  # seconds of setpoints before OFFBOARD can be entered
+_BACK_TO_OFFBOARD = 0.3
+_COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
+_GPS_GRACE = 5.5
+_GCS_GRACE = 2.2  # seconds on top of COM_DL_LOSS_T
+_GCS_GONE = 3.0
+_TEXTS_KEPT = 20
+_PREARM_BIT, _GPS_BIT = 0x10000000, 0x20
+_ACTIONS = {1: "LOITER", 2: "RTL", 3: "LAND"}  # NAV_DLL_ACT
+_OFFBOARD_LOSS = {0: "POSCTL", 3: "RTL", 4: "LAND", 5: "LOITER"}  # COM_OBL_RC_ACT
+_NOT_CHOSEN = frozenset({"TAKEOFF", "LAND", "PRECLAND", "RTL"})
+
+
+class Px4(Autopilot):
+    """PX4 multicopter."""
+
+    autopilot_id: ClassVar[int] = int(mav.MAV_AUTOPILOT_PX4)
+    capabilities: ClassVar[int] = 0xE8FF
+    version: ClassVar[int] = 0x011001FF
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    default_rates: ClassVar[Mapping[int, float]] = {
+        mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+        mav.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+        mav.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+        mav.MAVLINK_MSG_ID_GPS_RAW_INT: 5.0,
+        mav.MAVLINK_MSG_ID_ATTITUDE: 50.0,
+        mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 50.0,
+        mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 50.0,
+        mav.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mav.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+        mav.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+        mav.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+        mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+    }
+    real_ready: ClassVar[float] = 4.6
+    fix_type: ClassVar[int] = 3
+    spin_up: ClassVar[float] = 4.2
+    ends_text: ClassVar[str] = "\t"
+    text_id_always: ClassVar[bool] = True
+    ack_delay: ClassVar[float] = 0.0038
+    ack_queue: ClassVar[int] = 4
+
+    def __init__(self, boot: Boot) -> None:
+        super().__init__(boot, MODES["LOITER"])
+        self.chosen: Mode = self.mode  # to which it returns after a landing
+        self.takeoff: Manoeuvre | None = None  # what the take-off command asked for
+        self._setpoint_at: float | None = None
+        self._stream_since = 0.0
+        self._then: tuple[float, Mode] | None = None  # when a fail-safe goes on, and with what
+        self._battery_told: set[str] = set()
+        self._withheld: list[Any] = []
+
+    # readiness
+
+    @property
+    def _gps_found(self) -> bool:
+        return True
+
+    @property
+    def initialised(self) -> bool:
+        """True once the heartbeat says STANDBY."""
+        return self.age(4.0)
+
+    @property
+    def origin_set(self) -> bool:
+        """True once the estimator has an origin; home comes with it."""
+        return self.home is not None
+
+    @property
+    def has_position(self) -> bool:
+        """True once the estimator is ready, and until GPS has been away for a few seconds."""
+        if "not_ready" in self.faults and not self.armed:
+            return False
+        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > _GPS_GRACE
+        return self.age(self.real_ready) and not lost
+
+    @property
+    def gcs_lost(self) -> bool:
+        """True when no ground station has been heard lately, or ever."""
+        return self.gcs_heard_at is None or self.time - self.gcs_heard_at > _GCS_GONE
+
+    def refusals(self, *, force: bool) -> list[str]:
+        """Return why the motors cannot be armed; force skips what is left after the start."""
+        if not self.age(self.real_ready) or "not_ready" in self.faults or self.terminated:
+            return ["Resolve system health failures first"]
+        if force:
+            return []
+        found = []
+        if not self.has_position or self.refusal_of(self.mode) or not self.mode.armable:
+            found.append("Resolve system health failures first")
+        if self.params["NAV_DLL_ACT"] > 0 and self.gcs_lost:
+            found.append("No connection to the ground control station")
+        return found
+
+    def sensors(self) -> tuple[int, int, int]:
+        """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
+        if not self.age(3.0):
+            return 0, 0, 0x321C83F & ~_GPS_BIT
+        healthy = 0x320C81F | (_GPS_BIT if self.gps_fix else 0)
+        if not self.refusals(force=False):
+            healthy |= _PREARM_BIT
+        return 0x300402F, 0x301402F, healthy
+
+    def system_status(self) -> int:
+        """STANDBY and ACTIVE go by being armed."""
+        if self.terminated:
+            return int(mav.MAV_STATE_FLIGHT_TERMINATION)
+        if not self.initialised:
+            return int(mav.MAV_STATE_UNINIT)
+        if self.failsafe:
+            return int(mav.MAV_STATE_CRITICAL)
+        return int(mav.MAV_STATE_ACTIVE if self.armed else mav.MAV_STATE_STANDBY)
+
+    # speeds
+
+    @property
+    def cruise_speed(self) -> float:
+        """MPC_XY_CRUISE, or what DO_CHANGE_SPEED asked for."""
+        return self.asked_speed or self.params["MPC_XY_CRUISE"]
+
+    @property
+    def top_speed(self) -> float:
+        """MPC_XY_VEL_MAX."""
+        return self.params["MPC_XY_VEL_MAX"]
+
+    @property
+    def climb_speed(self) -> float:
+        """MPC_Z_VEL_MAX_UP."""
+        return self.params["MPC_Z_VEL_MAX_UP"]
+
+    @property
+    def sink_speed(self) -> float:
+        """MPC_Z_VEL_MAX_DN."""
+        return self.params["MPC_Z_VEL_MAX_DN"]
+
+    @property
+    def takeoff_speed(self) -> float:
+        """MPC_TKO_SPEED."""
+        return self.params["MPC_TKO_SPEED"]
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """MPC_Z_VEL_MAX_DN above MPC_LAND_ALT1, MPC_LAND_SPEED below."""
+        return self.sink_speed, self.params["MPC_LAND_SPEED"], self.params["MPC_LAND_ALT1"]
+
+    # telling
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a text, or keep it until a ground station is heard."""
+        before = len(self.out)
+        super().say(severity, text)
+        if self.gcs_lost:
+            self._withheld.extend(self.out[before:])
+            del self.out[before:]
+            del self._withheld[:-_TEXTS_KEPT]
+
+    def gcs_heartbeat(self, message: Any) -> None:
+        """Any ground station counts; the texts that were kept follow 50 ms apart."""
+        super().gcs_heartbeat(message)
+        for place, text in enumerate(self._withheld):
+            self.later(0.05 * (place + 1), text)
+        self._withheld.clear()
+        if self.failsafe == "gcs":
+            self.failsafe = ""
+            self._then = None
+
+    # modes
+
+    def mission_mode(self) -> Mode:
+        """AUTO.MISSION."""
+        return MODES["MISSION"]
+
+    def refusal_of(self, mode: Mode) -> str:
+        """Return why a mode cannot run now, empty when it can."""
+        if mode.name == "OFFBOARD" and not self.stream_alive:
+            return "Switching to Offboard is currently not available"
+        if mode.name == "MISSION" and not self.missions.loaded:
+            return "Mission mode is not available: no valid mission"
+        if mode.position and not self.has_position:
+            return f"Switching to {mode.name.title()} is currently not available"
+        manual = mode.name in {"MANUAL", "ALTCTL", "POSCTL", "STABILIZED"}
+        return f"Switching to {mode.name.title()} is not possible: no manual control" if manual else ""
+
+    def change_mode(self, mode: Mode) -> int:
+        """Enter a mode as a user asks; anything goes while disarmed. Returns MAV_RESULT."""
+        if self.terminated:
+            return TEMPORARILY_REJECTED
+        refusal = self.refusal_of(mode) if self.armed else ""
+        if refusal:
+            self.say(CRITICAL, refusal)
+            return TEMPORARILY_REJECTED
+        self._then = None
+        self.failsafe = ""
+        if mode.name not in _NOT_CHOSEN:
+            self.chosen = mode
+        self.enter(mode)
+        return ACCEPTED
+
+    def set_mode(self, message: Any) -> None:
+        """Obey SET_MODE; it is acknowledged as DO_SET_MODE."""
+        asker = message.get_srcSystem(), message.get_srcComponent()
+        nan = float("nan")
+        ask = Ask(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *asker)
+        mode = MODES_BY_NUMBER.get(message.custom_mode)
+        self.acknowledge(ask, self.change_mode(mode) if mode else ACCEPTED)
+
+    def acknowledge_again(self, ask: Ask, result: int) -> None:
+        """Send the commander's answer behind the one of the MAVLink module."""
+        if "no_ack" not in self.faults:
+            self.later(self.ack_delay + _COMMANDER, ack(ask, result))
+
+    def take_off(self, manoeuvre: Manoeuvre) -> None:
+        """Begin a take-off now, or when the motors are armed."""
+        self._then = None
+        self.takeoff = manoeuvre
+        self.enter(MODES["TAKEOFF"])
+        if self.armed:
+            self.begin_takeoff()
+
+    def begin_takeoff(self) -> None:
+        """Fly the take-off that was asked for; its waiting time counts from here."""
+        asked, self.takeoff = self.takeoff, None
+        if asked is not None:
+            self.manoeuvre = Takeoff(self, asked.down) if isinstance(asked, Takeoff) else asked
+
+    def arm(self) -> None:
+        """Start the motors; the mode that is set begins."""
+        super().arm()
+        self.enter(self.mode)
+        if self.mode.name == "TAKEOFF":
+            self.begin_takeoff()
+
+    def disarm(self) -> None:
+        """Stop the motors, and go back to the mode that was chosen last."""
+        super().disarm()
+        self.failsafe = ""
+        self._then = None
+        if not self.terminated:
+            self.enter(self.chosen)
+
+    # setpoints
+
+    @property
+    def stream_alive(self) -> bool:
+        """True while setpoints come in often enough, and have for a moment."""
+        if self._setpoint_at is None or self.time - self._setpoint_at > self.params["COM_OF_LOSS_T"]:
+            return False
+        return self._setpoint_at - self._stream_since >= _ENOUGH_STREAM
+
+    def setpoint(self, message: Any) -> None:
+        """Take a setpoint: it keeps the stream alive, and is obeyed in OFFBOARD."""
+        setpoint = setpoint_of(message)
+        refusal = _refusal(setpoint, local=message.get_type() == "SET_POSITION_TARGET_LOCAL_NED")
+        if refusal:
+            self.say(CRITICAL, refusal)
+            return
+        last = self._setpoint_at
+        if last is None or self.time - last > self.params["COM_OF_LOSS_T"]:
+            self._stream_since = self.time
+        self._setpoint_at = self.time
+        if self.failsafe == "offboard" and self.time - self._stream_since >= _BACK_TO_OFFBOARD:
+            self.failsafe = ""
+            self._then = None
+            self.enter(MODES["OFFBOARD"])
+        if self.armed and self.mode.name == "OFFBOARD":
+            self.manoeuvre = self.fly_setpoint(setpoint)
+
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+        """Return the manoeuvre; the heading is kept when the message leaves it out."""
+        heading = setpoint.heading
+        if heading is None and setpoint.turn_rate is None:
+            heading = self.body.heading
+        if setpoint.position is not None and setpoint.frame != _BODY_NED:
+            return GoTo(*self._place(setpoint.frame, setpoint.position), heading=heading)
+        velocity = setpoint.velocity or (0.0, 0.0, 0.0)
+        if setpoint.frame == _BODY_NED:
+            velocity = turned(velocity, self.body.heading)
+        return Drive(velocity, heading=heading, turn_rate=setpoint.turn_rate)
+
+    def _place(self, frame: int, position: Triple) -> Triple:
+        """Return a target as a local position."""
+        if frame == _LOCAL_NED:
+            return position
+        x, y, z = position
+        base = self.home[2] if frame in _RELATIVE_FRAMES and self.home is not None else 0.0
+        return self.ned_of(x, y, z + base)
+
+    # by itself
+
+    def supervise(self) -> None:
+        """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""
+        if not self.armed:
+            if self.age(2.0) and (self.home is None or self.flying):
+                self.set_home()
+            return
+        self._end_manoeuvre()
+        self._auto_disarm()
+        if self.armed and not self.terminated:
+            self._watch_offboard()
+            self._watch_position()
+            self._watch_gcs()
+            self._watch_battery()
+            self._go_on()
+
+    def _end_manoeuvre(self) -> None:
+        """TAKEOFF goes over into LOITER; a mission that asks for it into RTL."""
+        reached = self.manoeuvre
+        if self.mode.name == "TAKEOFF" and reached.done:
+            self.enter(MODES["LOITER"])
+            if isinstance(reached, Takeoff):
+                self.manoeuvre = GoTo(reached.north, reached.east, reached.down, heading=reached.heading)
+        elif self.runs_mission and getattr(self.manoeuvre, "returns", False):
+            self.enter(MODES["RTL"])
+
+    def touched_ground(self) -> None:
+        """Say that the vehicle has landed."""
+        self.say(INFO, "Landing detected")
+
+    def _auto_disarm(self) -> None:
+        """Disarm after a landing, or when no take-off follows the arming."""
+        if self.flying or self.terminated:
+            return
+        if self.touched_at is not None:
+            if self.time - self.touched_at > self.params["COM_DISARM_LAND"] > 0:
+                self.say(INFO, "Disarmed by landing")
+                self.disarm()
+        elif not self.taking_off and self.time - self.armed_at > self.params["COM_DISARM_PRFLT"] > 0:
+            self.say(INFO, "Disarmed by auto preflight disarming")
+            self.disarm()
+
+    def fail(self, why: str, mode: str, then: str = "") -> None:
+        """Begin a fail-safe in a mode; ``then`` follows after COM_FAIL_ACT_T seconds."""
+        self.failsafe = why
+        self.say(CRITICAL, "Failsafe activated")
+        self.enter(MODES[mode] if not MODES[mode].position or self.has_position else MODES["LAND"])
+        self._then = (self.time + self.params["COM_FAIL_ACT_T"], MODES[then]) if then else None
+
+    def _go_on(self) -> None:
+        """Take the second step of a fail-safe."""
+        if self._then is not None and self.time >= self._then[0]:
+            _, mode = self._then
+            self._then = None
+            self.enter(mode)
+
+    def _watch_offboard(self) -> None:
+        """COM_OBL_RC_ACT when the setpoints stop."""
+        if self.mode.name != "OFFBOARD" or self._setpoint_at is None:
+            return
+        if self.time - self._setpoint_at > self.params["COM_OF_LOSS_T"]:
+            action = int(self.params["COM_OBL_RC_ACT"])
+            self.fail("offboard", _OFFBOARD_LOSS.get(action, "LOITER"))
+
+    def _watch_position(self) -> None:
+        """Land without a position."""
+        if self.flying and self.mode.position and not self.has_position and self.failsafe != "position":
+            self.fail("position", "LAND")
+
+    def _watch_gcs(self) -> None:
+        """NAV_DLL_ACT when the ground station is silent; nothing by default."""
+        action = _ACTIONS.get(int(self.params["NAV_DLL_ACT"]))
+        if action is None or self.gcs_heard_at is None or self.failsafe or not self.flying:
+            return
+        if self.mode.name in {"LAND", "RTL"}:
+            return
+        if self.time - self.gcs_heard_at > self.params["COM_DL_LOSS_T"] + _GCS_GRACE:
+            self.fail("gcs", "LOITER", then=action)
+
+    def _watch_battery(self) -> None:
+        """Warn, then return, then land; once for each level."""
+        share = self.battery.percent / 100
+        if share < self.params["BAT_LOW_THR"] and "low" not in self._battery_told:
+            self._battery_told.add("low")
+            self.say(WARNING, "Low battery level, return advised")
+        for level, limit, then in (
+            ("critical", "BAT_CRIT_THR", "RTL"),
+            ("emergency", "BAT_EMERGEN_THR", "LAND"),
+        ):
+            if share < self.params[limit] and level not in self._battery_told and self.flying:
+                self._battery_told.add(level)
+                if self.params["COM_LOW_BAT_ACT"] > 0:
+                    self.fail("battery", "LOITER", then=then)
+
+
+def _refusal(setpoint: Setpoint, *, local: bool) -> str:
+    """Return why a setpoint is not taken, empty when it is."""
+    frames = {_LOCAL_NED, _BODY_NED} if local else _RELATIVE_FRAMES | _AMSL_FRAMES
+    if setpoint.frame not in frames:
+        return f"SET_POSITION_TARGET: coordinate frame {setpoint.frame} unsupported"
+    wanted = setpoint.velocity if setpoint.frame == _BODY_NED else setpoint.velocity or setpoint.position
+    if wanted is None or not setpoint.finite or setpoint.force:
+        return "SET_POSITION_TARGET: invalid"
+    return ""

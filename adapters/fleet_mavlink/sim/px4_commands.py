@@ -1,0 +1,220 @@
+"""What PX4 does with each command it knows; the rest is UNSUPPORTED."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Ask,
+    whole,
+)
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Handler, accept
+from fleet_mavlink.sim.common_commands import (
+    FORCE,
+    get_message_interval,
+    message_interval,
+    request_version,
+)
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre, Takeoff
+from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.streams import BUILDERS
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.px4 import Px4
+
+_HOP = 0.6  # metres that a take-off to a height below the vehicle climbs
+
+
+def _arm(pilot: Px4, ask: Ask) -> int:
+    """Arm (1) or disarm (0); 21196 disarms in the air."""
+    if ask.p1 not in {0.0, 1.0}:
+        return UNSUPPORTED
+    if ask.p1 == 0.0:
+        return _disarm(pilot, force=ask.p2 == FORCE)
+    if pilot.armed or pilot.terminated:
+        return ACCEPTED  # a terminated flight acknowledges and does nothing
+    refusals = pilot.refusals(force=ask.p2 == FORCE)
+    for refusal in refusals:
+        pilot.say(CRITICAL, f"Arming denied: {refusal}")
+    if refusals:
+        return TEMPORARILY_REJECTED
+    pilot.arm()
+    pilot.say(INFO, "Armed by external command")
+    return ACCEPTED
+
+
+def _disarm(pilot: Px4, *, force: bool) -> int:
+    if pilot.armed and pilot.flying and not force:
+        pilot.say(CRITICAL, "Disarming denied: not landed")
+        return TEMPORARILY_REJECTED
+    if pilot.armed:
+        pilot.say(INFO, "Disarmed by external command")
+        pilot.disarm()
+    return ACCEPTED
+
+
+def _take_off(pilot: Px4, ask: Ask) -> int:
+    """Metres above sea level whatever the frame; NaN keeps, 0/0 is a place in the Gulf of Guinea."""
+    if pilot.terminated:
+        return TEMPORARILY_REJECTED
+    pilot.take_off(_takeoff_manoeuvre(pilot, ask))
+    return ACCEPTED
+
+
+def _takeoff_manoeuvre(pilot: Px4, ask: Ask) -> Manoeuvre:
+    if ask.latitude == 0.0 and ask.longitude == 0.0:
+        return Idle()
+    here = pilot.body.down
+    down = here - pilot.params["MIS_TAKEOFF_ALT"]
+    if math.isfinite(ask.altitude):
+        down = pilot.place[2] - ask.altitude
+    if down >= here:
+        pilot.say(CRITICAL, "Already higher than takeoff altitude")
+        down = here - (_HOP if pilot.body.grounded else 0.0)
+    return Takeoff(pilot, down)
+
+
+def _set_mode(pilot: Px4, ask: Ask) -> None:
+    """Acknowledged twice: by the MAVLink module, which always accepts, and by the commander."""
+    pilot.acknowledge(ask, ACCEPTED)
+    mode = MODES_BY_NUMBER.get((whole(ask.p3) << 24 | whole(ask.p2) << 16) & 0xFFFFFFFF)
+    custom = whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    pilot.acknowledge_again(ask, pilot.change_mode(mode) if custom and mode else ACCEPTED)
+
+
+def _return(pilot: Px4, _ask: Ask) -> int:
+    result = pilot.change_mode(MODES["RTL"])
+    if result == ACCEPTED:
+        pilot.say(INFO, "Returning to launch")
+    return result
+
+
+def _land(pilot: Px4, _ask: Ask) -> int:
+    """Accepted also without a position."""
+    result = pilot.change_mode(MODES["LAND"])
+    if result == ACCEPTED:
+        pilot.say(INFO, "Landing at current position")
+    return result
+
+
+def _start_mission(pilot: Px4, _ask: Ask) -> int:
+    """Arms by itself."""
+    if not pilot.missions.loaded:
+        return DENIED
+    pilot.enter(MODES["MISSION"])
+    if not pilot.armed:
+        refusals = pilot.refusals(force=False)
+        if refusals:
+            pilot.say(CRITICAL, f"Arming denied: {refusals[0]}")
+            return TEMPORARILY_REJECTED
+        pilot.arm()
+    return ACCEPTED
+
+
+def _reposition(pilot: Px4, ask: Ask) -> int:
+    """Altitude above sea level whatever the frame; NaN keeps; heading in radians."""
+    if not whole(ask.p2) & 1:
+        return UNSUPPORTED
+    return _go(pilot, ask.latitude, ask.longitude, ask.altitude, ask.p4, ask.p1)
+
+
+def _altitude(pilot: Px4, ask: Ask) -> int:
+    """DO_CHANGE_ALTITUDE: above sea level."""
+    return _go(pilot, math.nan, math.nan, ask.p1, math.nan, -1.0)
+
+
+def _go(pilot: Px4, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> int:
+    """Go over into LOITER at a place; what is NaN stays as it is."""
+    result = pilot.change_mode(MODES["LOITER"])
+    if result != ACCEPTED or not pilot.flying or not pilot.armed:
+        return result
+    here = pilot.geo()
+    north, east, down = pilot.ned_of(
+        latitude if math.isfinite(latitude) else here[0],
+        longitude if math.isfinite(longitude) else here[1],
+        altitude if math.isfinite(altitude) else here[2],
+    )
+    keep = heading if math.isfinite(heading) else pilot.body.heading
+    pilot.manoeuvre = GoTo(north, east, down, heading=keep, speed=speed if speed > 0.0 else None)
+    return ACCEPTED
+
+
+def _speed(pilot: Px4, ask: Ask) -> int:
+    """Metres per second; -1 leaves it."""
+    if ask.p2 > 0.0:
+        pilot.asked_speed = ask.p2
+    return ACCEPTED
+
+
+def _home(pilot: Px4, ask: Ask) -> int:
+    """Here (param 1 = 1), or at a place."""
+    place = (ask.latitude, ask.longitude, ask.altitude)
+    if ask.p1 == 1.0:
+        pilot.set_home()
+    elif all(map(math.isfinite, place)):
+        pilot.home = place
+    else:
+        return DENIED
+    return ACCEPTED
+
+
+def _terminate(pilot: Px4, ask: Ask) -> int:
+    """The motors stop while the heartbeat stays armed; only a reboot ends it."""
+    if not ask.p1 > 1.5 and ask.p1 != 1.0:
+        return DENIED
+    pilot.terminated = True
+    pilot.enter(MODES["TERMINATION"])
+    return ACCEPTED
+
+
+def _reboot(pilot: Px4, ask: Ask) -> int:
+    if pilot.armed or ask.p1 not in {1.0, 3.0}:
+        return DENIED
+    pilot.reboot_asked = True
+    return ACCEPTED
+
+
+def _interval(pilot: Px4, ask: Ask) -> int:
+    """Unknown messages fail."""
+    return message_interval(pilot, ask) if whole(ask.p1) in BUILDERS else FAILED
+
+
+def _request(pilot: Px4, ask: Ask) -> int:
+    """Denied when there is no such message, or nothing to tell yet."""
+    build = BUILDERS.get(whole(ask.p1))
+    message = build(pilot) if build is not None else None
+    if message is None:
+        return DENIED
+    pilot.out.append(message)
+    return ACCEPTED
+
+
+COMMANDS: Mapping[int, Handler] = {
+    mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
+    mav.MAV_CMD_NAV_LAND: _land,
+    mav.MAV_CMD_NAV_TAKEOFF: _take_off,
+    mav.MAV_CMD_DO_SET_MODE: _set_mode,
+    mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
+    mav.MAV_CMD_DO_SET_HOME: _home,
+    mav.MAV_CMD_DO_FLIGHTTERMINATION: _terminate,
+    mav.MAV_CMD_DO_CHANGE_ALTITUDE: _altitude,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_SET_ROI_NONE: accept,
+    mav.MAV_CMD_PREFLIGHT_CALIBRATION: accept,
+    mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
+    mav.MAV_CMD_MISSION_START: _start_mission,
+    mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
+    mav.MAV_CMD_SET_MESSAGE_INTERVAL: _interval,
+    mav.MAV_CMD_REQUEST_MESSAGE: _request,
+    mav.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_version,
+}

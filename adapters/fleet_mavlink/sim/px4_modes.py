@@ -1,0 +1,58 @@
+"""PX4's flight modes: main and sub mode packed into custom_mode."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.manoeuvres import Idle, Land, Manoeuvre, Return, Sink, Takeoff, hold
+from fleet_mavlink.sim.mission_flight import FlyMission
+from fleet_mavlink.sim.modes import AUTO_BASE, MANUAL_BASE, Mode
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+_DESCENT = 0.8  # m/s of the fail-safe in a manual mode without a stick input
+_CONE_MIN = 10.0  # m: RTL never returns lower than this above home
+
+
+def _sink(_pilot: Autopilot) -> Manoeuvre:
+    return Sink(_DESCENT)
+
+
+def _fall(_pilot: Autopilot) -> Manoeuvre:
+    return Idle()
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    """Climb into a cone of 45 degrees around home, at most RTL_RETURN_ALT above it."""
+    north, east, _ = pilot.home_ned()
+    flat = max(abs(pilot.body.north - north), abs(pilot.body.east - east))
+    height = min(pilot.params["RTL_RETURN_ALT"], max(_CONE_MIN, flat + _CONE_MIN))
+    return Return(pilot, height, 0.0)
+
+
+def _take_off(pilot: Autopilot) -> Manoeuvre:
+    """The mode without the command climbs MIS_TAKEOFF_ALT."""
+    return Takeoff(pilot, pilot.body.down - pilot.params["MIS_TAKEOFF_ALT"])
+
+
+def _auto(sub: int) -> int:
+    return sub << 24 | 4 << 16
+
+
+_ALL = (
+    Mode("MANUAL", 1 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    Mode("ALTCTL", 2 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    Mode("POSCTL", 3 << 16, _sink, MANUAL_BASE, armable=False),
+    Mode("OFFBOARD", 6 << 16, hold, AUTO_BASE),
+    Mode("STABILIZED", 7 << 16, _sink, MANUAL_BASE, position=False, armable=False),
+    Mode("TERMINATION", 10 << 16, _fall, AUTO_BASE, position=False, armable=False),
+    Mode("TAKEOFF", _auto(2), _take_off, AUTO_BASE),
+    Mode("LOITER", _auto(3), hold, AUTO_BASE),
+    Mode("MISSION", _auto(4), FlyMission, AUTO_BASE),
+    Mode("RTL", _auto(5), _home, AUTO_BASE, armable=False),
+    Mode("LAND", _auto(6), Land, AUTO_BASE, position=False, armable=False),
+    Mode("PRECLAND", _auto(9), Land, AUTO_BASE, armable=False),
+)
+MODES = {mode.name: mode for mode in _ALL}
+MODES_BY_NUMBER = {mode.custom: mode for mode in _ALL}

@@ -1,0 +1,165 @@
+"""Simulated vehicles on real sockets: one process, one wheel, a socket for each vehicle."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from typing import Any
+
+from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.sim.vehicle import SimVehicle
+from fleet_mavlink.sim.wire import Wire
+
+_log = logging.getLogger(__name__)
+_TICK = 0.02  # seconds between two steps of all vehicles
+_ANSWER = 0.005  # seconds after a message at which answers that take a moment are sent
+Address = tuple[str, int]
+
+
+class Station(asyncio.DatagramProtocol):
+    """One vehicle on its own UDP socket; it speaks to ``target``, or to whom it heard last."""
+
+    def __init__(self, spec: SimSpec, target: Address | None) -> None:
+        loop = asyncio.get_running_loop()
+        self._loop = loop
+        self._started = loop.time()
+        self._speed = spec.speed
+        self._peer = target
+        self._follows = target is None
+        self._stirring: asyncio.TimerHandle | None = None
+        vehicle = SimVehicle(
+            spec.flavour,
+            system_id=spec.system_id,
+            home=spec.home,
+            ready_after=spec.ready,
+            faults=spec.faults,
+            seed=spec.seed,
+            epoch=time.time(),
+        )
+        self.wire = Wire(vehicle, spec.accessories)
+        self.port = 0
+        self._transport: Any = None
+
+    def now(self) -> float:
+        """Return seconds of this vehicle's simulation."""
+        return (self._loop.time() - self._started) * self._speed
+
+    def connection_made(self, transport: Any) -> None:
+        """Keep the socket."""
+        self._transport = transport
+        self.port = transport.get_extra_info("sockname")[1]
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Answer a station at once."""
+        if self._follows:
+            self._peer = addr
+        self.write(self.wire.receive(data, self.now()))
+        if self._stirring is None:
+            self._stirring = self._loop.call_later(_ANSWER, self._stir)
+
+    def error_received(self, exc: Exception) -> None:
+        """Nobody listens yet: go on telling, as a vehicle does."""
+        _log.debug("system %s: %s", self.wire.vehicle.system_id, exc)
+
+    def _stir(self) -> None:
+        self._stirring = None
+        self.step()
+
+    def step(self) -> None:
+        """Move the vehicle on and send what is due."""
+        self.write(self.wire.step(self.now()))
+
+    def write(self, frames: list[bytes]) -> None:
+        """Send frames, each in a datagram; while nobody was heard they are lost."""
+        if self._peer is None or self._transport is None:
+            return
+        for frame in frames:
+            self._transport.sendto(frame, self._peer)
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._stirring is not None:
+            self._stirring.cancel()
+        if self._transport is not None:
+            self._transport.close()
+
+
+class TcpStation(Station):
+    """One vehicle that waits for a TCP client; a new client takes the place of the old one."""
+
+    def __init__(self, spec: SimSpec) -> None:
+        super().__init__(spec, None)
+        self._server: asyncio.Server | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._tasks: set[asyncio.Task[Any]] = set()
+
+    async def listen(self, host: str, port: int) -> None:
+        """Open the port; raises OSError."""
+        self._server = await asyncio.start_server(self._serve, host, port)
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Speak with one client until it goes."""
+        if self._writer is not None:
+            self._writer.close()
+        self._writer = writer
+        self.write(self.wire.greeting())
+        with contextlib.suppress(ConnectionError):
+            while data := await reader.read(4096):
+                self.write(self.wire.receive(data, self.now()))
+        if self._writer is writer:
+            self._writer = None
+        writer.close()
+
+    def write(self, frames: list[bytes]) -> None:
+        """Write frames into the stream; without a client they are lost."""
+        if self._writer is not None and frames and not self._writer.is_closing():
+            self._writer.write(b"".join(frames))
+
+    def close(self) -> None:
+        """Close the client and the port."""
+        if self._writer is not None:
+            self._writer.close()
+        if self._server is not None:
+            self._server.close()
+
+
+class SimServer:
+    """All vehicles of this process, moved by one wheel."""
+
+    def __init__(self) -> None:
+        self.stations: list[Station] = []
+
+    async def add_udp(self, spec: SimSpec, target: Address | None = None, port: int = 0) -> Station:
+        """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
+
+        Raises OSError when the port is taken.
+        """
+        loop = asyncio.get_running_loop()
+        local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - speaks to target
+        _, station = await loop.create_datagram_endpoint(lambda: Station(spec, target), local_addr=local)
+        self.stations.append(station)
+        return station
+
+    async def add_tcp(self, spec: SimSpec, port: int) -> TcpStation:
+        """Add a vehicle that waits for a client on 127.0.0.1:``port``; raises OSError."""
+        station = TcpStation(spec)
+        await station.listen("127.0.0.1", port)
+        self.stations.append(station)
+        return station
+
+    async def run(self) -> None:
+        """Turn the wheel until cancelled; then close every socket."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        try:
+            while True:
+                for station in self.stations:
+                    station.step()
+                due = max(due + _TICK, loop.time())
+                await asyncio.sleep(due - loop.time())
+        finally:
+            for station in self.stations:
+                station.close()

@@ -1,0 +1,288 @@
+"""What the vehicle tells by itself: one builder for each message, and the rates that were asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import all as mav
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+Builder = Callable[["Autopilot"], Any]  # returns the message, or None while there is nothing to tell
+
+
+def _heading_cdeg(pilot: Autopilot) -> int:
+    return int(math.degrees(pilot.body.heading) * 100) % 36000
+
+
+def heartbeat(pilot: Autopilot) -> Any:
+    """HEARTBEAT: mode, armed, and how the system is."""
+    base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
+    return mav.MAVLink_heartbeat_message(
+        mav.MAV_TYPE_QUADROTOR, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
+    )
+
+
+def sys_status(pilot: Autopilot) -> Any:
+    """SYS_STATUS: sensor health with the PREARM_CHECK bit, battery."""
+    present, enabled, health = pilot.sensors()
+    battery = pilot.battery
+    return mav.MAVLink_sys_status_message(
+        present,
+        enabled,
+        health,
+        320,
+        int(battery.volts * 1000),
+        int(battery.amperes * 100),
+        int(battery.percent),
+        *(0, 0, 0, 0, 0, 0),
+    )
+
+
+def gps_raw_int(pilot: Autopilot) -> Any:
+    """GPS_RAW_INT: what the receiver measures, with noise."""
+    if not pilot.gps_fix:
+        unknown = 65535
+        return mav.MAVLink_gps_raw_int_message(
+            pilot.boot_us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
+        )
+    latitude, longitude, altitude = pilot.geo()
+    noise = pilot.random.gauss(0.0, 1.0)
+    return mav.MAVLink_gps_raw_int_message(
+        pilot.boot_us,
+        pilot.fix_type,
+        int(latitude * 1e7 + noise),
+        int(longitude * 1e7 - noise),
+        int(altitude * 1000 + 20 * noise),
+        121,
+        200,
+        int(pilot.body.speed * 100),
+        int(math.degrees(math.atan2(pilot.body.ve, pilot.body.vn)) * 100) % 36000,
+        10,
+        int(altitude * 1000),
+        300,
+        300,
+        40,
+    )
+
+
+def global_position_int(pilot: Autopilot) -> Any:
+    """GLOBAL_POSITION_INT: the estimate; ArduPilot says 0/0 before it has an origin."""
+    if not pilot.origin_set:
+        return mav.MAVLink_global_position_int_message(
+            pilot.boot_ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
+        )
+    latitude, longitude, altitude = pilot.geo()
+    body = pilot.body
+    return mav.MAVLink_global_position_int_message(
+        pilot.boot_ms,
+        int(latitude * 1e7),
+        int(longitude * 1e7),
+        int(altitude * 1000),
+        int(pilot.height_over_home() * 1000),
+        int(body.vn * 100),
+        int(body.ve * 100),
+        int(body.vd * 100),
+        _heading_cdeg(pilot),
+    )
+
+
+def local_position_ned(pilot: Autopilot) -> Any:
+    """LOCAL_POSITION_NED: metres from the estimator's origin; nothing before there is one."""
+    if not pilot.origin_set:
+        return None
+    body = pilot.body
+    return mav.MAVLink_local_position_ned_message(
+        pilot.boot_ms, body.north, body.east, body.down, body.vn, body.ve, body.vd
+    )
+
+
+def _signed(heading: float) -> float:
+    """Return a heading in (-pi, pi]."""
+    return math.remainder(heading, math.tau)
+
+
+def attitude(pilot: Autopilot) -> Any:
+    """ATTITUDE: roll, pitch, yaw in radians."""
+    body = pilot.body
+    return mav.MAVLink_attitude_message(
+        pilot.boot_ms, body.roll, body.pitch, _signed(body.heading), 0.0, 0.0, body.turn_rate
+    )
+
+
+def attitude_quaternion(pilot: Autopilot) -> Any:
+    """ATTITUDE_QUATERNION: the same, as w x y z."""
+    body = pilot.body
+    cr, sr = math.cos(body.roll / 2), math.sin(body.roll / 2)
+    cp, sp = math.cos(body.pitch / 2), math.sin(body.pitch / 2)
+    cy, sy = math.cos(_signed(body.heading) / 2), math.sin(_signed(body.heading) / 2)
+    return mav.MAVLink_attitude_quaternion_message(
+        pilot.boot_ms,
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        0.0,
+        0.0,
+        body.turn_rate,
+    )
+
+
+def vfr_hud(pilot: Autopilot) -> Any:
+    """VFR_HUD: speed, heading, altitude above sea level, climb."""
+    body = pilot.body
+    return mav.MAVLink_vfr_hud_message(
+        0.0,
+        body.speed,
+        int(math.degrees(body.heading)) % 360,
+        50 if pilot.armed and not body.grounded else 0,
+        pilot.geo()[2],
+        -body.vd,
+    )
+
+
+def battery_status(pilot: Autopilot) -> Any:
+    """BATTERY_STATUS: volts of the pack in the first cell, percent left."""
+    battery = pilot.battery
+    volts = [int(battery.volts * 1000)] + [65535] * 9
+    return mav.MAVLink_battery_status_message(
+        0, 1, 1, 32767, volts, int(battery.amperes * 100), int(battery.used_mah), -1, int(battery.percent)
+    )
+
+
+def extended_sys_state(pilot: Autopilot) -> Any:
+    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+    return mav.MAVLink_extended_sys_state_message(0, pilot.landed_state())
+
+
+def home_position(pilot: Autopilot) -> Any:
+    """HOME_POSITION: nothing before home is known."""
+    if pilot.home is None:
+        return None
+    north, east, down = pilot.home_ned()
+    latitude, longitude, altitude = pilot.home
+    return mav.MAVLink_home_position_message(
+        int(latitude * 1e7),
+        int(longitude * 1e7),
+        int(altitude * 1000),
+        north,
+        east,
+        down,
+        [1.0, 0.0, 0.0, 0.0],
+        0.0,
+        0.0,
+        0.0,
+        pilot.boot_us,
+    )
+
+
+def mission_current(pilot: Autopilot) -> Any:
+    """MISSION_CURRENT: where the mission stands."""
+    missions = pilot.missions
+    return mav.MAVLink_mission_current_message(
+        missions.current, missions.total, missions.state, 1 if pilot.runs_mission else 2
+    )
+
+
+def ekf_status_report(pilot: Autopilot) -> Any:
+    """EKF_STATUS_REPORT (ArduPilot only): 0x33f with a position, 0xa7 without."""
+    if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        return None
+    flags = 0x33F if pilot.has_position else 0xA7
+    return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
+
+
+def system_time(pilot: Autopilot) -> Any:
+    """SYSTEM_TIME: Unix time is 0 before satellites tell it."""
+    unix = int(pilot.unix_time * 1e6) if pilot.gps_fix else 0
+    return mav.MAVLink_system_time_message(unix, pilot.boot_ms)
+
+
+def autopilot_version(pilot: Autopilot) -> Any:
+    """AUTOPILOT_VERSION: capabilities and version."""
+    custom = list(b"92b0cd78")
+    return mav.MAVLink_autopilot_version_message(
+        pilot.capabilities, pilot.version, 0, 0, 0, custom, [0] * 8, [0] * 8, 0, 0, pilot.system_id
+    )
+
+
+def gps_global_origin(pilot: Autopilot) -> Any:
+    """GPS_GLOBAL_ORIGIN: where LOCAL_POSITION_NED counts from; nothing before there is one."""
+    if not pilot.origin_set:
+        return None
+    latitude, longitude, altitude = pilot.place
+    return mav.MAVLink_gps_global_origin_message(
+        int(latitude * 1e7), int(longitude * 1e7), int(altitude * 1000), pilot.boot_us
+    )
+
+
+BUILDERS: Mapping[int, Builder] = {
+    mav.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
+    mav.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
+    mav.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
+    mav.MAVLINK_MSG_ID_ATTITUDE: attitude,
+    mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: attitude_quaternion,
+    mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
+    mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
+    mav.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
+    mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
+    mav.MAVLINK_MSG_ID_HOME_POSITION: home_position,
+    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
+}
+# REQUEST_DATA_STREAM (ArduPilot): what one stream id switches
+DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
+    1: (27, 29, 116, 129),  # raw sensors: not simulated, switched in vain
+    2: (1, 24, 42, 74, 193),  # extended status
+    3: (35,),  # RC channels
+    6: (32, 33),  # position
+    10: (30,),  # extra 1
+    11: (74,),  # extra 2
+    12: (2, 147, 193),  # extra 3
+}
+ALL_STREAMS = tuple(sorted({message for group in DATA_STREAMS.values() for message in group} - {35}))
+
+
+class Streams:
+    """Which messages are sent by themselves, and when the next of each is due."""
+
+    def __init__(self, rates: Mapping[int, float], now: float) -> None:
+        self._defaults = dict(rates)
+        self._every: dict[int, float] = {}
+        self._due: dict[int, float] = {}
+        for message_id, rate in rates.items():
+            self.set(message_id, 1.0 / rate, now)
+
+    def set(self, message_id: int, every: float, now: float) -> None:
+        """Send a message every so many seconds from now on; 0 or less: not by itself."""
+        self._due.pop(message_id, None)
+        self._every.pop(message_id, None)
+        if every > 0.0:
+            self._every[message_id] = every
+            self._due[message_id] = now
+
+    def reset(self, message_id: int, now: float) -> None:
+        """Go back to the default rate of a message."""
+        rate = self._defaults.get(message_id, 0.0)
+        self.set(message_id, 1.0 / rate if rate else 0.0, now)
+
+    def every(self, message_id: int) -> float:
+        """Return the seconds between two of a message; 0: it is not sent by itself."""
+        return self._every.get(message_id, 0.0)
+
+    def due(self, pilot: Autopilot, now: float) -> Iterable[Any]:
+        """Yield the messages whose time has come."""
+        for message_id, due in self._due.items():
+            if due > now:
+                continue
+            self._due[message_id] = max(due + self._every[message_id], now)
+            message = BUILDERS[message_id](pilot)
+            if message is not None:
+                yield message

@@ -1,0 +1,251 @@
+"""The simulated vehicle: messages in, messages out; no I/O and no clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from random import Random
+from typing import Any, Literal
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet.sim.faults import check_fault
+from fleet_mavlink.sim.ardupilot import ArduPilot
+from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
+from fleet_mavlink.sim.ask import ask_of
+from fleet_mavlink.sim.autopilot import Autopilot, Boot
+from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.faults import FAULTS
+from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, Missions
+from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
+from fleet_mavlink.sim.physics import Body
+from fleet_mavlink.sim.px4 import Px4
+from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
+from fleet_mavlink.sim.streams import ALL_STREAMS, BUILDERS, DATA_STREAMS
+
+Flavour = Literal["ardupilot", "px4"]
+ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
+_STEP = 0.05  # longest step of the physics, s
+_DARK = 1.0  # seconds without power of a reboot
+_DRIFT = 0.05  # share of the wind that the position control does not hold
+_COMPONENT = 1
+
+
+class SimVehicle:
+    """One vehicle with its autopilot, from being switched on.
+
+    ``home`` is latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
+    ``ready_after``: seconds until it can be armed; None: as long as the real one takes.
+    ``epoch`` is the Unix time at time 0. All times are seconds of the simulation and only grow.
+    """
+
+    def __init__(
+        self,
+        flavour: Flavour,
+        *,
+        system_id: int = 1,
+        home: tuple[float, float, float, float] = (47.397742, 8.545594, 488.0, 0.0),
+        ready_after: float | None = None,
+        faults: Mapping[str, float] | None = None,
+        seed: int = 1,
+        epoch: float = 0.0,
+        now: float = 0.0,
+    ) -> None:
+        self.flavour = flavour
+        self.system_id = system_id
+        self.faults: dict[str, float] = {}
+        self.body = Body(heading=math.radians(home[3]) % math.tau)
+        self.time = now
+        self._place = (home[0], home[1], home[2])
+        self._ready_after = ready_after
+        self._random = Random(seed * 1009 + system_id)  # noqa: S311 - the same run again, no secret
+        self._epoch = epoch
+        ardupilot = flavour == "ardupilot"
+        self._battery = Battery(12.6, 9.6) if ardupilot else Battery(16.2, 13.2)
+        values = ardupilot_params(system_id) if ardupilot else px4_params(system_id)
+        self._params = Params(values, "cast" if ardupilot else "bytewise")
+        self._missions = Missions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
+        self._gust = 0.0
+        self._dark_until = now
+        self.pilot = self._boot(now)
+        for name, value in (faults or {}).items():
+            self.set_fault(name, value)
+
+    def _boot(self, now: float) -> Autopilot:
+        """Start an autopilot in the body as it is."""
+        boot = Boot(
+            system_id=self.system_id,
+            place=self._place,
+            ready_after=self._ready_after,
+            body=self.body,
+            battery=self._battery,
+            params=self._params,
+            missions=self._missions,
+            random=self._random,
+            faults=self.faults,
+            epoch=self._epoch,
+            at=now,
+        )
+        return ArduPilot(boot) if self.flavour == "ardupilot" else Px4(boot)
+
+    def reboot(self, now: float) -> None:
+        """Restart the autopilot: dark for a second, rates forgotten, parameters and mission kept."""
+        self._params.reboot()
+        self._missions.reboot()
+        self._dark_until = now + _DARK
+        self.pilot = self._boot(self._dark_until)
+
+    def set_fault(self, name: str, value: float | None) -> None:
+        """Begin a fault, or end it with None; raises ValueError for one that does not exist."""
+        if value is None:
+            check_fault(name, 1.0, FAULTS)
+            self.faults.pop(name, None)
+            return
+        check_fault(name, value, FAULTS)
+        once = _ONCE.get(name)
+        if once is not None:
+            once(self, value)
+        else:
+            self.faults[name] = value
+
+    def handle(self, message: Any, now: float) -> list[Any]:
+        """Take one message of a station; return what is answered at once."""
+        if self.time < self._dark_until:
+            return []
+        handler = _HANDLERS.get(message.get_type())
+        if handler is None or not self._is_for_us(message):
+            return []
+        answers = handler(self.pilot, message)
+        return self._drain(answers or (), now)
+
+    def step(self, now: float) -> list[Any]:
+        """Move on to ``now``; return what the vehicle tells by itself."""
+        told: list[Any] = []
+        while self.time < now:
+            self.time = min(now, self.time + _STEP)
+            if self.time <= self._dark_until:
+                continue
+            self.pilot.tick(self.time, self._wind())
+            told.extend(self._drain((), self.time))
+        return told
+
+    def _drain(self, answers: Iterable[Any], now: float) -> list[Any]:
+        """Return what was put out, and what a handler answered; reboot when that was asked."""
+        told = [*self.pilot.out, *answers]
+        self.pilot.out.clear()
+        if self.pilot.reboot_asked:
+            self.reboot(now)
+        return told
+
+    def _wind(self) -> tuple[float, float]:
+        """Return what the wind adds to the motion, m/s north and east: a share of it, in gusts."""
+        wind = self.faults.get("wind", 0.0)
+        if not wind:
+            return 0.0, 0.0
+        self._gust = 0.98 * self._gust + 0.2 * self._random.gauss(0.0, 1.0)
+        return 0.3 * _DRIFT * wind * self._gust, _DRIFT * wind * (1.0 + self._gust)
+
+    def _is_for_us(self, message: Any) -> bool:
+        """Return True when a message is addressed to this vehicle, or to nobody in particular."""
+        system = getattr(message, "target_system", None)
+        if system is None or message.get_type() in {"TIMESYNC", "PING"}:
+            return True
+        broadcast = system == 0 and (self.pilot.obeys_broadcast or "COMMAND" not in message.get_type())
+        component = message.target_component in {0, _COMPONENT} or self.pilot.obeys_other_components
+        return (system == self.system_id or broadcast) and component
+
+
+def _reboot(vehicle: SimVehicle, _value: float) -> None:
+    vehicle.reboot(vehicle.time)
+
+
+def _low_battery(vehicle: SimVehicle, value: float) -> None:
+    vehicle.pilot.battery.percent = min(100.0, value)
+
+
+def _take_over(vehicle: SimVehicle, _value: float) -> None:
+    ardupilot = vehicle.flavour == "ardupilot"
+    vehicle.pilot.pilot_takes_over(ARDUPILOT_MODES["LOITER"] if ardupilot else PX4_MODES["POSCTL"])
+
+
+_ONCE: Mapping[str, Callable[[SimVehicle, float], None]] = {
+    "reboot": _reboot,
+    "low_battery": _low_battery,
+    "pilot_takeover": _take_over,
+}
+
+
+def _command(pilot: Any, message: Any) -> None:
+    pilot.command(ask_of(message))
+
+
+def _data_stream(pilot: Autopilot, message: Any) -> None:
+    """REQUEST_DATA_STREAM: only ArduPilot knows it; stream 0 is all."""
+    if not isinstance(pilot, ArduPilot):
+        return
+    wanted = ALL_STREAMS if message.req_stream_id == 0 else DATA_STREAMS.get(message.req_stream_id, ())
+    rate = message.req_message_rate if message.start_stop else 0
+    for message_id in wanted:
+        if message_id in BUILDERS:
+            pilot.streams.set(message_id, 1.0 / rate if rate else 0.0, pilot.time)
+
+
+def _timesync(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """Answer a request (tc1 = 0) with the time since boot in nanoseconds."""
+    return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.boot_us * 1000, message.ts1)]
+
+
+def _ping(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """Answer a ping that asks all, to who asked."""
+    if message.target_system or message.target_component:
+        return []
+    asker = message.get_srcSystem(), message.get_srcComponent()
+    return [mav.MAVLink_ping_message(message.time_usec, message.seq, *asker)]
+
+
+def _heartbeat(pilot: Autopilot, message: Any) -> None:
+    if message.type == mav.MAV_TYPE_GCS:
+        pilot.gcs_heartbeat(message)
+
+
+def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """MISSION_SET_CURRENT, answered by MISSION_CURRENT."""
+    if not pilot.missions.set_current(message.seq):
+        return []
+    return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
+
+
+def _no_files(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """Answer any file transfer: there is no such file (NAK 128+1, error 10)."""
+    payload = bytes(message.payload)
+    sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
+    answer = bytearray(251)
+    answer[:2] = sequence.to_bytes(2, "little")
+    answer[3], answer[4], answer[5], answer[12] = 129, 1, payload[3], 10
+    asker = message.get_srcSystem(), message.get_srcComponent()
+    return [mav.MAVLink_file_transfer_protocol_message(0, *asker, list(answer))]
+
+
+_HANDLERS: Mapping[str, Callable[[Any, Any], Iterable[Any] | None]] = {
+    "COMMAND_INT": _command,
+    "COMMAND_LONG": _command,
+    "FILE_TRANSFER_PROTOCOL": _no_files,
+    "HEARTBEAT": _heartbeat,
+    "MISSION_CLEAR_ALL": lambda pilot, message: pilot.missions.clear(message),
+    "MISSION_COUNT": lambda pilot, message: pilot.missions.count(message, pilot.time),
+    "MISSION_ITEM": lambda pilot, message: pilot.missions.item(message, pilot.time),
+    "MISSION_ITEM_INT": lambda pilot, message: pilot.missions.item(message, pilot.time),
+    "MISSION_REQUEST": lambda pilot, message: pilot.missions.request(message, pilot.home),
+    "MISSION_REQUEST_INT": lambda pilot, message: pilot.missions.request(message, pilot.home),
+    "MISSION_REQUEST_LIST": lambda pilot, message: pilot.missions.request_list(message),
+    "MISSION_SET_CURRENT": _set_current,
+    "PARAM_REQUEST_LIST": lambda pilot, _message: pilot.params.asked_list(),
+    "PARAM_REQUEST_READ": lambda pilot, message: pilot.params.asked_read(message),
+    "PARAM_SET": lambda pilot, message: pilot.params.asked_set(message),
+    "PING": _ping,
+    "REQUEST_DATA_STREAM": _data_stream,
+    "SET_MODE": lambda pilot, message: pilot.set_mode(message),
+    "SET_POSITION_TARGET_GLOBAL_INT": lambda pilot, message: pilot.setpoint(message),
+    "SET_POSITION_TARGET_LOCAL_NED": lambda pilot, message: pilot.setpoint(message),
+    "TIMESYNC": _timesync,
+}
