@@ -14,16 +14,23 @@ REPEAT = 0.5  # s; the shortest time between two progress statuses
 
 
 class Action:
-    """One action; every status goes out through ``publish``."""
+    """One action; every status goes out through ``publish``, the terminal one also through ``ended``."""
 
     def __init__(
-        self, action_id: str, task: Task, *, publish: Callable[[NavigationReport], None], clock: Clock
+        self,
+        action_id: str,
+        task: Task,
+        *,
+        publish: Callable[[NavigationReport], None],
+        ended: Callable[[NavigationReport], None],
+        clock: Clock,
     ) -> None:
         self.id = action_id
         self.task = task
         self.paused = False
         self._reached = 0
         self._publish = publish
+        self._ended = ended
         self._clock = clock
         self._said = 0.0
         self.status = self._report(ActionState.QUEUED, 0.0, "")
@@ -67,6 +74,8 @@ class Action:
         self.status = self._report(state, before.progress if percent is None else percent, message)
         self._said = self._clock.monotonic()
         self._publish(self.status)
+        if state.terminal:
+            self._ended(self.status)
 
     def _report(self, state: ActionState, percent: float, message: str) -> NavigationReport:
         """Return a status of this action."""

@@ -282,9 +282,10 @@ class Desk:
             return
         self.deadman.clear()
         self.in_control = True
-        self._navigator.start(self._adapter, ask.ask, ask.action_id)
-        self.last_command, self.last_outcome = "navigate", "accepted"
+        self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
+        ticket.watch(self._note)
+        self._navigator.start(self._adapter, ask.ask, ask.action_id, ticket)
 
     def _control(self, ask: Navigate, control: Control, refusal: str | None, ticket: Ticket) -> None:
         """Stop, pause or resume the running action."""
@@ -312,6 +313,10 @@ class Desk:
         """Return why the robot cannot be asked."""
         return f"{self.name} is offline: {self._offline or 'its adapter is being restarted'}"
 
+    def _note(self, reply: Reply) -> None:
+        """Note for people how the last command stands."""
+        self.last_outcome = _outcome(reply)
+
     # -- answering -----------------------------------------------------------------------------------
 
     def _repeated(self, identity: str, ticket: Ticket) -> bool:
@@ -329,7 +334,7 @@ class Desk:
         """Note the command for people and for its repeats."""
 
         def remember(reply: Reply) -> None:
-            self.last_outcome = _outcome(reply)
+            self._note(reply)
             if ticket.receipt is not None:
                 self._repeats.answered(ask.id, ticket.receipt)
 

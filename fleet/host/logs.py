@@ -32,9 +32,20 @@ def publish_robot_logs(process: RobotProcess) -> None:
     logging.getLogger(ROBOT_LOGGER.rstrip(".")).addHandler(_ToDriverlog(process))
 
 
+class _ToStderr(logging.Handler):
+    """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line."""
+        try:
+            sys.stderr.write(f"{self.format(record)}\n")
+        except (OSError, ValueError):
+            self.handleError(record)
+
+
 def log_to_stderr(level: int) -> None:
     """Log one line each to stderr: time, level, where, what."""
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _ToStderr()
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S"))
     root = logging.getLogger()
     root.handlers[:] = [handler]

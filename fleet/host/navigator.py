@@ -11,6 +11,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
+from fleet.host.ticket import Ticket
 from fleet.model.navigation import ActionState, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
@@ -54,10 +55,16 @@ class Navigator:
         self._publish(known.status)
         return True
 
-    def start(self, adapter: Adapter[Any], task: Task, action_id: str) -> None:
+    def start(self, adapter: Adapter[Any], task: Task, action_id: str, ticket: Ticket) -> None:
         """Begin a task; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
-        self.action = Action(action_id, task, publish=self._publish, clock=self._clock)
+        self.action = Action(
+            action_id,
+            task,
+            publish=self._publish,
+            ended=lambda status: _answer(ticket, status),
+            clock=self._clock,
+        )
         self._remember(self.action)
         self._begin(adapter, self.action)
 
@@ -136,3 +143,11 @@ class Navigator:
         self._known[action.id] = action
         while len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
+
+
+def _answer(ticket: Ticket, status: NavigationReport) -> None:
+    """Tell whoever waits for an action how it ended."""
+    if status.state is ActionState.COMPLETED:
+        ticket.done()
+    else:
+        ticket.reject(f"{status.state.value}: {status.message}")

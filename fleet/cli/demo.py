@@ -1,0 +1,115 @@
+"""``fleet demo``: simulated robots, a broker, the bus and the bridge, with nothing else needed."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import tempfile
+import uuid
+from pathlib import Path
+
+import click
+
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.serve import serve
+from fleet.config.load import load
+from fleet.host.edge import Edge
+from fleet.sim.broker.thread import BrokerThread
+
+NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")
+MQTT_PORT = 1883
+SPACING = 0.0001  # degrees of latitude between two drones: 11 m
+FLAVOURS = ("px4", "ardupilot")
+
+
+def twin_of(name: str) -> str:
+    """Return the twin of a demo robot; the same every time, so that scripts can name it."""
+    return str(uuid.uuid5(NAMESPACE, name))
+
+
+def _link(number: int) -> str:
+    """Return the simulated drone's link: the flavours in turn, side by side in a field near Zurich."""
+    latitude = 47.397742 + SPACING * number
+    return f"sim:{FLAVOURS[(number - 1) % 2]}?home={latitude:.6f},8.545594,488,0"
+
+
+def demo_file(drones: int, host: str, port: int) -> str:
+    """Return the fleet file of the demo, as JSON (which is YAML)."""
+    robots = [
+        {
+            "name": f"drone-{number}",
+            "twin": twin_of(f"drone-{number}"),
+            "adapter": "mavlink",
+            "link": _link(number),
+            "accepts": {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]},
+        }
+        for number in range(1, drones + 1)
+    ]
+    fleet = {
+        "edge": {"id": "demo"},
+        "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
+        "robots": robots,
+        "groups": {"drones": [robot["name"] for robot in robots]},
+    }
+    return json.dumps(fleet, indent=2)
+
+
+@click.command()
+@click.option("--drones", type=click.IntRange(1, 100), default=1, show_default=True, help="How many.")
+@click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
+@click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
+@with_output
+def demo(out: Output, drones: int, broker: str | None, verbose: int) -> ExitCode:
+    """Run simulated robots; nothing else is needed.
+
+    Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), the bus and
+    the bridge, and shows one line a robot until Ctrl-C.
+    """
+    with contextlib.ExitStack() as stack:
+        host, port = _address(broker) if broker else ("127.0.0.1", 0)
+        if broker is None:
+            port = stack.enter_context(BrokerThread(host=host, port=_port())).port
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
+        path = folder / "fleet.yaml"
+        path.write_text(demo_file(drones, host, port), encoding="utf-8")
+        loaded = load(path)
+
+        def started(_edge: Edge) -> None:
+            _welcome(out, host, port)
+
+        return serve(loaded, path, out, verbose=verbose, started=started)
+
+
+def _welcome(out: Output, host: str, port: int) -> None:
+    """Say where to look and what to try."""
+    topic = f"cyberwave/twin/{twin_of('drone-1')}"
+    takeoff = json.dumps({"command": "takeoff", "source_type": "tele", "data": {"altitude": 5}})
+    out.note(f"MQTT broker       {host}:{port}")
+    out.note(f"drone-1's topics  {topic}/+")
+    out.note("try, in another terminal:")
+    out.note("  fleet ps")
+    out.note("  fleet send drone-1 takeoff altitude=5 --wait")
+    out.note("  fleet goto drone-1 10 0 5 --wait")
+    out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")
+    out.note(f"  mosquitto_pub -h {host} -p {port} -t {topic}/command -m '{takeoff}'")
+    out.note("Ctrl-C ends it.")
+
+
+def _port() -> int:
+    """Return MQTT's own port when it is free, else 0 (any)."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", MQTT_PORT))
+        except OSError:
+            return 0
+    return MQTT_PORT
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Read HOST:PORT."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise click.BadParameter(f"{text!r} is not HOST:PORT (as in localhost:1883)", param_hint="--broker")
+    return host, int(port)

@@ -1,0 +1,55 @@
+"""Running an edge in the foreground: signals, logs, the live view, and an orderly end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from fleet.bus.settings import runtime_dir
+from fleet.cli.live import show
+from fleet.cli.output import ExitCode, Output
+from fleet.clock import SystemClock
+from fleet.config.load import Loaded
+from fleet.host.edge import Edge
+from fleet.host.logs import log_to_stderr
+
+LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
+
+
+def serve(
+    loaded: Loaded, path: Path, out: Output, *, verbose: int, started: Callable[[Edge], None]
+) -> ExitCode:
+    """Run until Ctrl-C or SIGTERM; ``started`` is told once the edge is built."""
+    log_to_stderr(LEVELS[min(verbose, 2)])
+    asyncio.run(_serve(loaded, path, out, started))
+    return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
+
+
+async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edge], None]) -> None:
+    """Run the edge and its live view."""
+    edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock())
+    ended = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, _end, ended)
+    started(edge)
+    view = asyncio.create_task(show(edge, out), name="view")
+    try:
+        await edge.run(ended)
+    finally:
+        view.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await view
+
+
+def _end(ended: asyncio.Event) -> None:
+    """End in order; the second time at once, for whoever cannot wait."""
+    if ended.is_set():
+        os._exit(ExitCode.INTERRUPTED)
+    ended.set()
+    sys.stderr.write("\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n")
