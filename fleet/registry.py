@@ -109,6 +109,8 @@ class Registry:
 
     def _add_file(self, path: Path) -> None:
         origin = str(path)
+        if self._files.get(path.stem) == path:
+            return
         if path.stem in self._files:
             report = f"another drop-in file is called {path.name}: {self._files[path.stem]}; rename one"
             self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, report))
@@ -121,7 +123,7 @@ class Registry:
             self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, _why(error, path)))
             return
         if not classes:
-            report = "it defines no finished Adapter or FrameAdapter"
+            report = "it defines no Adapter or FrameAdapter"
             self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, report))
         for adapter in classes:
             self._add_class(adapter, path)
@@ -192,15 +194,15 @@ def _module_from(path: Path) -> ModuleType:
 
 
 def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
-    """Return the finished adapters that are defined in this very module."""
-    return [
+    """Return the public adapters that are defined in this very module; the unfinished if all are so."""
+    defined = [
         value
-        for value in vars(module).values()
-        if inspect.isclass(value)
-        and issubclass(value, Adapter | FrameAdapter)
+        for value in dict.fromkeys(filter(inspect.isclass, vars(module).values()))
+        if issubclass(value, Adapter | FrameAdapter)
         and value.__module__ == module.__name__
-        and not inspect.isabstract(value)
+        and not value.__name__.startswith("_")
     ]
+    return [adapter for adapter in defined if not inspect.isabstract(adapter)] or defined
 
 
 def _checked(adapter: Any) -> str:

@@ -40,6 +40,7 @@ _MESSAGES: Mapping[str, str] = {
     "literal_error": "must be {expected}",
     "enum": "must be {expected}",
     "string_too_short": "must not be empty",
+    "too_short": "must not be empty",
     "uuid_parsing": "must be a uuid",
     "uuid_type": "must be a uuid",
     "path_type": "must be a path",

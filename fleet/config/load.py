@@ -6,6 +6,7 @@ Two passes: the outline tells which folders and adapters are used; then every ro
 
 from __future__ import annotations
 
+import difflib
 import os
 import pathlib
 import re
@@ -13,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from fleet.config.checks import Identity, check_groups, check_robots, identity_of
 from fleet.config.environment import cloud_from_environment
@@ -51,6 +52,12 @@ class _Made(msgspec.Struct, frozen=True):
     identity: Identity | None
 
 
+class _Outline(Sections):
+    """fleet.yaml with its robots not looked into."""
+
+    robots: list[Any] = Field(min_length=1, description="- {name: ..., twin: ..., adapter: ...}")
+
+
 class _AnyRobot(AdapterConfig):
     """What can be checked of a robot whose adapter cannot be used."""
 
@@ -80,9 +87,9 @@ def load(
     cloud_from_environment(document, environ)
     for folder in _folders(data, file.parent):
         registry.add_folder(folder)
-    outline = {key: value for key, value in data.items() if key != "robots" and not key.startswith("x-")}
+    known = {key: value for key, value in data.items() if not key.startswith("x-")}
     context = {"folder": file.parent}
-    sections = validated(Sections, outline, (), document, context)
+    sections = validated(_Outline, known, (), document, context)
     robots = _robots(document, registry, context)
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(data.get("robots"), identities, document)
@@ -93,8 +100,11 @@ def load(
     if sections is None or (problems and (fatal or not partial)):
         raise InvalidConfig(problems)
     config = FleetConfig(
-        **{**dict(sections), "groups": _groups_of(sections, runnable)},
-        robots=tuple(config for config, _ in runnable),
+        **{
+            **dict(sections),
+            "groups": _groups_of(sections, runnable),
+            "robots": tuple(config for config, _ in runnable),
+        }
     )
     return Loaded(config, registry, runnable, problems)
 
@@ -143,19 +153,8 @@ def _folders(data: Mapping[str, Any], folder: pathlib.Path) -> Iterable[pathlib.
 def _robots(document: Document, registry: Registry, context: Mapping[str, Any]) -> dict[int, _Made]:
     """Return the robots that could be made, by their place in the list."""
     listed = document.data.get("robots")
-    if ("robots",) in document.spoiled:
-        return {}
-    if not isinstance(listed, list) or not listed:
-        place = document.marks.get(("robots",), document.marks[()])
-        message = (
-            "robots must be a list with at least one robot"
-            if "robots" in document.data
-            else ("the key 'robots' is missing")
-        )
-        document.report(place, message, "- {name: ..., twin: ..., adapter: ...}")
-        return {}
     made = {}
-    for index, robot in enumerate(listed):
+    for index, robot in enumerate(listed if isinstance(listed, list) else ()):
         found = _robot(robot, ("robots", index), document, registry, context)
         if found:
             made[index] = found
@@ -185,26 +184,30 @@ def _robot(
 
 def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:
     """Return the plugin that a robot names; None after reporting why there is none."""
-    name = robot.get("adapter") if isinstance(robot, dict) else None
-    known = ", ".join(registry.names()) or "none is installed"
-    if not isinstance(robot, dict):
-        return None
     path = (*at, "adapter")
-    if path in document.spoiled:
+    if not isinstance(robot, dict) or path in document.spoiled:
         return None
+    known = f"known adapters: {', '.join(registry.names()) or 'none is installed'}"
     if "adapter" not in robot:
-        document.report(document.marks[at], "the key 'adapter' is missing", f"known adapters: {known}")
+        _report_no_adapter(robot, at, document, known)
         return None
-    if not isinstance(name, str):
-        document.report(document.marks[path], "must be the name of an adapter", f"known adapters: {known}")
-        return None
-    plugin = registry.get(name)
+    name = robot["adapter"]
+    plugin = registry.get(name) if isinstance(name, str) else None
     if plugin is None:
-        hint = nearest(name, registry.names()) or f"known adapters: {known}"
-        document.report(document.marks[path], f"there is no adapter {name!r}", hint)
+        near = nearest(str(name), registry.names())
+        document.report(document.marks[path], f"there is no adapter {name!r}", near or known)
     elif plugin.state is PluginState.FAILED:
         document.report(document.marks[path], f"the adapter {name!r} cannot be used", plugin.report)
     return plugin
+
+
+def _report_no_adapter(robot: Mapping[str, Any], at: Path, document: Document, hint: str) -> None:
+    """Report that a robot names no adapter, at the key that was perhaps meant to."""
+    near = difflib.get_close_matches("adapter", robot, n=1)
+    if near:
+        document.report(document.keys[*at, near[0]], "unknown key", "did you mean 'adapter'?")
+    else:
+        document.report(document.marks[at], "the key 'adapter' is missing", hint)
 
 
 def _with_defaults(robot: Any, at: Path, document: Document) -> Any:

@@ -30,6 +30,20 @@ def _existing(path: Path, info: ValidationInfo) -> Path:
     return found
 
 
+def _folder(path: Path) -> Path:
+    """Refuse a path that is no folder."""
+    if not path.is_dir():
+        raise ValueError(f"{path} is no folder")
+    return path
+
+
+def _host(text: str) -> str:
+    """Refuse a URL or a port in the place of a host."""
+    if "/" in text or text.count(":") == 1:
+        raise ValueError("must be a name or an address alone; the port has a key of its own")
+    return text
+
+
 def _locator(text: str) -> str:
     """Refuse what Zenoh cannot read as an endpoint."""
     if not _LOCATOR.fullmatch(text):
@@ -56,6 +70,8 @@ def _stays_here(locator: str) -> bool:
 
 
 ExistingPath = Annotated[Path, AfterValidator(_existing)]
+ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
+Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(_locator)]
 
 
@@ -68,7 +84,7 @@ class EdgeConfig(Model):
 class CloudConfig(Model):
     """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
 
-    host: str = Field(
+    host: Host = Field(
         min_length=1, description="Name or address of the MQTT broker. Left out: CYBERWAVE_MQTT_HOST."
     )
     port: int = Field(8883, ge=1, le=65535, description="Left out: CYBERWAVE_MQTT_PORT, else 8883.")
@@ -163,7 +179,7 @@ class Sections(Model):
     edge: EdgeConfig = Field(description="The computer that this file is for.")
     cloud: CloudConfig | None = Field(None, description="Left out: no cloud.")
     bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
-    plugins: tuple[ExistingPath, ...] = Field(
+    plugins: tuple[ExistingFolder, ...] = Field(
         (), description="Folders of drop-in adapters; their code runs with all rights of this program."
     )
     defaults: dict[str, Any] = Field(

@@ -22,6 +22,7 @@ from fleet.config.variables import UndefinedVariable, expand
 
 MAX_NODES = 100_000
 SECRETS = "secrets.yaml"
+SHORTEST_SECRET = 4  # a shorter one cannot be told from the words around it
 _COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
@@ -47,7 +48,8 @@ class Document(msgspec.Struct):
         lines = self.lines.get(mark.file, [])
         text = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""
         for secret in sorted(self.secrets, key=len, reverse=True):
-            message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
+            if len(secret) >= SHORTEST_SECRET:
+                message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
         self.problems.append(problem_at(mark, message, text=text, hint=hint))
 
     def copy_places(self, source: Path, target: Path, value: Any) -> None:
@@ -85,7 +87,7 @@ class _Reader:
         self._open_files: list[pathlib.Path] = []
         self._open_nodes: list[int] = []
         self._count = 0
-        self._secrets: dict[str, str] | None = None
+        self._secrets: Mapping[str, str] | None = None
 
     def file(self, path: pathlib.Path, asked_at: Mark, where: Path) -> Any:
         """Return the data of a file that stands at ``where``."""
@@ -179,42 +181,39 @@ class _Reader:
         return self.file(path, mark, where)
 
     def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
-        if self._secrets is None:
-            self._secrets = self._read_secrets(where, mark)
-        if name in self._secrets:
-            self.document.texts.add(where)
-            return self._secrets[name]
-        if where not in self.document.spoiled and "" not in self._secrets:
-            hint = nearest(name, self._secrets) or f"add the line  {name}: ...  to it"
-            self.document.report(mark, f"{SECRETS} has no {name!r}", hint)
-        self.document.spoiled.add(where)
-        return None
-
-    def _read_secrets(self, where: Path, mark: Mark) -> dict[str, str]:
-        """Return the secrets by name; with the name ``""`` in it when they cannot be read."""
         path = self._shown / SECRETS
-        unreadable = {"": ""}
+        hint = "write the file with mode 0600, one  name: value  a line"
         try:
-            mode = path.stat().st_mode & 0o777
-            if mode & 0o077:
-                message = f"{path} can be read by others (mode {mode:04o})"
-                self.document.spoil(where, mark, message, f"chmod 600 {path}")
-                return unreadable
-            node = compose(decoded(_bytes_of(path)))
+            if self._secrets is None:
+                self._secrets = _secrets_of(path)
         except OSError as error:
-            hint = "write the file with mode 0600, one  name: value  a line"
             self.document.spoil(where, mark, f"cannot read {path}: {error.strerror}", hint)
-            return unreadable
+            return None
         except BadYaml as error:
-            self.document.spoil(where, Mark(str(path), error.line, error.column), str(error))
-            return unreadable
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        if node is not None and not all(isinstance(part, yaml.ScalarNode) for pair in pairs for part in pair):
-            self.document.spoil(where, Mark(str(path), 1, 1), "it must hold lines  name: value  only")
-            return unreadable
-        found = {key.value: value.value for key, value in pairs}
-        self.document.secrets |= {value for value in found.values() if len(value) >= 4}
-        return found
+            self.document.spoil(where, mark, f"{path}:{error.line}:{error.column}: {error}", hint)
+            return None
+        if name not in self._secrets:
+            hint = nearest(name, self._secrets) or f"add the line  {name}: ...  to it"
+            self.document.spoil(where, mark, f"{path} has no {name!r}", hint)
+            return None
+        self.document.texts.add(where)
+        self.document.secrets.add(self._secrets[name])
+        return self._secrets[name]
+
+
+def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
+    """Return the secrets by name; raises OSError, or BadYaml when others can read them."""
+    with path.open("rb") as file:
+        mode = os.fstat(file.fileno()).st_mode & 0o777
+        data = file.read(MAX_BYTES + 1)
+    if mode & 0o077:
+        raise BadYaml(f"others can read it (mode {mode:04o}); chmod 600 {path}")
+    node = compose(decoded(data))
+    pairs = node.value if isinstance(node, yaml.MappingNode) else []
+    flat = all(isinstance(part, yaml.ScalarNode) for pair in pairs for part in pair)
+    if not flat or isinstance(node, yaml.ScalarNode | yaml.SequenceNode):
+        raise BadYaml("it must hold lines  name: value  only")
+    return {key.value: value.value for key, value in pairs}
 
 
 def _parts_of(value: Any) -> Iterable[tuple[str | int, Any]]:

@@ -1,0 +1,200 @@
+import pytest
+
+from fleet.config.load import registry_for
+from fleet.errors import ConfigError
+from fleet.registry import Registry
+
+ROBOT = "{name: a, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: toy, link: x}"
+
+
+def small(robot=ROBOT, more=""):
+    return f"edge: {{id: e}}\nplugins: [plugins]\n{more}robots:\n  - {robot}\n"
+
+
+def test_a_whole_file_becomes_a_fleet(yard, fleet_text):
+    loaded = yard.load(fleet_text)
+    assert [(robot.name, plugin.name) for robot, plugin in loaded.robots] == [
+        ("kestrel", "toy"),
+        ("rex", "toy"),
+    ]
+    assert loaded.config.robots == tuple(robot for robot, _ in loaded.robots)
+    assert loaded.config.groups == {"yard": ("kestrel", "rex")}
+    assert loaded.config.cloud.token.get_secret_value() == "cw_canary"
+    assert loaded.problems == ()
+
+
+def test_a_fleet_needs_no_cloud(yard):
+    assert yard.load(small()).config.cloud is None
+
+
+def test_defaults_stand_under_each_robot_and_its_own_words_win(yard, fleet_text):
+    rex = yard.load(fleet_text).config.robots[1]
+    assert (rex.limits.speed, rex.limits.altitude) == (5.0, 60.0)
+    slower = yard.load(fleet_text.replace("altitude: 60", "speed: 1")).config.robots[1]
+    assert slower.limits.speed == 1.0
+
+
+def test_all_problems_are_told_at_once_with_their_places(yard):
+    assert yard.problems("""\
+        edge: {id: Yard}
+        cloud: {host: m, port: 99999, tsl: true}
+        plugins: [plugins]
+        defaults: {limits: {speed: 5 m/s}}
+        robots:
+          - name: a
+            twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11
+            adapter: toy
+            lnk: udp:x
+            armed: yes
+            pace: fsat
+          - name: b
+            twin: none
+            adapter: toyy
+            link: ${NOPE}
+        groups: {all: [a, bb]}
+        """) == [
+        "fleet.yaml:1:12: edge.id: must be lower-case letters, digits, - and _, beginning with a letter "
+        "(The edge's name on the bus; no two edges of a site share it.)",
+        "fleet.yaml:2:24: cloud.port: must be at most 65535 (Left out: CYBERWAVE_MQTT_PORT, else 8883.)",
+        "fleet.yaml:2:31: cloud.tsl: unknown key (did you mean 'tls'?)",
+        "fleet.yaml:4:28: defaults.limits.speed: must be a number (write the number alone, without 'm/s')",
+        "fleet.yaml:9:5: robots[0].lnk: unknown key (did you mean 'link'?)",
+        "fleet.yaml:10:12: robots[0].armed: must be true or false (did you mean true?)",
+        "fleet.yaml:11:11: robots[0].pace: must be 'slow' or 'fast' (did you mean 'fast'?)",
+        "fleet.yaml:13:11: robots[1].twin: must be a uuid "
+        "(like 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11; the twin's page in the cloud shows it)",
+        "fleet.yaml:14:14: robots[1].adapter: there is no adapter 'toyy' (did you mean 'toy'?)",
+        "fleet.yaml:15:11: robots[1].link: the environment variable NOPE is not set "
+        "(set it, or give a default: ${NOPE:-value})",
+        "fleet.yaml:16:19: groups.all[1]: there is no robot 'bb' (did you mean 'b'?)",
+    ]
+
+
+def test_a_problem_is_shown_with_its_line_and_a_caret(yard):
+    with pytest.raises(ConfigError) as caught:
+        yard.load(small(more="bus: {mode: peeer}\n"))
+    assert caught.value.problems[0].shown() == (
+        f"{yard.file}:3:13: bus.mode: must be 'peer', 'client' or 'router'\n"
+        "    bus: {mode: peeer}\n"
+        "                ^\n"
+        "    did you mean 'peer'?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("adaptr: toy", "robots[0].adaptr: unknown key (did you mean 'adapter'?)"),
+        ("worker: w", "robots[0]: the key 'adapter' is missing (known adapters: toy)"),
+        ("adapter: 7", "robots[0].adapter: there is no adapter 7 (known adapters: toy)"),
+    ],
+)
+def test_a_robot_without_a_usable_adapter_is_told(yard, wrong, told):
+    assert told in yard.problems(small(ROBOT.replace("adapter: toy", wrong)))[0]
+
+
+@pytest.mark.parametrize(
+    ("robots", "told"),
+    [
+        ("robots: []", "1:25: robots: must not be empty"),
+        ("robots: 7", "1:25: robots: must be a list"),
+        ("robots: [7]", "1:26: robots[0]: must be a mapping of  key: value"),
+        ("robotz: []", "1:17: robotz: unknown key (did you mean 'robots'?)"),
+        ("", "1:1: the key 'robots' is missing"),
+    ],
+)
+def test_robots_that_are_no_list_are_told(yard, robots, told):
+    assert yard.problems(f"{{edge: {{id: e}}, {robots}}}")[0].startswith(f"fleet.yaml:{told}")
+
+
+@pytest.mark.parametrize(
+    ("second", "told"),
+    [
+        ("name: a, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, link: y", "5:12: robots[1].name: {} name"),
+        ("name: b, twin: 6F0C9A1E-8d2b-4c57-9a39-2f4a1d0b7c11, link: y", "5:21: robots[1].twin: {} twin"),
+        (
+            "name: b, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, link: x",
+            "5:65: robots[1].link: {} way to the robot",
+        ),
+    ],
+)
+def test_two_robots_cannot_be_one(yard, second, told):
+    problems = yard.problems(small() + f"  - {{{second}, adapter: toy}}\n")
+    same = f"robots[0] ({yard.file}:4) has the same".replace(f"{yard.folder}/", "")
+    assert problems == [f"fleet.yaml:{told.format(same)}"]
+
+
+def test_a_group_cannot_be_called_like_a_robot_or_name_one_twice(yard):
+    assert yard.problems(small(more="groups: {a: [a, a]}\n")) == [
+        "fleet.yaml:3:10: groups.a: a robot has this name too (rename the group)",
+        "fleet.yaml:3:17: groups.a[1]: 'a' is in the group already",
+    ]
+
+
+def test_keys_that_begin_with_x_are_left_alone(yard):
+    assert yard.load(small(more="x-notes: {any: [thing]}\n")).robots
+
+
+def test_a_wrong_default_is_told_once_for_all_robots(yard):
+    text = small(more="defaults: {limits: {spede: 1}}\n")
+    text += "  - {name: b, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, adapter: toy, link: y}\n"
+    assert yard.problems(text) == [
+        "fleet.yaml:3:21: defaults.limits.spede: unknown key (did you mean 'speed'?)"
+    ]
+
+
+def test_a_partial_load_runs_the_robots_that_can_run(yard):
+    text = small(more="groups: {yard: [a, b, c]}\n") + (
+        "  - {name: b, twin: 0b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, adapter: gone}\n"
+        "  - {name: c, twin: 1b7e7a52-3c1d-4f08-8f6e-5d2a9c4b1e73, adapter: toy, link: !secret none}\n"
+    )
+    loaded = yard.load(text, partial=True)
+    assert [robot.name for robot, _ in loaded.robots] == ["a"]
+    assert loaded.config.groups == {"yard": ("a",)}
+    assert [problem.path for problem in loaded.problems] == ["robots[1].adapter", "robots[2].link"]
+
+
+@pytest.mark.parametrize("more", ["bus: {mode: peeer}\n", "groups: {g: [nobody]}\n", "colud: {}\n"])
+def test_what_is_wrong_outside_the_robots_is_fatal_to_a_partial_load_too(yard, more):
+    assert len(yard.problems(small(more=more), partial=True)) == 1
+
+
+def test_a_partial_load_with_no_robot_left_fails(yard):
+    assert len(yard.problems(small(ROBOT.replace("toy", "gone")), partial=True)) == 1
+
+
+def test_a_broken_adapter_is_told_at_the_robot_with_the_reason(yard):
+    yard.write("import no_such_library\n", "plugins/gone.py")
+    (problem,) = yard.problems(small(ROBOT.replace("toy", "gone")))
+    assert "the adapter 'gone' cannot be used" in problem
+    assert "No module named 'no_such_library' (plugins/gone.py:1)" in problem
+
+
+def test_a_validator_that_crashes_is_a_problem_of_its_robot(yard):
+    toy = (yard.folder / "plugins" / "toy.py").read_text()
+    yard.write(toy.replace('return f"{self.link}#{self.system_id}"', "raise KeyError(1)"), "plugins/toy.py")
+    assert yard.problems(small()) == [
+        "fleet.yaml:4:5: robots[0]: the adapter 'toy' failed to check it (KeyError: 1)"
+    ]
+
+
+def test_a_missing_file_is_told_with_what_to_do(yard):
+    assert yard.problems() == ["fleet.yaml:1:1: cannot read fleet.yaml: No such file or directory"]
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n", "[]", "text"])
+def test_a_file_that_is_no_mapping_is_told(yard, text):
+    assert yard.problems(text)[0].endswith("(fleet init writes an example)")
+
+
+def test_two_hundred_robots_load(yard):
+    robots = "".join(
+        f"  - {{name: r{n}, twin: 6f0c9a1e-8d2b-4c57-9a39-{n:012x}, adapter: toy, link: 'udp:{n}'}}\n"
+        for n in range(199)
+    )
+    assert len(yard.load(small() + robots).robots) == 200
+
+
+def test_adapters_are_found_though_the_file_is_wrong(yard):
+    yard.write("plugins: [plugins]\nnonsense: 1\n")
+    assert registry_for(yard.file, {}, Registry([])).names() == ("toy",)
