@@ -1,0 +1,27 @@
+"""Every adapter that is installed with the project keeps the contract."""
+
+from fleet.registry import Registry
+from fleet.testing.contract import AdapterContract
+
+REGISTRY = Registry()
+
+
+def adapter(name):
+    """Return the class of an installed adapter; what it lacks is told with the reason."""
+    plugin = REGISTRY.get(name)
+    assert plugin.adapter, plugin.report
+    return plugin.adapter
+
+
+class TestMavlink(AdapterContract):
+    adapter = adapter("mavlink")
+    config = {"adapter": "mavlink", "link": "udpin:127.0.0.1:0"}
+
+
+def test_every_installed_adapter_is_held_to_the_contract():
+    tested = {
+        cls.config["adapter"]
+        for cls in globals().values()
+        if hasattr(cls, "test_the_example_config_is_accepted") and cls is not AdapterContract
+    }
+    assert tested == set(REGISTRY.names())

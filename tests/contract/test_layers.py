@@ -1,0 +1,24 @@
+"""Imports go downward only; nobody inside fleet imports its root."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+
+def test_every_import_contract_is_kept(root):
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
+    told = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert told.returncode == 0, told.stdout
+
+
+def test_nobody_inside_fleet_imports_the_root(root):
+    sources = {path: ast.parse(path.read_text()) for path in (root / "fleet").rglob("*.py")}
+    found = [
+        f"{path.relative_to(root)}:{node.lineno}"
+        for path, tree in sources.items()
+        for node in ast.walk(tree)
+        if (isinstance(node, ast.Import) and any(name.name == "fleet" for name in node.names))
+        or (isinstance(node, ast.ImportFrom) and node.module == "fleet" and node.level == 0)
+    ]
+    assert found == []
