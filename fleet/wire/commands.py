@@ -8,7 +8,6 @@ and sign, the magnitude is the absolute value of the verb's own field, else of `
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Literal
@@ -18,24 +17,14 @@ import msgspec
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.strict import child, kind, number, optional_number, parse_object
+from fleet.wire.envelope import BadCommand, name_of, origin_and_stamp, tolerant
+from fleet.wire.strict import child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
-MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
 STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
-
 Axis = Literal["x", "y", "z", "yaw"]
-
-
-class BadCommand(WireError):
-    """A command message was refused; ``command`` is its name, as far as it could be read."""
-
-    def __init__(self, message: str, *, command: str = "", where: str = "") -> None:
-        super().__init__(message, where=where)
-        self.command = command
 
 
 class MotionDefaults(msgspec.Struct, frozen=True):
@@ -102,11 +91,11 @@ def decode_command(
         message = parse_object(payload)
         if "status" in message:
             return None
-        name = _name_of(message)
+        name = name_of(message)
         envelope = _envelope(name, message, payload, way, request_id)
         return _MEANINGS.get(name, _plain)(envelope, defaults)
     except WireError as error:
-        raise BadCommand(_without_place(error), command=name, where=error.where) from None
+        raise BadCommand(error, command=name) from None
 
 
 def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint:
@@ -121,34 +110,15 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint
         nested = "linear" in message or "angular" in message
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
     except WireError as error:
-        raise BadCommand(_without_place(error), command="motion", where=error.where) from None
-
-
-def _without_place(error: WireError) -> str:
-    """Return the message of an error without the place that stands in front of it."""
-    return str(error).removeprefix(f"{error.where}: ")
-
-
-def _name_of(message: Mapping[str, Any]) -> str:
-    """Return the command's name; older senders call the field ``type``."""
-    field = "command" if message.get("command") is not None else "type"
-    name = message.get(field)
-    if name is None:
-        raise WireError("is missing", where="command")
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise WireError(f"{str(name)[:40]!a} is not the name of a command", where=field)
-    return name
+        raise BadCommand(error, command="motion") from None
 
 
 def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
-    stamp = _tolerant(stamp_of, message, strict=strict)
-    source_type = _tolerant(_word, message, "source_type", strict=strict)
-    session = _tolerant(_word, message, "session_id", strict=strict)
-    data = _tolerant(_data, message, strict=strict)
+    origin, stamp = origin_and_stamp(message, way, strict=strict)
+    data = tolerant(_data, message, strict=strict)
     digest = hashlib.blake2b(payload, digest_size=16).hexdigest() if stamp is not None else ""
-    origin = Origin(way, source_type, session or "")
     return _Envelope(name, data or {}, message, origin, request_id or digest, stamp)
 
 
@@ -160,36 +130,6 @@ def _is_stop(name: str, message: Mapping[str, Any]) -> bool:
 def _releases(data: object) -> bool:
     """Return True for the data of an ``estop`` that is to be released: only a literal false does it."""
     return isinstance(data, dict) and data.get("activate") is False
-
-
-def _tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:
-    """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
-    try:
-        return read(*arguments)
-    except WireError:
-        if strict:
-            raise
-        return None
-
-
-def stamp_of(message: Mapping[str, Any]) -> float | None:
-    """Return the sender's Unix seconds from ``timestamp`` or ``ts``; None when there is none.
-
-    Stamps beyond 1e11 are milliseconds. Raises WireError for anything that is not a number.
-    """
-    field = "timestamp" if message.get("timestamp") is not None else "ts"
-    if message.get(field) is None:
-        return None
-    stamp = number(message, field)
-    return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
-
-
-def _word(message: Mapping[str, Any], name: str) -> str | None:
-    """Return a string as it was sent, None when there is none."""
-    value = message.get(name)
-    if value is not None and not isinstance(value, str):
-        raise WireError(f"a string is needed, this is {kind(value)}", where=name)
-    return value
 
 
 def _data(message: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.commands import VERBS, BadCommand, MotionDefaults, decode_command, decode_motion
+from fleet.wire.commands import VERBS, MotionDefaults, decode_command, decode_motion
+from fleet.wire.envelope import BadCommand
 
 DEFAULTS = MotionDefaults(forward=0.5, lateral=0.4, vertical=0.3, yaw_rate=0.8)
 

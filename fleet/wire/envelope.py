@@ -1,0 +1,79 @@
+"""What every message that asks something carries besides what it asks: its name, sender and stamp."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fleet.errors import WireError
+from fleet.model.command import Origin, Way
+from fleet.wire.strict import kind, number
+
+MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+
+
+class BadCommand(WireError):
+    """A message that asks something was refused.
+
+    ``command`` is its name and ``action_id`` the action it is about, as far as they could be read, so
+    that the refusal can be told to whoever asked.
+    """
+
+    def __init__(self, error: WireError, *, command: str = "", action_id: str = "") -> None:
+        super().__init__(str(error).removeprefix(f"{error.where}: "), where=error.where)
+        self.command = command
+        self.action_id = action_id
+
+
+def name_of(message: Mapping[str, Any]) -> str:
+    """Return the name of what is asked; older senders call the field ``type``. Raises WireError."""
+    field = "command" if message.get("command") is not None else "type"
+    name = message.get(field)
+    if name is None:
+        raise WireError("is missing", where="command")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise WireError(f"{str(name)[:40]!a} is not the name of a command", where=field)
+    return name
+
+
+def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> tuple[Origin, float | None]:
+    """Return who asked and when (Unix seconds, None when not given).
+
+    Raises WireError for what is malformed; when not ``strict`` (a stop) that counts as not given.
+    """
+    source_type = tolerant(optional_word, message, "source_type", strict=strict)
+    session = tolerant(optional_word, message, "session_id", strict=strict)
+    return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=strict)
+
+
+def tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:
+    """Return what ``read`` finds, None instead of its refusal when not ``strict``."""
+    try:
+        return read(*arguments)
+    except WireError:
+        if strict:
+            raise
+        return None
+
+
+def stamp_of(message: Mapping[str, Any]) -> float | None:
+    """Return the sender's Unix seconds from ``timestamp`` or ``ts``; None when there is none.
+
+    Stamps beyond 1e11 are milliseconds. Raises WireError for anything that is not a number.
+    """
+    field = "timestamp" if message.get("timestamp") is not None else "ts"
+    if message.get(field) is None:
+        return None
+    stamp = number(message, field)
+    return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
+
+
+def optional_word(message: Mapping[str, Any], name: str) -> str | None:
+    """Return a string as it was sent, None when there is none; raises WireError for another kind."""
+    value = message.get(name)
+    if value is not None and not isinstance(value, str):
+        raise WireError(f"a string is needed, this is {kind(value)}", where=name)
+    return value

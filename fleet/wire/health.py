@@ -1,0 +1,49 @@
+"""``T edge_health``: the heartbeat by which the cloud knows that an edge serves a twin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from fleet.wire.encoding import encode_finite
+
+
+def edge_health(
+    *,
+    twin: str,
+    edge_id: str,
+    uptime: float,
+    stamp: float,
+    source_type: str,
+    session: str,
+    extra: Mapping[str, Any],
+) -> bytes:
+    """Return the heartbeat of one twin, with the fields and the order of the SDK.
+
+    ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` left out when empty. ``extra`` holds host figures
+    (``host_memory_percent``, ``cpu_temp_c``, ...); it replaces none of the other fields, and what is unknown
+    in it (None, NaN) is left out, because a heartbeat must not fail for want of a thermometer.
+    """
+    head: dict[str, Any] = {
+        "type": "edge_health",
+        "timestamp": stamp,
+        "edge_id": edge_id,
+        "uptime_seconds": round(uptime, 1),
+        "streams": {},
+        "stream_count": 0,
+        "healthy_streams": 0,
+        "camera_config": None,
+    }
+    tail: dict[str, Any] = {"source_type": source_type, "twin_uuid": twin}
+    if session:
+        tail["session_id"] = session
+    figures = {name: value for name, value in extra.items() if _is_known(value)}
+    for reserved in head.keys() | tail.keys() | {"session_id"}:
+        figures.pop(reserved, None)
+    return encode_finite({**head, **figures, **tail})
+
+
+def _is_known(value: object) -> bool:
+    """Return False for None and for a number that is none."""
+    return value is not None and not (isinstance(value, float) and not math.isfinite(value))

@@ -1,0 +1,310 @@
+"""``T navigate/command``: where to go, in both vocabularies that are in use.
+
+The reference says ``navigate_to_pose`` and ``cancel``, the SDK ``goto``, ``path``, ``relative_move``,
+``stop``, ``pause`` and ``resume``. A heading is taken from ``yaw``, else from a rotation's named components,
+else from a list, whose order is that of the vocabulary unless the robot's configuration says otherwise.
+What cannot be followed as it was meant (a frame that is not the world, things to do at a goal) is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Literal
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.model.command import Way
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
+from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
+from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.rotation import Order, yaw_of
+from fleet.wire.strict import child, finite, kind, number, optional_number, parse_object, path, text, whole
+from fleet.wire.strict import without_nulls as given
+
+MOST_WAYPOINTS = 500
+MOST_LOOPS = 1000
+LONGEST_WAIT = 3600.0  # s
+WORLD_FRAMES = frozenset({"map", "odom", "world"})
+
+CONTROLS: Mapping[str, Control] = MappingProxyType(
+    {
+        "stop": Control.STOP,
+        "cancel": Control.STOP,
+        "hover": Control.STOP,
+        "pause": Control.PAUSE,
+        "resume": Control.RESUME,
+    }
+)
+
+
+class _Reading(msgspec.Struct, frozen=True):
+    """How one message is to be read: what the robot's configuration and the vocabulary decide."""
+
+    order: Order
+    planar: bool
+    home_altitude: float | None
+    origin_heading: float
+
+
+def decode_navigate(
+    payload: bytes,
+    *,
+    way: Way,
+    rotation_order: Literal["auto", "wxyz", "xyzw"],
+    planar: bool = False,
+    home_altitude: float | None = None,
+    origin_heading: float = 0.0,
+) -> Navigate | None:
+    """Return the goal or control in a message; None for a status that strayed onto the topic.
+
+    ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
+    geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
+    ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
+    Raises BadCommand, with the name and the action id where they could be read.
+    """
+    name = action_id = ""
+    try:
+        message = given(parse_object(payload))
+        if "status" in message:
+            return None
+        name = name_of(message)
+        stops = CONTROLS.get(name) is Control.STOP
+        action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
+        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        order = _order(name, rotation_order)
+        reading = _Reading(order, planar, home_altitude, origin_heading)
+        ask = CONTROLS.get(name) or _task(name, message, reading)
+    except WireError as error:
+        raise BadCommand(error, command=name, action_id=action_id) from None
+    return Navigate(ask, action_id, origin, stamp)
+
+
+def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
+    """Return the order of list rotations: as configured, else that of the vocabulary."""
+    if configured != "auto":
+        return configured
+    return "xyzw" if name == "navigate_to_pose" else "wxyz"
+
+
+def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
+    """Read a task; raises WireError for a name that is none."""
+    read = _TASKS.get(name)
+    if read is None:
+        known = ", ".join([*_TASKS, *CONTROLS])
+        raise WireError(f"{name!a} is not navigation ({known}); send it as a command", where="command")
+    _refuse_foreign_frames(message)
+    return read(message, reading)
+
+
+def _refuse_foreign_frames(message: Mapping[str, Any]) -> None:
+    """Refuse coordinates that are meant in any other frame than the world."""
+    for name in ("reference_frame", "frame_id"):
+        frame = optional_word(message, name)
+        if frame and frame not in WORLD_FRAMES:
+            known = ", ".join(sorted(WORLD_FRAMES))
+            raise WireError(f"{frame[:40]!a} is not a frame of the world ({known})", where=name)
+
+
+def _goto(message: Mapping[str, Any], reading: _Reading) -> Task:
+    """Read one goal, or a path when waypoints lead to it."""
+    if message.get("waypoints"):
+        return _path(message, reading)
+    return GoTo(_goal(message, "", reading, _wait(message, "")), _constraints(message))
+
+
+def _path(message: Mapping[str, Any], reading: _Reading) -> Task:
+    """Read a path; a position beside the waypoints is its last goal."""
+    waypoints = message.get("waypoints")
+    if not isinstance(waypoints, list) or not 1 <= len(waypoints) <= MOST_WAYPOINTS:
+        raise WireError(f"an array of 1 to {MOST_WAYPOINTS} is needed", where="waypoints")
+    wait = _wait(message, "")
+    shared = {name: message[name] for name in ("coordinate_frame", "yaw") if name in message}
+    goals = [_waypoint(item, f"waypoints.{at}", reading, wait, shared) for at, item in enumerate(waypoints)]
+    if "position" in message or "geodetic_position" in message:
+        goals.append(_goal(message, "", reading, wait))
+    return FollowPath(tuple(goals), _loops(message), _constraints(message))
+
+
+def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: Mapping[str, Any]) -> Goal:
+    """Read one waypoint: an object with a position, or its components, or a plain list.
+
+    ``shared`` is what the message says for all of them. ``duration_seconds`` paces controllers that plan
+    trajectories; here speed is limited by ``constraints``, so it is checked and not used.
+    """
+    if isinstance(item, list):
+        item = {"position": item}
+    if not isinstance(item, dict):
+        raise WireError(f"a waypoint is needed, this is {kind(item)}", where=where)
+    members = given(item)
+    if "position" not in members and {"x", "y"} <= members.keys():
+        members["position"] = {axis: members[axis] for axis in "xyz" if axis in members}
+    turned = members.keys() & {"yaw", "rotation", "orientation"}
+    inherited = {name: value for name, value in shared.items() if name != "yaw" or not turned}
+    _not_negative(members, "duration_seconds", where)
+    return _goal({**inherited, **members}, where, reading, _wait(members, where) or wait)
+
+
+def _goal(members: Mapping[str, Any], where: str, reading: _Reading, wait: float) -> Goal:
+    """Read a place and the heading there."""
+    if members.get("actions"):
+        raise WireError("nothing can be done at a goal but wait", where=path(where, "actions"))
+    flat, geo = "position" in members, "geodetic_position" in members
+    if flat == geo:
+        raise WireError("either position or geodetic_position is needed", where=where or "message")
+    _refuse_other_kind(members, where, "geodetic" if geo else "cartesian")
+    if geo:
+        point = _geodetic(members, where, reading)
+        return Goal(geo=point, yaw=_heading(members, where, reading), wait=wait)
+    position = _vector(members["position"], path(where, "position"), planar=reading.planar)
+    return Goal(position, yaw=_yaw(members, where, reading), wait=wait)
+
+
+def _refuse_other_kind(members: Mapping[str, Any], where: str, expected: str) -> None:
+    """Refuse a place that contradicts the coordinate frame it is given in."""
+    if "coordinate_frame" not in members:
+        return
+    frame = child(members, "coordinate_frame", where)
+    if text(frame, "kind", path(where, "coordinate_frame")) != expected:
+        raise WireError(f"kind must be {expected} for this position", where=path(where, "coordinate_frame"))
+
+
+def _vector(value: object, where: str, *, planar: bool = False) -> Vector3:
+    """Read [x, y, z] or {x, y, z} in metres; a planar robot may be given no z."""
+    if isinstance(value, dict):
+        names = [axis for axis in "xyz" if axis != "z" or not planar or value.get("z") is not None]
+        return Vector3(*(number(value, axis, where) for axis in names))
+    if not isinstance(value, list) or not (2 if planar else 3) <= len(value) <= 3:
+        raise WireError("three numbers x, y, z are needed", where=where)
+    return Vector3(*_numbers(value, where))
+
+
+def _numbers(values: Sequence[object], where: str) -> list[float]:
+    """Return finite numbers; raises WireError naming the first that is none."""
+    return [finite(value, f"{where}.{index}") for index, value in enumerate(values)]
+
+
+def _yaw(members: Mapping[str, Any], where: str, reading: _Reading) -> float | None:
+    """Return the world yaw of a goal in metres, None when it is left to the robot."""
+    if "yaw" in members:
+        return wrap_angle(number(members, "yaw", where))
+    if "rotation" in members:
+        place = path(where, "rotation")
+        return yaw_of(members["rotation"], order=reading.order, planar=reading.planar, where=place)
+    return _heading(members, where, reading)
+
+
+def _heading(members: Mapping[str, Any], where: str, reading: _Reading) -> float | None:
+    """Return the world yaw of a compass heading (``orientation.heading``, degrees), None without one."""
+    if "geodetic_position" in members and members.keys() & {"yaw", "rotation"}:
+        raise WireError("a geodetic goal is turned by orientation.heading", where=where or "message")
+    if "orientation" not in members:
+        return None
+    heading = number(child(members, "orientation", where), "heading", path(where, "orientation"))
+    return wrap_angle(enu_yaw_from_heading(math.radians(heading - reading.origin_heading)))
+
+
+def _geodetic(members: Mapping[str, Any], where: str, reading: _Reading) -> GeoPoint:
+    """Read a place on Earth; its altitude is returned AMSL."""
+    place = path(where, "geodetic_position")
+    point = given(child(members, "geodetic_position", where))
+    latitude = _within(point, "latitude", place, 90.0)
+    longitude = _within(point, "longitude", place, 180.0)
+    if reading.planar and "altitude" not in point:
+        return GeoPoint(latitude, longitude, reading.home_altitude or 0.0)
+    datum = _datum(members, path(place, "altitude"), reading)
+    return GeoPoint(latitude, longitude, datum + number(point, "altitude", place))
+
+
+def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
+    """Return the altitude (m AMSL) that a geodetic altitude counts from: take-off unless it says amsl."""
+    reference = members.get("coordinate_frame", {}).get("altitude_reference") or "relative_to_takeoff"
+    if reference == "amsl":
+        return 0.0
+    if reference != "relative_to_takeoff":
+        raise WireError(f"counts from {str(reference)[:40]!a}, which is not understood", where=where)
+    if reading.home_altitude is None:
+        raise WireError("counts from the take-off point, whose altitude is unknown", where=where)
+    return reading.home_altitude
+
+
+def _within(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
+    """Return degrees between -most and most."""
+    value = number(members, name, where)
+    if abs(value) > most:
+        raise WireError(f"-{most:g} to {most:g} degrees are possible, not {value}", where=path(where, name))
+    return value
+
+
+def _relative(message: Mapping[str, Any], _reading: _Reading) -> Task:
+    """Read a move from here, in metres, in the robot's frame or the world's."""
+    if "relative_translation" not in message:
+        raise WireError("is missing", where="relative_translation")
+    frame = text(message, "frame")
+    if frame not in {"body", "world"}:
+        raise WireError(f"body or world is needed, not {frame[:40]!a}", where="frame")
+    units = _metadata(message, "").get("units", "meters")
+    if units != "meters":
+        raise WireError("only meters are understood", where="metadata.units")
+    translation = _vector(message["relative_translation"], "relative_translation")
+    return RelativeMove(translation, frame == "body", _constraints(message))
+
+
+def _constraints(message: Mapping[str, Any]) -> Constraints:
+    """Read what the asker limits; what is not known here is left to the robot's own limits."""
+    if "constraints" not in message:
+        return Constraints()
+    members = given(child(message, "constraints"))
+    return Constraints(_positive(members, "max_speed_ms"), _positive(members, "goal_tolerance_m"))
+
+
+def _positive(members: Mapping[str, Any], name: str) -> float | None:
+    """Return a constraint that makes sense only above zero."""
+    value = optional_number(members, name, "constraints")
+    if value is not None and value <= 0:
+        raise WireError(f"more than 0 is needed, not {value}", where=path("constraints", name))
+    return value
+
+
+def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return the metadata, empty when there is none."""
+    return given(child(members, "metadata", where)) if "metadata" in members else {}
+
+
+def _wait(members: Mapping[str, Any], where: str) -> float:
+    """Return the seconds to stay at a goal."""
+    place = path(where, "metadata")
+    wait = _not_negative(_metadata(members, where), "wait_s", place)
+    if wait > LONGEST_WAIT:
+        raise WireError(f"at most {LONGEST_WAIT:g} s are waited, not {wait}", where=path(place, "wait_s"))
+    return wait
+
+
+def _not_negative(members: Mapping[str, Any], name: str, where: str) -> float:
+    """Return a number of seconds, zero when there is none."""
+    value = optional_number(members, name, where) or 0.0
+    if value < 0:
+        raise WireError(f"0 or more is needed, not {value}", where=path(where, name))
+    return value
+
+
+def _loops(message: Mapping[str, Any]) -> int:
+    """Return how often a path is followed."""
+    metadata = {"max_loops": 1, **_metadata(message, "")}
+    loops = whole(metadata, "max_loops", "metadata")
+    if not 1 <= loops <= MOST_LOOPS:
+        raise WireError(f"1 to {MOST_LOOPS} is possible, not {loops}", where="metadata.max_loops")
+    return loops
+
+
+_TASKS: Mapping[str, Callable[[Mapping[str, Any], _Reading], Task]] = MappingProxyType(
+    {
+        "goto": _goto,
+        "navigate_to_pose": _goto,
+        "path": _path,
+        "relative_move": _relative,
+    }
+)

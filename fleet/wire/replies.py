@@ -1,0 +1,47 @@
+"""Answers to commands: ``twin.command_response.v1`` for who asked for one, a status for who did not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fleet.model.command import Reply
+from fleet.wire.encoding import encode_finite
+
+
+def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float) -> bytes:
+    """Return a reply as ``twin.command_response.v1``; ``source_type`` is edge or sim.
+
+    What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known.
+    """
+    message: dict[str, Any] = {
+        "contract": "twin.command_response.v1",
+        "twin_uuid": twin,
+        "command": reply.command,
+        "status": reply.status.value,
+        "source_type": source_type,
+        "timestamp": stamp,
+        **_details(reply),
+    }
+    if reply.done is not None:
+        message["done"] = reply.done
+    return encode_finite(message)
+
+
+def legacy_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
+    """Return a reply for the command topic itself, where its ``status`` tells it from a command."""
+    message = {
+        "status": "ok" if reply.ok else "error",
+        "ok": reply.ok,
+        "command": reply.command,
+        "source_type": source_type,
+        "timestamp": stamp,
+        **_details(reply),
+    }
+    return encode_finite(message)
+
+
+def _details(reply: Reply) -> dict[str, Any]:
+    """Return why, in the host's and in the robot's own words, as far as there is anything to say."""
+    reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
+    details = {"reason": reason, "device_result": reply.device_result, "messages": reply.messages}
+    return {name: value for name, value in details.items() if value}

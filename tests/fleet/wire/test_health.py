@@ -1,0 +1,53 @@
+import json
+from types import SimpleNamespace
+
+from cyberwave.edge.health import EdgeHealthCheck
+
+from fleet.wire.health import edge_health
+
+BASE = {
+    "twin": "t",
+    "edge_id": "yard-1",
+    "uptime": 12.34,
+    "stamp": 5.0,
+    "source_type": "edge",
+    "session": "s",
+}
+
+
+def beat(extra):
+    return json.loads(edge_health(**BASE, extra=extra))
+
+
+def test_a_heartbeat_has_the_fields_and_the_order_of_the_sdks():
+    extra = {"host_memory_percent": 41.5, "cpu_temp_c": 50.0}
+    sdk = EdgeHealthCheck(SimpleNamespace(), ["t"], edge_id="yard-1", host_metrics_provider=lambda: extra)
+    expected = [*sdk.build_payload(), "twin_uuid", "session_id"]
+    assert list(beat(extra)) == expected
+    assert beat(extra) == {
+        **sdk.build_payload(),
+        "timestamp": 5.0,
+        "uptime_seconds": 12.3,
+        "twin_uuid": "t",
+        "session_id": "s",
+    }
+
+
+def test_without_streams_the_map_is_empty_and_not_missing():
+    message = beat({})
+    assert (message["type"], message["streams"], message["stream_count"]) == ("edge_health", {}, 0)
+
+
+def test_a_host_figure_replaces_nothing_else():
+    assert beat({"type": "x", "source_type": "tele", "session_id": "other", "twin_uuid": "y"}) == beat({})
+
+
+def test_what_the_host_cannot_measure_is_left_out_and_stops_no_heartbeat():
+    assert beat({"cpu_temp_c": float("nan"), "host_memory_percent": None, "load": 1}) == {
+        **beat({}),
+        "load": 1,
+    }
+
+
+def test_an_empty_session_is_left_out():
+    assert "session_id" not in json.loads(edge_health(**{**BASE, "session": ""}, extra={"session_id": "x"}))
