@@ -21,9 +21,9 @@ def edge_health(
 ) -> bytes:
     """Return the heartbeat of one twin, with the fields and the order of the SDK.
 
-    ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` left out when empty. ``extra`` holds host figures
-    (``host_memory_percent``, ``cpu_temp_c``, ...); it replaces none of the other fields, and what is unknown
-    in it (None, NaN) is left out, because a heartbeat must not fail for want of a thermometer.
+    ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` left out when empty. ``extra`` holds figures of
+    the host (``host_memory_percent``, ``cpu_temp_c``, ...); it replaces none of the other fields, and what
+    is unknown in it (None, NaN) is left out: a heartbeat must not fail for want of a thermometer.
     """
     head: dict[str, Any] = {
         "type": "edge_health",
