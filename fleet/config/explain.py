@@ -157,6 +157,8 @@ def _message(error: _Error, context: Mapping[str, Any]) -> str:
 
 def _hint(error: _Error, field: FieldInfo | None) -> str:
     """Return what to write instead, where that can be guessed."""
+    if error["type"] == "value_error":
+        return ""  # the check itself says what to do
     guess = _GUESSES.get(error["type"])
     hint = guess(error["input"], error.get("ctx", {})) if guess else ""
     return hint or (field.description or "" if field else "")

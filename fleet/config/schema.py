@@ -118,7 +118,7 @@ class CloudConfig(Model):
         if not (self.tls or self.insecure or is_local(self.host)):
             raise wrong(
                 "tls",
-                "tls: false to another computer shows the token to anyone; set tls: true, or insecure: true",
+                "plain text to another computer shows the token to anyone; set tls: true, or insecure: true",
             )
         return self
 

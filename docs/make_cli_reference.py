@@ -1,0 +1,74 @@
+"""Writes docs/cli.md from the commands themselves; run it after changing one.
+
+python docs/make_cli_reference.py
+"""  # noqa: INP001 - a script beside its result
+
+from __future__ import annotations
+
+import inspect
+import pathlib
+import re
+from collections.abc import Iterator
+
+import click
+
+from fleet.cli import output
+from fleet.cli.main import COMMANDS, SUMMARIES, fleet
+from fleet.cli.output import ExitCode
+
+TARGET = pathlib.Path(__file__).with_name("cli.md")
+INTRODUCTION = """\
+# The command line
+
+Made from the commands by `docs/make_cli_reference.py`; do not edit.
+
+Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs. Colours are left out with
+`--no-color`, with `NO_COLOR=1`, and when the output is no terminal. Tables fit the terminal; on a narrow one each row becomes a block.
+"""
+
+
+def exit_codes() -> Iterator[str]:
+    """Yield the table of exit codes; the remarks are those of the enum's own source."""
+    source = inspect.getsource(output.ExitCode)
+    yield from ("", "## Exit codes", "", "| code | name | |", "|---|---|---|")
+    for code in ExitCode:
+        remark = re.search(rf"\b{code.name} = \d+(?:  # (.*))?", source)
+        words = code.name.lower().replace("_", " ")
+        yield f"| {code.value} | {words} | {(remark and remark[1]) or ''} |"
+
+
+def command_section(name: str, command: click.Command) -> Iterator[str]:
+    """Yield the section of one command: usage, words, options."""
+    context = click.Context(command, info_name=f"fleet {name}")
+    yield from (
+        "",
+        f"## fleet {name}",
+        "",
+        "```",
+        command.get_usage(context).removeprefix("Usage: "),
+        "```",
+        "",
+    )
+    yield from inspect.cleandoc(command.help or "").splitlines()
+    records = [record for each in command.get_params(context) if (record := each.get_help_record(context))]
+    if records:
+        yield from ("", "| option | |", "|---|---|")
+        for option, words in records:
+            yield f"| `{option}` | {words} |"
+
+
+def render() -> str:
+    """Return the whole reference."""
+    lines = [INTRODUCTION.rstrip(), "", "| command | |", "|---|---|"]
+    lines += [f"| [`fleet {name}`](#fleet-{name}) | {SUMMARIES[name]} |" for name in COMMANDS]
+    lines += exit_codes()
+    context = click.Context(fleet)
+    for name in COMMANDS:
+        command = fleet.get_command(context, name)
+        if command is not None:
+            lines += command_section(name, command)
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+if __name__ == "__main__":
+    TARGET.write_text(render(), encoding="utf-8")

@@ -1,0 +1,168 @@
+import pytest
+from pydantic import BaseModel
+
+from fleet.config.schema import FleetConfig
+from fleet.config.text import printable
+from fleet.robot_config import AdapterConfig
+
+ROBOT = "{name: a, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: toy, link: x}"
+
+
+@pytest.fixture
+def section(yard):
+    """Load a file with this one more section."""
+
+    def section(text, environ=None):
+        return yard.load(f"edge: {{id: e}}\n{text}\nplugins: [plugins]\nrobots: [{ROBOT}]\n", environ).config
+
+    return section
+
+
+@pytest.fixture
+def refused(yard):
+    def refused(text, environ=None):
+        whole = f"edge: {{id: e}}\n{text}\nplugins: [plugins]\nrobots: [{ROBOT}]\n"
+        return yard.problems(whole, environ)
+
+    return refused
+
+
+def test_the_environment_fills_what_the_cloud_section_leaves_out(section):
+    cloud = section(
+        "cloud: {port: 1}",
+        {
+            "CYBERWAVE_MQTT_HOST": "h",
+            "CYBERWAVE_MQTT_PORT": "2",
+            "CYBERWAVE_API_KEY": "12345",
+            "CYBERWAVE_MQTT_PROTOCOL": "311",
+            "CYBERWAVE_MQTT_USE_TLS": "1",
+            "CYBERWAVE_MQTT_USERNAME": "007",
+        },
+    ).cloud
+    assert (cloud.host, cloud.port, cloud.protocol, cloud.tls, cloud.username) == ("h", 1, 311, True, "007")
+    assert cloud.token.get_secret_value() == "12345"
+
+
+def test_an_empty_cloud_section_is_a_cloud_from_the_environment(section):
+    assert section("cloud:", {"CYBERWAVE_MQTT_HOST": "h"}).cloud.host == "h"
+
+
+def test_without_a_cloud_section_the_environment_makes_none(section):
+    assert section("", {"CYBERWAVE_MQTT_HOST": "h"}).cloud is None
+
+
+@pytest.mark.parametrize(
+    ("environ", "prefix"),
+    [
+        ({}, ""),
+        ({"CYBERWAVE_ENVIRONMENT": "production"}, ""),
+        ({"CYBERWAVE_ENVIRONMENT": "staging"}, "staging"),
+        ({"CYBERWAVE_ENVIRONMENT": "staging", "CYBERWAVE_TOPIC_PREFIX": "b"}, "b"),
+        ({"CYBERWAVE_TOPIC_PREFIX": "b", "CYBERWAVE_MQTT_TOPIC_PREFIX": "a"}, "a"),
+    ],
+)
+def test_the_prefix_comes_from_the_first_variable_that_is_set(section, environ, prefix):
+    assert section("cloud: {host: h}", environ).cloud.prefix == prefix
+
+
+def test_a_wrong_variable_is_told_by_its_name(refused):
+    assert refused("cloud: {host: h}", {"CYBERWAVE_MQTT_PORT": "no"}) == [
+        "fleet.yaml:2:8: cloud.port (from CYBERWAVE_MQTT_PORT): must be a whole number "
+        "(Left out: CYBERWAVE_MQTT_PORT, else 8883.)"
+    ]
+
+
+@pytest.mark.parametrize("text", ["cloud: {host: h, tls: false, insecure: true}", "cloud: {host: '::1', tls: false}"])
+def test_plain_text_is_allowed_here_or_when_it_is_asked_for(section, text):
+    assert section(text).cloud.tls is False
+
+
+def test_plain_text_to_another_computer_is_refused_at_its_key(refused):
+    (problem,) = refused("cloud: {host: mqtt.example.com, tls: false}")
+    assert problem.startswith("fleet.yaml:2:33: cloud.tls: plain text to another computer")
+
+
+@pytest.mark.parametrize("host", ["mqtts://h", "h:1883", ""])
+def test_a_host_is_a_name_alone(refused, host):
+    assert refused(f"cloud: {{host: '{host}'}}")[0].startswith("fleet.yaml:2:15: cloud.host: must ")
+
+
+@pytest.mark.parametrize(
+    ("bus", "place"),
+    [
+        ("mode: client", "2:7: "),
+        ("user: u", "2:7: "),
+        ("listen: [tls/0.0.0.0:7447]", "2:7: "),
+        ("listen: [tcp/0.0.0.0:7447]", "2:7: "),
+        ("listen: ['tcp/[::]:7447']", "2:7: "),
+        ("scouting: true", "2:7: "),
+        ("listen: [7447]", "2:16: "),
+        ("listen: [tpc/127.0.0.1:7447]", "2:16: "),
+        ("tls: {root_ca: none.pem, cert: none.pem, key: none.pem}", "2:22: "),
+    ],
+)
+def test_a_bus_that_cannot_work_or_is_open_to_anyone_is_refused(refused, bus, place):
+    assert refused(f"bus: {{{bus}}}")[0].startswith(f"fleet.yaml:{place}")
+
+
+@pytest.mark.parametrize(
+    "bus",
+    [
+        "listen: [tcp/127.0.0.1:7447, 'tcp/[::1]:1', tcp/localhost:1, unixsock-stream//run/fleet.sock]",
+        "listen: [tcp/0.0.0.0:7447], user: u, password: p",
+        "listen: [tcp/0.0.0.0:7447], insecure: true",
+        "mode: client, connect: [tcp/10.0.0.1:7447]",
+        "listen: [tls/0.0.0.0:7447], tls: {root_ca: fleet.yaml, cert: fleet.yaml, key: fleet.yaml}",
+    ],
+)
+def test_a_bus_that_is_guarded_is_taken(section, bus):
+    assert section(f"bus: {{{bus}}}").bus
+
+
+@pytest.mark.parametrize("folder", ["none", "fleet.yaml"])
+def test_plugin_folders_must_be_folders(yard, folder):
+    assert yard.problems(f"edge: {{id: e}}\nplugins: [plugins, {folder}]\nrobots: [{ROBOT}]\n")[0].startswith(
+        "fleet.yaml:2:20: plugins[1]: "
+    )
+
+
+def test_secrets_are_not_printed_by_the_models(section):
+    config = section("cloud: {host: h, token: cw_canary, password: pw_canary}")
+    assert "canary" not in repr(config) + config.model_dump_json() + str(config.model_dump())
+
+
+def all_models(model):
+    """Return a model and every model in its fields."""
+    seen, open_ = set(), [model]
+    while open_:
+        each = open_.pop()
+        if each in seen:
+            continue
+        seen.add(each)
+        for field in each.model_fields.values():
+            stack = [field.annotation]
+            while stack:
+                kind = stack.pop()
+                stack += getattr(kind, "__args__", ())
+                if isinstance(kind, type) and issubclass(kind, BaseModel):
+                    open_.append(kind)
+    return seen
+
+
+@pytest.mark.parametrize("model", sorted(all_models(FleetConfig), key=lambda each: each.__name__))
+def test_every_key_is_described_and_every_model_frozen(model):
+    assert model.model_config["frozen"]
+    assert model.model_config["extra"] == "forbid"
+    assert [name for name, field in model.model_fields.items() if not field.description] == []
+
+
+def test_robots_are_a_part_of_what_is_described():
+    assert AdapterConfig in all_models(FleetConfig)
+
+
+@pytest.mark.parametrize(
+    ("text", "safe"),
+    [("a\x1b[2Jb", "a\\x1b[2Jb"), ("a\tb", "a b"), ("\u202e\x9b", "\\u202e\\x9b"), ("größe", "größe")],
+)
+def test_nothing_that_steers_a_terminal_is_printed(text, safe):
+    assert printable(text) == safe
