@@ -1,0 +1,64 @@
+"""What the documents say is true: their Python runs, and no dependency is left unexplained."""
+
+import inspect
+import re
+
+import pytest
+
+from fleet.testing.contract import AdapterContract, FrameContract
+
+
+def python_in(path):
+    """Return the Python blocks of a document as one program."""
+    return "\n\n".join(re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
+
+
+@pytest.fixture(scope="module")
+def guide(root):
+    """Return what docs/write-an-adapter.md defines."""
+    names = {"__name__": "guide"}
+    exec(compile(python_in(root / "docs" / "write-an-adapter.md"), "write-an-adapter.md", "exec"), names)
+    return names
+
+
+@pytest.mark.parametrize(("name", "contract"), [("Crawler", FrameContract), ("Walker", AdapterContract)])
+def test_the_adapters_in_the_guide_keep_the_contract(guide, name, contract):
+    """The contract's tests without a loop, for adapters that only exist in a document."""
+    kept = type(
+        name,
+        (contract,),
+        {
+            "adapter": guide[name],
+            "config": {"adapter": "crawler", "link": "tcp:127.0.0.1:9000"},
+            "said": (b"V 12000\n", b"?\n"),
+        },
+    )()
+    tests = [getattr(kept, test) for test in dir(kept) if test.startswith("test_")]
+    plain = [test for test in tests if not inspect.iscoroutinefunction(test)]
+    assert len(plain) >= 7
+    for test in plain:
+        test()
+
+
+def test_the_example_in_the_plugins_folder_is_a_test(root, monkeypatch):
+    monkeypatch.syspath_prepend(str(root))
+    names = {}
+    exec(compile(python_in(root / "plugins" / "README.md"), "README.md", "exec"), names)
+    names["TestTheContract"]().test_each_example_of_what_the_robot_says_means_something()
+
+
+def test_every_dependency_is_explained(root, project):
+    extras = project["project"]["optional-dependencies"]
+    wanted = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    wanted += [package for extra, packages in extras.items() if extra != "all" for package in packages]
+    assert {told.replace("any", "") for told in explained(root)} == set(wanted)
+
+
+def explained(root):
+    """Return each package with its bound, as the tables of docs/dependencies.md have them."""
+    lines = (root / "docs" / "dependencies.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")]
+    told = [
+        row[-3:-1] for row in rows if (len(row) in (3, 4) and row[-2] == "any") or re.match("[<>=]", row[-2])
+    ]
+    return [package + bound for packages, bound in told for package in packages.split(", ")]
