@@ -186,11 +186,11 @@ class FrameContract(AdapterContract):
         assert [report for report in reports if not all(map(math.isfinite, numbers_in(report)))] == []
 
     def test_one_robots_frames_do_not_change_another(self) -> None:
-        fresh, heard, other = self.inner(), self.inner(), self.inner()
+        before = [*self.inner().hello(), *self.inner().halt()]
+        heard = self.inner()
         for frame in self.frames():
             list(heard.decode(frame, STAMP))
-        assert list(other.hello()) == list(fresh.hello())
-        assert list(other.halt()) == list(fresh.halt())
+        assert [*self.inner().hello(), *self.inner().halt()] == before
 
     @staticmethod
     def _encoded(inner: FrameAdapter[Any], ask: Command | Velocity) -> list[bytes]:

@@ -1,0 +1,177 @@
+"""The contract tests catch what they are for: each of these robots breaks one rule."""
+
+import time
+from typing import Literal
+
+import pytest
+from pydantic import Field, ValidationError
+
+from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
+from fleet.commands import command
+from fleet.errors import FleetError, Refused, Unsupported
+from fleet.model.geometry import Velocity
+from fleet.model.report import BatteryReport
+from fleet.robot_config import Limits
+from fleet.testing import probes
+from fleet.testing.contract import AdapterContract, FrameContract
+
+
+class GoodConfig(AdapterConfig):
+    adapter: Literal["good"]
+    link: str = Field("memory:good", description="Where it is.")
+
+
+class Good(FrameAdapter[GoodConfig]):
+    """A robot that keeps every rule."""
+
+    Config = GoodConfig
+    limits = Limits(speed=1.0)
+    verbs = ("sit",)
+
+    def encode(self, ask):
+        if not isinstance(ask, Velocity) and ask.name != "sit":
+            raise Unsupported(ask.name)
+        yield b"x\n"
+
+    def decode(self, frame, stamp):
+        if frame == b"B 1":
+            yield BatteryReport(stamp, percent=1.0)
+
+    def halt(self):
+        yield b"s\n"
+
+
+class TestAGoodFrameAdapter(FrameContract):
+    adapter = Good
+    config = {"adapter": "good"}
+    said = (b"B 1\n",)
+
+
+class Brainy(Adapter[GoodConfig]):
+    """A robot with a brain that keeps every rule."""
+
+    Config = GoodConfig
+
+    async def run(self, robot): ...
+
+    async def stop(self, reason): ...
+
+    def halt(self): ...
+
+    @command("dance")
+    async def dance(self):
+        """Dance."""
+        raise Refused("not connected")
+
+
+class TestAGoodAdapter(AdapterContract):
+    adapter = Brainy
+    config = {"adapter": "good"}
+
+
+def broken(contract=FrameContract, base=Good, **changes):
+    """Return the contract for an adapter that differs from a good one."""
+    adapter = type("Broken", (base,), {"__doc__": "A broken robot.", **changes})
+    return type(
+        "Contract", (contract,), {"adapter": adapter, "config": {"adapter": "good"}, "said": (b"B 1\n",)}
+    )()
+
+
+def slow(self, *_):
+    time.sleep(0.3)
+    yield b"x\n"
+
+
+def fails(self, *_):
+    raise RuntimeError("a bug")
+
+
+class Undescribed(GoodConfig):
+    speed: float = 1.0
+
+
+class Loose(GoodConfig):
+    model_config = {"extra": "ignore"}
+
+
+shared = []
+
+
+def remember(self, frame, stamp):
+    shared.append(frame)
+    return ()
+
+
+def greet_as_often(self):
+    return [b"x\n"] * len(shared)
+
+
+async def crash(self):
+    """Crash."""
+    raise RuntimeError("a bug")
+
+
+@pytest.mark.parametrize(
+    ("test", "changes"),
+    [
+        ("an_unknown_config_field_is_refused", {"Config": Loose}),
+        ("every_config_field_of_its_own_is_described", {"Config": Undescribed}),
+        ("the_adapter_says_what_it_is_for", {"__doc__": ""}),
+        ("every_command_has_a_plain_name_and_a_bounded_time", {"verbs": ("Sit down",)}),
+        ("every_command_method_says_what_it_does", {"wave": command("wave")(lambda self: ())}),
+        ("a_robot_that_drives_says_how_fast", {"limits": Limits()}),
+        ("each_example_of_what_the_robot_says_means_something", {"decode": lambda *_: ()}),
+        ("halt_is_never_empty_and_works_at_any_time", {"halt": lambda self: [b""]}),
+        ("halt_is_never_empty_and_works_at_any_time", {"halt": fails}),
+        ("every_velocity_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
+        ("every_velocity_becomes_frames_or_is_refused", {"encode": fails}),
+        ("standing_still_is_never_refused", {"encode": lambda *_: ()}),
+        ("every_verb_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
+        ("a_verb_that_is_not_declared_is_refused", {"encode": lambda *_: [b"x"]}),
+        ("hello_and_tick_yield_frames", {"tick": lambda self: ["text"]}),
+        ("decode_survives_whatever_arrives", {"decode": lambda self, frame, stamp: [float(frame)]}),
+        ("decode_survives_whatever_arrives", {"decode": lambda self, *_: [BatteryReport(1.0, float("nan"))]}),
+        ("one_robots_frames_do_not_change_another", {"decode": remember, "hello": greet_as_often}),
+    ],
+)
+def test_a_broken_frame_adapter_is_caught(test, changes):
+    with pytest.raises((AssertionError, RuntimeError, ValueError, pytest.fail.Exception)):
+        getattr(broken(**changes), f"test_{test}")()
+
+
+@pytest.mark.parametrize("test", ["halt_is_never_empty_and_works_at_any_time", "hello_and_tick_yield_frames"])
+def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
+    monkeypatch.setattr(probes, "SOON", 0.05)
+    with pytest.raises(AssertionError, match="blocks"):
+        getattr(broken(halt=slow, hello=slow), f"test_{test}")()
+
+
+@pytest.mark.parametrize(
+    ("test", "changes"),
+    [
+        ("stop_without_a_link_ends_and_does_not_fail", {"stop": fails}),
+        ("halt_works_on_another_thread_while_the_loop_is_stuck", {"halt": fails}),
+        ("a_velocity_without_a_link_raises_nothing_but_a_refusal", {"drive": fails}),
+        ("a_command_without_a_link_is_refused_in_time", {"dance": command("dance")(crash)}),
+        ("two_robots_share_no_state", {"queue": []}),
+    ],
+)
+async def test_a_broken_adapter_is_caught(test, changes):
+    with pytest.raises((AssertionError, RuntimeError)):
+        await getattr(broken(AdapterContract, Brainy, **changes), f"test_{test}")()
+
+
+def test_an_example_config_that_is_wrong_is_caught():
+    contract = broken()
+    type(contract).config = {"adapter": "other"}
+    with pytest.raises(ValidationError):
+        contract.test_the_example_config_is_accepted()
+
+
+def test_a_refusal_is_no_failure():
+    def refuse():
+        raise Refused("no")
+
+    assert probes.unless_refused(refuse) is None
+    with pytest.raises(FleetError):
+        probes.in_time(refuse)
