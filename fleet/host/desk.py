@@ -144,10 +144,7 @@ class Desk:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
         log.warning("%s: no setpoint within its lease: stopped", self.name)
         if self._adapter is not None and not self.deadman.armed:
-            try:
-                self._adapter.drive(ZERO_VELOCITY)
-            except (CommandError, LinkError) as error:
-                log.warning("%s: %s", self.name, error)
+            self._zero(self._adapter)
 
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill; bounded in time; raises CommandError or LinkError."""
@@ -204,7 +201,7 @@ class Desk:
             return
         if spec.moves:
             self.in_control = True
-            self.deadman.clear()
+            self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
         self._executor.start(self._adapter, spec, ask, ticket)
 
@@ -264,10 +261,10 @@ class Desk:
 
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
-        refusal = self._admission.navigate(ask)
-        if refusal is None and ask.action_id and self._navigator.repeated(ask.action_id):
+        if ask.action_id and self._navigator.repeated(ask.action_id):
             ticket.accept()
             return
+        refusal = self._admission.navigate(ask)
         if isinstance(ask.ask, Control):
             self._control(ask, ask.ask, refusal, ticket)
             return
@@ -280,12 +277,30 @@ class Desk:
             self._navigator.refuse(ask.action_id, refusal)
             ticket.reject(refusal)
             return
-        self.deadman.clear()
+        self._end_driving(self._adapter)
         self.in_control = True
         self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
         ticket.watch(self._note)
         self._navigator.start(self._adapter, ask.ask, ask.action_id, ticket)
+
+    def _end_driving(self, adapter: Adapter[Any]) -> None:
+        """End a velocity that is being held, before something else moves the robot."""
+        if not self.deadman.armed:
+            return
+        self.deadman.clear()
+        self._zero(adapter)
+
+    def _zero(self, adapter: Adapter[Any]) -> None:
+        """Hold zero velocity; an adapter that cannot even do that is halted."""
+        try:
+            adapter.drive(ZERO_VELOCITY)
+        except (CommandError, LinkError) as error:
+            log.warning("%s: %s", self.name, error)
+            adapter.halt()
+        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
+            adapter.halt()
+            self._crashed(error)
 
     def _control(self, ask: Navigate, control: Control, refusal: str | None, ticket: Ticket) -> None:
         """Stop, pause or resume the running action."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import logging
 from collections.abc import Callable
 
@@ -18,7 +19,7 @@ from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
-from fleet.host.wheel import Wheel
+from fleet.host.wheel import OWNER, Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
 from fleet.model.health import Level
@@ -66,6 +67,8 @@ class LocalRobot:
         self._send = outbox.sender(self.twin)
         self._seen = Snapshot()
         self._loop = asyncio.get_running_loop()
+        self._context = contextvars.copy_context()
+        self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         can = capabilities(plugin)
@@ -107,7 +110,11 @@ class LocalRobot:
             self.runner.lift()
             ticket.done()
         else:
-            self.desk.receive(ask, ticket)
+            self._context.run(self.desk.receive, ask, ticket)
+
+    def start(self) -> asyncio.Task[None]:
+        """Begin to serve the robot."""
+        return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
     def look_for_emergency(self, payload: bytes) -> None:
         """Halt and latch at once when a command message is an emergency stop; from any thread.

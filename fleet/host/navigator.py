@@ -39,6 +39,7 @@ class Navigator:
         self._crashed = crashed
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
         self._known: dict[str, Action] = {}
         self.action: Action | None = None
 
@@ -107,6 +108,8 @@ class Navigator:
     def _begin(self, adapter: Adapter[Any], action: Action) -> None:
         """Run the task of an action."""
         self._work = asyncio.create_task(self._run(adapter, action), name=f"action:{action.id}")
+        self._tasks.add(self._work)
+        self._work.add_done_callback(self._tasks.discard)
 
     def _end(self, state: ActionState, why: str) -> None:
         """Interrupt the work and say the terminal status."""

@@ -10,7 +10,7 @@ import sys
 import threading
 import traceback
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from pathlib import Path
 from types import FrameType
 from typing import Any, cast
@@ -27,7 +27,7 @@ from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
 from fleet.host.watchdog import LoopWatch, Watchdog
-from fleet.host.wheel import Wheel
+from fleet.host.wheel import OWNER, Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
@@ -95,12 +95,11 @@ class RobotProcess:
         """Start every robot; those that fail are tried again by their own runners."""
         # A thread that wants to stop a robot must not wait long for the interpreter.
         sys.setswitchinterval(0.0005)
+        self.loop.set_task_factory(cast("Any", self._new_task))
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            task = self.loop.create_task(robot.runner.run(), name=f"robot:{robot.name}")
-            self._owners[task] = robot.name
-            self._tasks[robot.name] = task
+            self._tasks[robot.name] = robot.start()
         self.wheel.every(STATE_EVERY, self._publish_states, owner="", failed=_never)
         self.wheel.at_end(self.outbox.flush)
         self.wheel.start()
@@ -202,6 +201,17 @@ class RobotProcess:
             waits=waits,
             request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
         )
+
+    def _new_task(
+        self, loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, Any], **options: Any
+    ) -> asyncio.Task[Any]:
+        """Make a task and remember whose it is."""
+        task = asyncio.Task(work, loop=loop, **options)
+        context = options.get("context")
+        owner = context.get(OWNER, "") if context is not None else OWNER.get()
+        if owner:
+            self._owners[task] = owner
+        return task
 
     # -- who blocks the loop -------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ turns every ``TICK`` seconds, and what they produced is flushed once at the end 
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import heapq
 import itertools
 import logging
@@ -15,6 +16,9 @@ from collections.abc import Callable
 log = logging.getLogger(__name__)
 
 TICK = 0.02  # s
+
+OWNER: contextvars.ContextVar[str] = contextvars.ContextVar("owner", default="")
+"""The robot on whose behalf code runs; every task that is started on its way inherits it."""
 
 
 class Spoke:

@@ -1,0 +1,158 @@
+"""A robot in memory, and a desk in front of it, with a clock that tests turn."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from typing import Any, Literal
+
+import pytest
+
+from fleet.adapter import Adapter, AdapterConfig
+from fleet.commands import command
+from fleet.errors import Refused
+from fleet.host.desk import Desk
+from fleet.host.make import capabilities
+from fleet.host.ticket import Ticket
+from fleet.model.command import Command, Origin, Reply, Setpoint, Way
+from fleet.model.geometry import Vector3, Velocity
+from fleet.model.navigation import Goal, GoTo, Navigate, Progress
+from fleet.robot_config import Limits
+from fleet.testing.clock import ManualClock
+
+TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
+
+
+class PuppetConfig(AdapterConfig):
+    adapter: Literal["puppet"] = "puppet"
+    link: str = "memory:puppet"
+
+
+class Puppet(Adapter[PuppetConfig]):
+    """A robot that records what it is told and does what the test says."""
+
+    Config = PuppetConfig
+    limits = Limits(speed=2.0, vertical_speed=1.0, yaw_rate=1.0)
+
+    def __init__(self, config: PuppetConfig) -> None:
+        super().__init__(config)
+        self.told: list[Any] = []
+        self.go = asyncio.Event()
+        self.raises: Exception | None = None
+
+    async def run(self, robot):
+        robot.health_ok()
+
+    def drive(self, velocity):
+        self._maybe_raise()
+        self.told.append(velocity)
+
+    async def stop(self, reason):
+        self.told.append("stop")
+
+    def halt(self):
+        self.told.append("halt")
+
+    async def navigate(self, task) -> AsyncIterator[Progress]:
+        self.told.append(task)
+        yield Progress(10)
+        self._maybe_raise()
+        await self.go.wait()
+        yield Progress(90)
+
+    @command("takeoff", timeout=5)
+    async def takeoff(self, altitude: float | None = None):
+        """Take off."""
+        self._maybe_raise()
+        self.told.append(("takeoff", altitude))
+        yield Progress(0)
+        await self.go.wait()
+
+    @command("land", safe=True, timeout=5)
+    async def land(self):
+        """Land."""
+        self.told.append("land")
+
+    @command("battery_check", moves=False, safe=True)
+    async def battery_check(self):
+        """Look at the battery."""
+        self.told.append("battery_check")
+
+    @command("shy")
+    async def shy(self):
+        """Refuse."""
+        raise Refused("not today", device_result="MAV_RESULT_DENIED", messages=("Arm: no GPS",))
+
+    def _maybe_raise(self):
+        if self.raises is not None:
+            raise self.raises
+
+
+class Bench:
+    """A desk with a puppet, and everything that came out of it."""
+
+    def __init__(self, **config: Any) -> None:
+        self.clock = ManualClock()
+        self.reports: list[Any] = []
+        self.crashes: list[Exception] = []
+        self.config = PuppetConfig(name="rex", twin=TWIN, **config)
+        self.desk = Desk(
+            self.config,
+            capabilities(Puppet),
+            publish=self.reports.append,
+            crashed=self.crashes.append,
+            clock=self.clock,
+        )
+        self.puppet = Puppet(self.config)
+        self.desk.attach(self.puppet)
+        self.desk.found()
+
+    def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
+        """Ask the desk; the list fills with the answers."""
+        answers: list[Reply] = []
+        self.desk.receive(what, Ticket(getattr(what, "name", "navigate"), answers.append, waits=waits))
+        return answers
+
+    def statuses(self) -> list[str]:
+        """Return the states of all navigation statuses, in order."""
+        return [str(report.state) for report in self.reports if hasattr(report, "state")]
+
+
+def a_command(name: str, source: str | None = "tele", session: str = "anna", **fields: Any) -> Command:
+    return Command(name, origin=Origin(Way.CLOUD, source, session), **fields)
+
+
+def a_setpoint(x: float = 1.0, source: str | None = "tele", session: str = "anna", **fields: Any) -> Setpoint:
+    return Setpoint(Velocity(Vector3(x=x)), origin=Origin(Way.CLOUD, source, session), **fields)
+
+
+def a_goal(action: str = "a1", source: str = "tele", session: str = "anna", **fields: Any) -> Navigate:
+    goal = GoTo(Goal(Vector3(1, 2, 3)))
+    return Navigate(goal, action, Origin(Way.CLOUD, source, session), **fields)
+
+
+async def settle() -> None:
+    """Let everything that can run, run."""
+    for _ in range(10):
+        await asyncio.sleep(0)
+
+
+@pytest.fixture
+async def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def make_bench() -> Callable[..., Bench]:
+    return Bench
+
+
+@pytest.fixture
+def asks() -> Any:
+    """Return the makers of asks, as one value."""
+
+    class Asks:
+        command = staticmethod(a_command)
+        setpoint = staticmethod(a_setpoint)
+        goal = staticmethod(a_goal)
+        settle = staticmethod(settle)
+
+    return Asks

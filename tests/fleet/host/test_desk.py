@@ -1,0 +1,285 @@
+import pytest
+
+from fleet.errors import LinkLost, NotReady
+from fleet.model.command import ReplyStatus
+from fleet.model.geometry import ZERO_VELOCITY
+from fleet.model.navigation import Control, Navigate
+
+ACCEPTED, REJECTED, DENIED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED, ReplyStatus.DENIED
+
+
+def statuses(answers):
+    return [answer.status for answer in answers]
+
+
+async def test_a_command_reaches_the_robot_and_is_answered_once(bench, asks):
+    answers = bench.ask(asks.command("land"))
+    await asks.settle()
+    assert bench.puppet.told == ["land"]
+    assert statuses(answers) == [ACCEPTED]
+
+
+async def test_who_waits_also_hears_that_it_is_done(bench, asks):
+    answers = bench.ask(asks.command("takeoff", data={"altitude": 3}), waits=True)
+    await asks.settle()
+    assert [answer.done for answer in answers] == [None]
+    bench.puppet.go.set()
+    await asks.settle()
+    assert [answer.done for answer in answers] == [None, True]
+
+
+@pytest.mark.parametrize("source", [None, "edge", "sim", "sim_tele", "edit", "nonsense"])
+async def test_a_command_from_a_wrong_source_never_reaches_the_robot(bench, asks, source):
+    answers = bench.ask(asks.command("land", source=source)) + bench.ask(asks.setpoint(source=source))
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert statuses(answers) == [REJECTED, REJECTED]
+
+
+@pytest.mark.parametrize("name", ["stop", "emergency_stop", "hover"])
+async def test_a_stop_is_obeyed_from_anyone_however_old(bench, asks, name):
+    answers = bench.ask(asks.command(name, source=None, stamp=1.0))
+    await asks.settle()
+    assert "stop" in bench.puppet.told
+    assert statuses(answers) == [ACCEPTED]
+
+
+async def test_an_undeclared_command_is_refused_with_the_nearest(bench, asks):
+    (answer,) = bench.ask(asks.command("take_off"))
+    assert answer.status is REJECTED
+    assert "takeoff" in answer.hint
+
+
+async def test_a_wrong_argument_is_refused_by_name(bench, asks):
+    answers = bench.ask(asks.command("takeoff", data={"altitud": 3}))
+    await asks.settle()
+    assert "altitude" in answers[0].hint
+    assert bench.puppet.told == []
+
+
+async def test_the_robots_own_words_come_back(bench, asks):
+    answers = bench.ask(asks.command("shy"))
+    await asks.settle()
+    assert (answers[0].status, answers[0].reason) == (DENIED, "not today")
+    assert answers[0].messages == ("Arm: no GPS",)
+
+
+async def test_a_repeated_command_is_done_once_and_answered_alike(bench, asks):
+    first = bench.ask(asks.command("land", id="r1"))
+    await asks.settle()
+    second = bench.ask(asks.command("land", id="r1"))
+    await asks.settle()
+    assert bench.puppet.told == ["land"]
+    assert first == second
+
+
+async def test_a_stale_setpoint_is_refused(bench, asks):
+    answers = bench.ask(asks.setpoint(stamp=bench.clock.time() - 30))
+    assert statuses(answers) == [REJECTED]
+    assert bench.puppet.told == []
+
+
+async def test_a_setpoint_is_clamped_and_held_for_its_lease(bench, asks):
+    bench.ask(asks.setpoint(x=50.0))
+    assert bench.puppet.told[0].linear.x == pytest.approx(2.0)
+    bench.clock.advance(0.49)
+    assert not bench.desk.deadman.expire(bench.clock.monotonic())
+    bench.clock.advance(0.02)
+    assert bench.desk.deadman.expire(bench.clock.monotonic())
+
+
+async def test_a_lease_that_ran_out_ends_in_zero_velocity(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.clock.advance(1.0)
+    bench.desk.deadman.expire(bench.clock.monotonic())
+    bench.desk.lease_ran_out()
+    assert bench.puppet.told[-1] == ZERO_VELOCITY
+
+
+async def test_a_fresh_setpoint_is_not_undone_by_the_lease_before_it(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.clock.advance(1.0)
+    bench.desk.deadman.expire(bench.clock.monotonic())
+    bench.ask(asks.setpoint(x=0.5))
+    bench.desk.lease_ran_out()
+    assert bench.puppet.told[-1].linear.x == 0.5
+
+
+async def test_a_second_operator_waits_for_the_control_lease(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [REJECTED]
+    bench.clock.advance(3.1)
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
+
+
+async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
+    bench.ask(asks.command("emergency_stop", source=None))
+    await asks.settle()
+    assert bench.puppet.told[0] == "halt"
+    refused = bench.ask(asks.setpoint()) + bench.ask(asks.command("takeoff")) + bench.ask(asks.goal())
+    assert statuses(refused) == [REJECTED] * 3
+    bench.ask(asks.command("release_emergency_stop"))
+    assert statuses(bench.ask(asks.setpoint())) == [ACCEPTED]
+
+
+async def test_landing_is_allowed_while_an_emergency_stop_is_latched(bench, asks):
+    bench.desk.emergency("test")
+    answers = bench.ask(asks.command("land"))
+    await asks.settle()
+    assert statuses(answers) == [ACCEPTED]
+
+
+async def test_the_release_needs_an_accepted_source(bench, asks):
+    bench.desk.emergency("test")
+    bench.ask(asks.command("release_emergency_stop", source="sim"))
+    assert bench.desk.latched
+
+
+async def test_a_newer_moving_command_takes_the_place_of_the_older(bench, asks):
+    older = bench.ask(asks.command("takeoff"), waits=True)
+    await asks.settle()
+    bench.ask(asks.command("land"))
+    await asks.settle()
+    assert older[-1].done is False
+    assert older[-1].reason == "superseded by land"
+
+
+async def test_a_setpoint_does_not_disturb_a_takeoff(bench, asks):
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    (answer,) = bench.ask(asks.setpoint())
+    assert "takeoff" in answer.reason
+    assert bench.puppet.told == [("takeoff", None)]
+
+
+async def test_a_stop_ends_a_takeoff(bench, asks):
+    older = bench.ask(asks.command("takeoff"), waits=True)
+    await asks.settle()
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    assert older[-1].done is False
+    assert bench.puppet.told[-1] == "stop"
+
+
+async def test_an_offline_robot_is_asked_nothing_but_is_still_halted(bench, asks):
+    bench.desk.lost("no heartbeat")
+    bench.puppet.told.clear()
+    answers = bench.ask(asks.command("land")) + bench.ask(asks.setpoint()) + bench.ask(asks.command("stop"))
+    await asks.settle()
+    assert statuses(answers) == [REJECTED] * 3
+    assert all("no heartbeat" in answer.reason for answer in answers)
+    assert bench.puppet.told == ["halt"]
+
+
+async def test_a_robot_that_is_lost_fails_what_was_under_way_and_takes_nothing_up_again(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.desk.lost("no heartbeat")
+    bench.desk.found()
+    await asks.settle()
+    assert bench.statuses() == ["queued", "running", "failed"]
+    assert not bench.desk.in_motion
+
+
+async def test_an_adapter_that_refuses_a_velocity_leaves_nothing_armed(bench, asks):
+    bench.puppet.raises = NotReady("not in the air")
+    (answer,) = bench.ask(asks.setpoint())
+    assert (answer.status, answer.reason) == (DENIED, "not in the air")
+    assert not bench.desk.deadman.armed
+
+
+@pytest.mark.parametrize("kind", ["command", "setpoint", "goal"])
+async def test_an_adapter_that_raises_anything_is_told_to_the_runner(bench, asks, kind):
+    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.ask(asks.command("takeoff") if kind == "command" else getattr(asks, kind)())
+    await asks.settle()
+    assert [type(crash) for crash in bench.crashes] == [ZeroDivisionError]
+
+
+async def test_authority_lost_ends_everything_and_is_told(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.desk.authority_lost("the pilot switched to POSHOLD")
+    assert bench.reports[-1].type == "authority_lost"
+    assert bench.statuses()[-1] == "failed"
+    assert not bench.desk.in_control
+
+
+async def test_a_goal_goes_through_its_states_to_exactly_one_end(bench, asks):
+    answers = bench.ask(asks.goal(), waits=True)
+    await asks.settle()
+    bench.puppet.go.set()
+    await asks.settle()
+    assert bench.statuses() == ["queued", "running", "completed"]
+    assert [answer.done for answer in answers] == [None, True]
+
+
+async def test_a_newer_goal_cancels_the_older(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(asks.goal("a2"))
+    await asks.settle()
+    ended = [(report.action_id, report.state) for report in bench.reports if report.state.terminal]
+    assert ended == [("a1", "cancelled")]
+
+
+async def test_teleoperation_takes_over_from_navigation(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.ask(asks.setpoint())
+    assert bench.statuses()[-1] == "cancelled"
+    assert bench.puppet.told[-1].linear.x == 1.0
+
+
+async def test_a_goal_from_another_waits_for_the_one_who_drives(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    answers = bench.ask(asks.goal(session="bert"))
+    assert statuses(answers) == [REJECTED]
+    assert bench.statuses() == ["failed"]
+
+
+async def test_a_repeated_action_id_is_answered_with_its_last_status(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    assert len([told for told in bench.puppet.told if told != "halt"]) == 1
+    assert bench.statuses() == ["queued", "running", "running"]
+
+
+def control(asks, what, action=""):
+    return Navigate(what, action, asks.command("x").origin)
+
+
+async def test_stopping_cancels_the_action_and_completes_the_stop(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(control(asks, Control.STOP, "s1"))
+    await asks.settle()
+    ended = {report.action_id: str(report.state) for report in bench.reports if report.state.terminal}
+    assert ended == {"a1": "cancelled", "s1": "completed"}
+    assert bench.puppet.told[-1] == "stop"
+
+
+async def test_a_paused_action_holds_and_goes_on_when_resumed(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(control(asks, Control.PAUSE))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+    bench.ask(control(asks, Control.RESUME))
+    bench.puppet.go.set()
+    await asks.settle()
+    assert bench.statuses()[-1] == "completed"
+
+
+async def test_resuming_nothing_is_refused(bench, asks):
+    assert statuses(bench.ask(control(asks, Control.RESUME))) == [REJECTED]
+
+
+async def test_a_failed_goal_stops_the_robot_and_says_why(bench, asks):
+    bench.puppet.raises = LinkLost("the cable came out")
+    bench.ask(asks.goal())
+    await asks.settle()
+    assert bench.reports[-1].message == "the cable came out"
+    assert bench.puppet.told[-1] == "stop"

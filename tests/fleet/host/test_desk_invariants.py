@@ -1,0 +1,140 @@
+"""What holds at a desk whatever is asked, in whatever order, and however the robot comes and goes."""
+
+import asyncio
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fleet.model.geometry import Velocity
+from fleet.model.navigation import Control, Navigate
+
+SOURCES = st.sampled_from(["tele", "edge", "sim", None])
+SESSIONS = st.sampled_from(["anna", "bert"])
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("command"), st.sampled_from(["takeoff", "land", "shy", "battery_check", "dance"])),
+        st.tuples(st.just("stop"), st.sampled_from(["stop", "emergency_stop", "hover"])),
+        st.tuples(st.just("release"), st.none()),
+        st.tuples(st.just("setpoint"), st.floats(-10, 10)),
+        st.tuples(st.just("goal"), st.sampled_from(["", "a1", "a2"])),
+        st.tuples(st.just("control"), st.sampled_from(list(Control))),
+        st.tuples(st.just("wait"), st.floats(0, 4)),
+        st.tuples(st.just("lost"), st.none()),
+        st.tuples(st.just("found"), st.none()),
+        st.tuples(st.just("authority"), st.none()),
+    ),
+    max_size=25,
+)
+
+
+def time_passes(bench, seconds):
+    bench.clock.advance(seconds)
+    if bench.desk.deadman.expire(bench.clock.monotonic()):
+        bench.desk.halt()
+        bench.desk.lease_ran_out()
+
+
+def the_pilot_takes_over(bench, _):
+    bench.puppet.told.append("halt")  # an adapter that loses the robot sends nothing more
+    bench.desk.authority_lost("pilot")
+
+
+EVENTS = {
+    "wait": time_passes,
+    "lost": lambda bench, _: bench.desk.lost("gone"),
+    "found": lambda bench, _: bench.desk.found(),
+    "authority": the_pilot_takes_over,
+}
+ASKED = {
+    "command": lambda asks, name, **who: asks.command(name, **who),
+    "stop": lambda asks, name, **who: asks.command(name, **who),
+    "release": lambda asks, _, **who: asks.command("release_emergency_stop", **who),
+    "setpoint": lambda asks, speed, **who: asks.setpoint(x=speed, **who),
+    "goal": lambda asks, action, **who: asks.goal(action, **who),
+    "control": lambda asks, what, **who: Navigate(what, "", asks.command("x", **who).origin),
+}
+
+
+async def play(bench, asks, steps, source, session):
+    """Play the steps; yields after each: its kind, the latch before it, the answers, what the robot was told."""
+    for kind, value in steps:
+        before = len(bench.puppet.told)
+        latched, answers = bench.desk.latched, []
+        if kind in ASKED:
+            answers = bench.ask(ASKED[kind](asks, value, source=source, session=session))
+        else:
+            EVENTS[kind](bench, value)
+        await asks.settle()
+        yield kind, latched, answers, bench.puppet.told[before:]
+
+
+def moves(told):
+    return [one for one in told if (isinstance(one, Velocity) and not one.is_zero) or isinstance(one, tuple)]
+
+
+EXAMPLES = settings(
+    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@EXAMPLES
+@given(steps=STEPS, source=SOURCES, session=SESSIONS)
+def test_every_ask_gets_exactly_one_receipt(make_bench, asks, steps, source, session):
+    async def check():
+        bench = make_bench()
+        bench.puppet.go.set()
+        async for kind, _, answers, _ in play(bench, asks, steps, source, session):
+            assert len(answers) == (1 if kind in ASKED else 0)
+
+    asyncio.run(check())
+
+
+@EXAMPLES
+@given(steps=STEPS, source=SOURCES, session=SESSIONS)
+def test_nothing_moves_while_an_emergency_stop_is_latched(make_bench, asks, steps, source, session):
+    async def check():
+        bench = make_bench()
+        async for kind, latched, _, told in play(bench, asks, steps, source, session):
+            assert not latched or kind == "release" or moves(told) == []
+
+    asyncio.run(check())
+
+
+@EXAMPLES
+@given(steps=STEPS, source=st.sampled_from(["sim", None, "edit"]), session=SESSIONS)
+def test_nothing_ever_moves_for_a_source_that_is_not_obeyed(make_bench, asks, steps, source, session):
+    async def check():
+        bench = make_bench()
+        async for _, _, _, told in play(bench, asks, steps, source, session):
+            assert moves(told) == []
+
+    asyncio.run(check())
+
+
+@EXAMPLES
+@given(steps=STEPS, source=SOURCES, session=SESSIONS)
+def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, source, session):
+    async def check():
+        bench = make_bench()
+        async for _ in play(bench, asks, steps, source, session):
+            last = [one for one in bench.puppet.told if one != "battery_check"][-1:]
+            held = bool(last) and isinstance(last[0], Velocity) and not last[0].is_zero
+            assert not held or bench.desk.deadman.armed
+
+    asyncio.run(check())
+
+
+@EXAMPLES
+@given(steps=STEPS, source=SOURCES, session=SESSIONS)
+def test_nothing_is_said_of_an_action_after_its_end(make_bench, asks, steps, source, session):
+    async def check():
+        bench = make_bench()
+        async for _ in play(bench, asks, steps, source, session):
+            pass
+        said = [report for report in bench.reports if getattr(report, "action_id", "") == "a1"]
+        states = [str(report.state) for report in said]
+        ended = [index for index, report in enumerate(said) if report.state.terminal]
+        repeats_of_the_end = states[ended[0] :] if ended else []
+        assert len(set(repeats_of_the_end)) <= 1 or "queued" in repeats_of_the_end
+
+    asyncio.run(check())
