@@ -1,0 +1,108 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.commands import arguments, command, commands_of
+from fleet.errors import Refused
+from fleet.model.navigation import Progress
+
+
+class Base:
+    @command("land", safe=True, timeout=60.0)
+    async def land(self):
+        """Land here.
+
+        More words.
+        """
+
+    @command("takeoff", "lift_off", timeout=30.0)
+    async def takeoff(self, *, altitude: float | None = None):
+        yield Progress(1.0)
+
+    @command("set_mode", moves=False)
+    async def set_mode(self, mode: str, slot: int = 3):
+        """Change the mode."""
+
+    async def helper(self, anything):
+        """Not a command."""
+
+
+class Derived(Base):
+    @command("land", timeout=5.0)
+    async def land(self):
+        """Land otherwise."""
+
+
+SPECS = commands_of(Base)
+
+
+def test_marked_methods_are_commands_and_others_are_not():
+    assert set(SPECS) == {"land", "takeoff", "lift_off", "set_mode"}
+
+
+def test_a_spec_says_what_was_declared():
+    land, mode = SPECS["land"], SPECS["set_mode"]
+    assert (land.method, land.timeout, land.safe, land.moves) == ("land", 60.0, True, True)
+    assert (mode.timeout, mode.safe, mode.moves) == (10.0, False, False)
+    assert land.summary == "Land here."
+
+
+def test_an_alias_is_the_same_command_under_its_own_name():
+    assert SPECS["lift_off"].name == "lift_off"
+    assert SPECS["lift_off"].method == SPECS["takeoff"].method == "takeoff"
+
+
+def test_a_generator_streams_and_a_coroutine_does_not():
+    assert SPECS["takeoff"].streams
+    assert not SPECS["land"].streams
+
+
+def test_a_subclass_replaces_the_command_of_its_base():
+    assert commands_of(Derived)["land"].timeout == 5.0
+    assert commands_of(Base)["land"].timeout == 60.0
+
+
+def test_an_override_without_a_mark_is_no_command_any_more():
+    class Mute(Base):
+        async def land(self):
+            """Do not offer it."""
+
+    assert "land" not in commands_of(Mute)
+
+
+def test_arguments_are_the_data_and_the_defaults():
+    assert arguments(SPECS["set_mode"], {"mode": "auto"}) == {"mode": "auto", "slot": 3}
+    assert arguments(SPECS["takeoff"], {}) == {"altitude": None}
+    assert arguments(SPECS["takeoff"], {"altitude": 2}) == {"altitude": 2.0}
+
+
+@given(st.dictionaries(st.text(max_size=4), st.none() | st.integers() | st.text(max_size=3), max_size=4))
+def test_nothing_in_its_data_keeps_a_landing_from_happening(data):
+    assert arguments(SPECS["land"], data) == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "reason"),
+    [
+        ("takeoff", {"altitude": "2"}, "altitude"),
+        ("takeoff", {"altitude": True}, "altitude"),
+        ("set_mode", {}, "mode"),
+        ("set_mode", {"mode": 5}, "mode"),
+        ("set_mode", {"mode": "auto", "slot": 1.5}, "slot"),
+        ("set_mode", {"mode": None}, "mode"),
+    ],
+)
+def test_a_wrong_or_missing_field_is_refused_by_name(name, data, reason):
+    with pytest.raises(Refused, match=reason) as refusal:
+        arguments(SPECS[name], data)
+    assert name in str(refusal.value)
+
+
+def test_a_misspelt_field_is_refused_with_the_one_that_was_meant():
+    with pytest.raises(Refused, match=r"takes no 'altitud'.*did you mean 'altitude'"):
+        arguments(SPECS["takeoff"], {"altitud": 2})
+
+
+def test_an_unknown_field_is_refused_with_those_that_are_known():
+    with pytest.raises(Refused, match="it takes mode, slot"):
+        arguments(SPECS["set_mode"], {"mode": "a", "zzz": 1})
