@@ -22,8 +22,9 @@ INTRODUCTION = """\
 
 Made from the commands by `docs/make_cli_reference.py`; do not edit.
 
-Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs. Colours are left out with
-`--no-color`, with `NO_COLOR=1`, and when the output is no terminal. Tables fit the terminal; on a narrow one each row becomes a block.
+Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs.
+Colours are left out with `--no-color`, with `NO_COLOR=1`, and when the output is no terminal.
+Tables fit the terminal; on a narrow one each row becomes a block.
 """
 
 
@@ -37,9 +38,9 @@ def exit_codes() -> Iterator[str]:
         yield f"| {code.value} | {words} | {(remark and remark[1]) or ''} |"
 
 
-def command_section(name: str, command: click.Command) -> Iterator[str]:
+def command_section(name: str, command: click.Command, parent: click.Context) -> Iterator[str]:
     """Yield the section of one command: usage, words, options."""
-    context = click.Context(command, info_name=f"fleet {name}")
+    context = click.Context(command, info_name=name, parent=parent, terminal_width=100)
     yield from (
         "",
         f"## fleet {name}",
@@ -50,7 +51,11 @@ def command_section(name: str, command: click.Command) -> Iterator[str]:
         "",
     )
     yield from inspect.cleandoc(command.help or "").splitlines()
-    records = [record for each in command.get_params(context) if (record := each.get_help_record(context))]
+    records = [
+        record
+        for each in command.get_params(context)
+        if (record := each.get_help_record(context)) and record[1]
+    ]
     if records:
         yield from ("", "| option | |", "|---|---|")
         for option, words in records:
@@ -62,11 +67,11 @@ def render() -> str:
     lines = [INTRODUCTION.rstrip(), "", "| command | |", "|---|---|"]
     lines += [f"| [`fleet {name}`](#fleet-{name}) | {SUMMARIES[name]} |" for name in COMMANDS]
     lines += exit_codes()
-    context = click.Context(fleet)
+    context = click.Context(fleet, info_name="fleet", **fleet.context_settings)
     for name in COMMANDS:
         command = fleet.get_command(context, name)
         if command is not None:
-            lines += command_section(name, command)
+            lines += command_section(name, command, context)
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

@@ -29,13 +29,14 @@ Made from the models by `docs/make_config_reference.py`; do not edit.
 `fleet check` tells every problem of a file with its line and column, and a hint. `fleet init` writes an
 example; `fleet schema` prints a JSON Schema for editors.
 
-- YAML 1.2: only `true` and `false` are booleans; `yes`, `on` and `0755` are text. A key that is there twice is an error,
-  and so is an unknown one. Keys at the top that begin with `x-` are ignored.
+- YAML 1.2: only `true` and `false` are booleans; `yes`, `on` and `0755` are text. A key that is there
+  twice is an error, and so is an unknown one. Keys at the top that begin with `x-` are ignored.
 - `!include FILE` puts another file of the same folder (or below) in its place.
 - `!secret NAME` takes a value from `secrets.yaml` beside the file: lines `name: value`, mode 0600.
-- `${VAR}` is an environment variable, `${VAR:-default}` one with a default, `${VAR:?message}` one that must be set;
-  `$$` is a dollar. Inside `{...}` and `[...]` write it in quotes.
-- `defaults:` stands under every robot, mapping by mapping; what a robot says itself wins. It cannot give `name`, `twin` or `adapter`.
+- `${VAR}` is an environment variable, `${VAR:-default}` one with a default, `${VAR:?message}` one that
+  must be set; `$$` is a dollar. Inside `{...}` and `[...]` write it in quotes.
+- `defaults:` stands under every robot, mapping by mapping; what a robot says itself wins. It cannot give
+  `name`, `twin` or `adapter`.
 - Paths are seen from the folder of the file.
 """
 _WORDS: dict[Any, str] = {
@@ -48,6 +49,15 @@ _WORDS: dict[Any, str] = {
     SecretStr: "text, never shown",
     Any: "anything",
 }
+_SHAPES: dict[Any, str] = {
+    typing.Annotated: "{0}",
+    types.UnionType: "{0}",
+    typing.Union: "{0}",
+    tuple: "list of {0}",
+    list: "list of {0}",
+    frozenset: "list of {0}",
+    dict: "mapping of {1} to {2}",
+}
 _BOUNDS = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
 
 
@@ -57,14 +67,9 @@ def kind(annotation: Any) -> str:
     origin = typing.get_origin(annotation)
     if origin is Literal:
         return ", ".join(f"`{value}`" for value in arguments)
-    if origin is typing.Annotated:
-        return kind(arguments[0])
-    if origin in (types.UnionType, typing.Union):
-        return " or ".join(kind(each) for each in arguments)
-    if origin in (tuple, list, frozenset, set):
-        return f"list of {kind(arguments[0])}"
-    if origin is dict:
-        return f"mapping of {kind(arguments[0])} to {kind(arguments[1])}"
+    inner = [kind(each) for each in arguments if origin is not typing.Annotated or each is arguments[0]]
+    if origin in _SHAPES:
+        return _SHAPES[origin].format(" or ".join(inner), *inner)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"[{annotation.__name__}](#{annotation.__name__.lower()})"
     return _WORDS.get(annotation, getattr(annotation, "__name__", str(annotation)))

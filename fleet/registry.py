@@ -227,16 +227,24 @@ def _why(error: BaseException, path: Path | None) -> str:
     """Return the reason on one line, with the file and line where it went wrong."""
     if isinstance(error, _Unusable):
         return str(error)
-    if isinstance(error, SyntaxError):
-        return f"{error.msg} ({error.filename}:{error.lineno})"
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
-    frames = [
-        frame
+    place = _place_of(error, path)
+    reason = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
+    return " ".join(f"{reason}{f' ({place})' if place else ''}".split())
+
+
+def _place_of(error: BaseException, path: Path | None) -> str:
+    """Return ``file:line`` where an error arose: in the plugin's own file if it passed there."""
+    places = [
+        (frame.filename, frame.lineno)
         for frame in traceback.extract_tb(error.__traceback__)
         if not frame.filename.startswith("<frozen") and frame.filename != __file__
     ]
-    own = [frame for frame in frames if path is not None and frame.filename == str(path)] or frames
-    return f"{reason} ({own[-1].filename}:{own[-1].lineno})" if own else reason
+    if isinstance(error, SyntaxError) and error.filename:
+        places.append((error.filename, error.lineno))
+    own = [place for place in places if path is not None and place[0] == str(path.absolute())]
+    if own:
+        return f"{path}:{own[-1][1]}"
+    return f"{places[-1][0]}:{places[-1][1]}" if places else ""
 
 
 def _install_hint(error: BaseException, point: EntryPoint) -> str:

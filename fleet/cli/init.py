@@ -31,7 +31,10 @@ def init(out: Output, folder: str) -> None:
     """
     place = pathlib.Path(folder)
     example = resources.files("fleet.cli").joinpath("example.yaml").read_text(encoding="utf-8")
-    place.mkdir(parents=True, exist_ok=True)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise click.ClickException(f"cannot make {place}: {error.strerror}") from None
     config, secrets = place / "fleet.yaml", place / "secrets.yaml"
     if not _write_new(config, _UUID.sub(lambda _: str(uuid.uuid4()), example), 0o644):
         raise click.ClickException(f"{config} is there already; it stays as it is")

@@ -1,5 +1,5 @@
 import textwrap
-from importlib.metadata import EntryPoint, EntryPoints
+from importlib.metadata import EntryPoint, distributions
 
 import pytest
 
@@ -74,7 +74,8 @@ def test_files_that_begin_with_an_underscore_are_not_loaded(folder):
         (body("x").replace("    Config = Config\n", ""), "needs a class attribute Config"),
         (body("x").replace('Literal["x"]', "str"), 'Config needs the field adapter: Literal["its name"]'),
         (
-            body("x") + "    from fleet import command\n    @command('go')\n    async def go(self, far): ...\n",
+            body("x")
+            + "    from fleet import command\n    @command('go')\n    async def go(self, far): ...\n",
             "KeyError: 'far'",
         ),
     ],
@@ -149,7 +150,10 @@ class TestEntryPoints:
             ("registry_toy_b:Nothing", "AttributeError"),
             ("registry_toy_b:Config", "is no subclass of Adapter or FrameAdapter"),
             ("registry_toy_b:FrameAdapter", "FrameAdapter does not define decode, encode, halt"),
-            ("registry_toy_b:tallAdapter", "its Config says adapter: 'tall' but its entry point is called 'toy'"),
+            (
+                "registry_toy_b:tallAdapter",
+                "its Config says adapter: 'tall' but its entry point is called 'toy'",
+            ),
         ],
     )
     def test_one_that_cannot_be_used_is_a_report(self, module, value, report):
@@ -180,13 +184,12 @@ class TestEntryPoints:
             "Requires-Dist: py-toy-lib>=1; extra == 'toys'\n"
         )
         (info / "entry_points.txt").write_text(f"[{GROUP}]\ntoy = registry_toy_d:Toy\n")
-        (found,) = EntryPoints(own_points(tmp_path))
+        (found,) = own_points(tmp_path)
         report = Registry([found]).get("toy").report
         assert report.endswith("install it: uv sync --extra toys, or pip install 'zenoh-fleet[toys]'")
 
 
 def own_points(folder):
     """Return the entry points of the packages in this folder alone."""
-    from importlib.metadata import distributions
-
-    return [each for dist in distributions(path=[str(folder)]) for each in dist.entry_points if each.group == GROUP]
+    found = [point for dist in distributions(path=[str(folder)]) for point in dist.entry_points]
+    return [point for point in found if point.group == GROUP]

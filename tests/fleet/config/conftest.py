@@ -7,7 +7,7 @@ from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
 from fleet.registry import Registry
 
-TOY = '''
+TOY = """
 from typing import Literal
 
 from pydantic import Field, SecretStr
@@ -38,7 +38,7 @@ class Toy(FrameAdapter[ToyConfig]):
 
     def halt(self):
         return (b"halt",)
-'''
+"""
 
 
 class Yard:

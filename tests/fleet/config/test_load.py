@@ -53,19 +53,25 @@ def test_all_problems_are_told_at_once_with_their_places(yard):
             link: ${NOPE}
         groups: {all: [a, bb]}
         """) == [
-        "fleet.yaml:1:12: edge.id: must be lower-case letters, digits, - and _, beginning with a letter "
-        "(The edge's name on the bus; no two edges of a site share it.)",
+        (
+            "fleet.yaml:1:12: edge.id: must be lower-case letters, digits, - and _, beginning with a letter "
+            "(The edge's name on the bus; no two edges of a site share it.)"
+        ),
         "fleet.yaml:2:24: cloud.port: must be at most 65535 (Left out: CYBERWAVE_MQTT_PORT, else 8883.)",
         "fleet.yaml:2:31: cloud.tsl: unknown key (did you mean 'tls'?)",
         "fleet.yaml:4:28: defaults.limits.speed: must be a number (write the number alone, without 'm/s')",
         "fleet.yaml:9:5: robots[0].lnk: unknown key (did you mean 'link'?)",
         "fleet.yaml:10:12: robots[0].armed: must be true or false (did you mean true?)",
         "fleet.yaml:11:11: robots[0].pace: must be 'slow' or 'fast' (did you mean 'fast'?)",
-        "fleet.yaml:13:11: robots[1].twin: must be a uuid "
-        "(like 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11; the twin's page in the cloud shows it)",
+        (
+            "fleet.yaml:13:11: robots[1].twin: must be a uuid "
+            "(like 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11; the twin's page in the cloud shows it)"
+        ),
         "fleet.yaml:14:14: robots[1].adapter: there is no adapter 'toyy' (did you mean 'toy'?)",
-        "fleet.yaml:15:11: robots[1].link: the environment variable NOPE is not set "
-        "(set it, or give a default: ${NOPE:-value})",
+        (
+            "fleet.yaml:15:11: robots[1].link: the environment variable NOPE is not set "
+            "(set it, or give a default: ${NOPE:-value})"
+        ),
         "fleet.yaml:16:19: groups.all[1]: there is no robot 'bb' (did you mean 'b'?)",
     ]
 

@@ -70,7 +70,7 @@ def test_one_mistake_is_told_at_its_own_line(yard, fleet_text, registry):
             load(yard.file, {}, registry=registry)
         told = {problem.line for problem in caught.value.problems}
         assert expected + 1 in told, (mutate.__name__, lines[number], str(caught.value))
-        assert len(told) == 1 or lines[number].startswith(("robots", "  - name", "plugins")), str(caught.value)
+        assert len(told) == 1 or lines[number].startswith(("robots", "  - name", "plugins")), str(told)
 
 
 def test_in_a_partial_load_each_robot_runs_or_is_told(yard, fleet_text, registry):
@@ -106,6 +106,10 @@ def test_noise_is_refused_and_never_crashes(yard, fleet_text, registry):
         try:
             load(yard.file, {}, registry=registry)
         except InvalidConfig as error:
-            assert error.problems
-            assert all(problem.line > 0 and problem.column > 0 for problem in error.problems)
-            assert str(error).replace("\n", "").isprintable()
+            assert_whole(error)
+
+
+def assert_whole(error):
+    assert error.problems
+    assert all(problem.line > 0 and problem.column > 0 for problem in error.problems)
+    assert str(error).replace("\n", "").isprintable()

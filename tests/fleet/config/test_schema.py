@@ -67,12 +67,16 @@ def test_the_prefix_comes_from_the_first_variable_that_is_set(section, environ, 
 
 def test_a_wrong_variable_is_told_by_its_name(refused):
     assert refused("cloud: {host: h}", {"CYBERWAVE_MQTT_PORT": "no"}) == [
-        "fleet.yaml:2:8: cloud.port (from CYBERWAVE_MQTT_PORT): must be a whole number "
-        "(Left out: CYBERWAVE_MQTT_PORT, else 8883.)"
+        (
+            "fleet.yaml:2:8: cloud.port (from CYBERWAVE_MQTT_PORT): must be a whole number "
+            "(Left out: CYBERWAVE_MQTT_PORT, else 8883.)"
+        )
     ]
 
 
-@pytest.mark.parametrize("text", ["cloud: {host: h, tls: false, insecure: true}", "cloud: {host: '::1', tls: false}"])
+@pytest.mark.parametrize(
+    "text", ["cloud: {host: h, tls: false, insecure: true}", "cloud: {host: '::1', tls: false}"]
+)
 def test_plain_text_is_allowed_here_or_when_it_is_asked_for(section, text):
     assert section(text).cloud.tls is False
 

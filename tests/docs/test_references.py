@@ -1,0 +1,25 @@
+"""What is made from the code is as the code is."""
+
+import pathlib
+import runpy
+
+import pytest
+
+from fleet.cli.main import COMMANDS
+from fleet.cli.output import ExitCode
+
+DOCS = pathlib.Path(__file__).parents[2] / "docs"
+
+
+@pytest.mark.parametrize(
+    ("script", "result"), [("make_config_reference.py", "config.md"), ("make_cli_reference.py", "cli.md")]
+)
+def test_a_reference_is_up_to_date(script, result):
+    made = runpy.run_path(str(DOCS / script))["render"]()
+    assert (DOCS / result).read_text(encoding="utf-8") == made, f"run: python docs/{script}"
+
+
+def test_the_command_line_is_described_whole():
+    text = (DOCS / "cli.md").read_text(encoding="utf-8")
+    assert all(f"## fleet {name}\n" in text for name in COMMANDS)
+    assert all(f"| {code.value} | " in text for code in ExitCode)

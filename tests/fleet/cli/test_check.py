@@ -1,0 +1,71 @@
+def test_a_good_file_is_told_in_one_line(fleet):
+    result = fleet("check")
+    assert result == (0, "fleet.yaml is valid: edge yard-1, 1 robot (1 toy), 0 groups, no cloud\n", "")
+
+
+def test_a_good_file_is_told_to_programs(fleet):
+    assert fleet("check", "--json").json == {
+        "ok": True,
+        "file": "fleet.yaml",
+        "edge": "yard-1",
+        "robots": [
+            {
+                "name": "rex",
+                "twin": "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11",
+                "adapter": "toy",
+                "simulated": True,
+            }
+        ],
+        "groups": {},
+        "cloud": None,
+        "problems": [],
+    }
+
+
+def test_problems_go_to_stderr_with_line_and_caret(fleet, place):
+    text = (place / "fleet.yaml").read_text()
+    (place / "fleet.yaml").write_text(text.replace("link:", "lnik:"))
+    assert fleet("check") == (
+        3,
+        "",
+        (
+            "fleet.yaml:7:5: robots[0].lnik: unknown key\n"
+            "    lnik: sim:toy\n"
+            "    ^\n"
+            "    did you mean 'link'?\n"
+            "fleet: 1 problem\n"
+        ),
+    )
+
+
+def test_problems_are_told_to_programs(fleet, place):
+    (place / "other.yaml").write_text("edge: {id: e}\nrobots: 1\n")
+    result = fleet("check", "other.yaml", "--json")
+    assert (result.code, result.err) == (3, "")
+    assert result.json == {
+        "ok": False,
+        "file": "other.yaml",
+        "problems": [
+            {
+                "file": "other.yaml",
+                "line": 2,
+                "column": 9,
+                "path": "robots",
+                "message": "must be a list",
+                "text": "robots: 1",
+                "hint": "- {name: ..., twin: ..., adapter: ...}",
+            }
+        ],
+    }
+
+
+def test_a_file_that_is_not_there_is_an_invalid_configuration(fleet):
+    result = fleet("check", "none.yaml")
+    assert result.code == 3
+    assert result.err.startswith("none.yaml:1:1: cannot read none.yaml: No such file or directory\n")
+
+
+def test_nothing_in_a_file_can_steer_the_terminal(fleet, place):
+    (place / "fleet.yaml").write_text('"\\e[2J\\x9b": 1\nedge: {id: "\\e]0;x\\a"}\n')
+    result = fleet("check")
+    assert result.err.replace("\n", "").isprintable()

@@ -1,0 +1,95 @@
+import importlib
+import subprocess
+import sys
+
+import click
+import pytest
+
+from fleet.cli.main import COMMANDS, SUMMARIES
+from fleet.version import __version__
+
+SHOW_MODULES = """
+import sys
+sys.argv = ["fleet", {argument!r}]
+from fleet.__main__ import main
+code = main()
+heavy = {{"click", "msgspec", "pydantic", "rich", "yaml", "zenoh"}}
+sys.stderr.write(" ".join(sorted(heavy & set(sys.modules))))
+sys.exit(code)
+"""
+
+
+def run_alone(argument):
+    """Run the program in a fresh interpreter; its stderr names the heavy modules it loaded."""
+    script = SHOW_MODULES.format(argument=argument)
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+
+
+def test_the_version_is_told_without_loading_anything():
+    done = run_alone("--version")
+    assert (done.stdout, done.stderr) == (f"fleet {__version__}\n", "")
+
+
+def test_help_loads_no_command():
+    assert run_alone("--help").stderr == "click"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_of_the_table_is_there_and_explains_itself(name):
+    module, _, attribute = COMMANDS[name].partition(":")
+    command = getattr(importlib.import_module(module), attribute)
+    assert isinstance(command, click.Command)
+    assert command.help
+
+
+def test_every_command_has_a_summary():
+    assert list(SUMMARIES) == list(COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_can_speak_json(name):
+    module, _, attribute = COMMANDS[name].partition(":")
+    command = getattr(importlib.import_module(module), attribute)
+    assert "--json" in [option for each in command.params for option in each.opts]
+
+
+def test_help_lists_every_command(fleet):
+    result = fleet("--help")
+    assert result.code == 0
+    assert all(summary in " ".join(result.out.split()) for summary in SUMMARIES.values())
+
+
+@pytest.mark.parametrize(("wrong", "near"), [("chek", "check"), ("adaptors", "adapters"), ("stpo", "stop")])
+def test_a_misspelt_command_is_told_with_the_nearest(fleet, wrong, near):
+    result = fleet(wrong)
+    assert (result.code, result.out) == (2, "")
+    assert f"there is no command {wrong!r}; did you mean {near!r}?" in result.err
+
+
+def test_a_wrong_option_is_a_usage_error(fleet):
+    assert fleet("check", "--jsno").code == 2
+
+
+def test_a_config_error_ends_any_command_with_its_code(fleet, place):
+    (place / "fleet.yaml").write_text("edge: [\n")
+    result = fleet("adapters")
+    assert (result.code, result.out) == (3, "")
+    assert "fleet.yaml:2:1: did not find expected node content" in result.err
+
+
+def test_an_interrupt_has_its_own_code(fleet, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fleet.cli.check.load", interrupted)
+    assert fleet("check").code == 130
+
+
+def test_a_reader_that_went_away_is_no_traceback(place):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fleet", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=place
+    )
+    process.stdout.close()
+    assert process.wait(60) == 1
+    assert process.stderr.read() == b""
+    process.stderr.close()
