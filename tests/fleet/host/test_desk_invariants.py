@@ -56,7 +56,7 @@ ASKED = {
 
 
 async def play(bench, asks, steps, source, session):
-    """Play the steps; yields after each: its kind, the latch before it, the answers, what the robot was told."""
+    """Play the steps; yields each one's kind, the latch before, the answers, what the robot was told."""
     for kind, value in steps:
         before = len(bench.puppet.told)
         latched, answers = bench.desk.latched, []

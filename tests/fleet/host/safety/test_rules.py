@@ -89,20 +89,18 @@ def test_a_lease_that_runs_out_is_told_once():
 
 @given(st.lists(st.tuples(st.sampled_from(["feed", "clear", "look"]), st.floats(0, 1)), max_size=60))
 def test_nothing_is_held_longer_than_its_lease(steps):
-    deadman, now, fed = DeadMan(), 0.0, -math.inf
+    deadman, now, until = DeadMan(), 0.0, math.inf
     for step, wait in steps:
         now += wait
         if step == "feed":
             deadman.feed(now, 0.5)
-            fed = now
+            until = now + 0.5
         elif step == "clear":
             deadman.clear()
-            fed = -math.inf
-        elif deadman.expire(now):
-            assert now - fed >= 0.5
-            fed = -math.inf
+            until = math.inf
         else:
-            assert now - fed < 0.5 or not deadman.armed
+            assert deadman.expire(now) == (now >= until)
+            until = math.inf if now >= until else until
 
 
 def test_a_latch_stays_until_it_is_released_and_names_the_first_reason():
