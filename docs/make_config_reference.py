@@ -112,7 +112,7 @@ def table(model: type[BaseModel], without: frozenset[str] = frozenset()) -> Iter
     for name, field in model.model_fields.items():
         if name not in without:
             what = f"{kind(field.annotation)}{bounds(field)}"
-            yield f"| `{name}` | {what} | {default(field)} | {field.description} |"
+            yield f"| `{name}` | {what} | {default(field)} | {field.description or 'Picks this adapter.'} |"
 
 
 def models_in(model: type[BaseModel]) -> Iterator[type[BaseModel]]:

@@ -83,6 +83,10 @@ class Registry:
         found = [*self._plugins.values(), *self._broken]
         return tuple(sorted(found, key=lambda plugin: (plugin.name, plugin.origin)))
 
+    def broken_files(self) -> tuple[Plugin, ...]:
+        """Return the drop-in files that gave no adapter, whose names are therefore not known."""
+        return tuple(self._broken)
+
     def get(self, name: str) -> Plugin | None:
         """Return the plugin of this name, imported; None when there is none.
 

@@ -194,8 +194,9 @@ def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plu
     name = robot["adapter"]
     plugin = registry.get(name) if isinstance(name, str) else None
     if plugin is None:
-        near = nearest(str(name), registry.names())
-        document.report(document.marks[path], f"there is no adapter {name!r}", near or known)
+        near = nearest(str(name), registry.names()) or known
+        failed = [f"{file.origin} failed: {file.report}" for file in registry.broken_files()]
+        document.report(document.marks[path], f"there is no adapter {name!r}", "; ".join([near, *failed]))
     elif plugin.state is PluginState.FAILED:
         document.report(document.marks[path], f"the adapter {name!r} cannot be used", plugin.report)
     return plugin

@@ -176,6 +176,15 @@ def test_a_broken_adapter_is_told_at_the_robot_with_the_reason(yard):
     assert "No module named 'no_such_library' (plugins/gone.py:1)" in problem
 
 
+def test_an_unknown_adapter_may_be_in_a_file_that_failed(yard):
+    yard.write("1 / 0\n", "plugins/rovers.py")
+    (problem,) = yard.problems(small(ROBOT.replace("toy", "wheely")))
+    assert problem.endswith(
+        "there is no adapter 'wheely' (known adapters: toy; "
+        "plugins/rovers.py failed: ZeroDivisionError: division by zero (plugins/rovers.py:1))"
+    )
+
+
 def test_a_validator_that_crashes_is_a_problem_of_its_robot(yard):
     toy = (yard.folder / "plugins" / "toy.py").read_text()
     yard.write(toy.replace('return f"{self.link}#{self.system_id}"', "raise KeyError(1)"), "plugins/toy.py")
