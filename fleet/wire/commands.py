@@ -17,6 +17,7 @@ import msgspec
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
+from fleet.wire.databus import json_payload
 from fleet.wire.envelope import BadCommand, name_of, origin_and_stamp, tolerant
 from fleet.wire.strict import child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
@@ -102,10 +103,11 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint
     """Return the setpoint of a twist: ``T motion/command``, or the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
-    signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. Raises BadCommand.
+    signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. On the bus a sample may
+    have Cyberwave's header. Raises BadCommand.
     """
     try:
-        message = parse_object(payload)
+        message = parse_object(json_payload(payload) if way is Way.BUS else payload)
         envelope = _envelope("motion", message, payload, way, request_id)
         nested = "linear" in message or "angular" in message
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))

@@ -92,9 +92,9 @@ def _order(name: str, configured: Literal["auto", "wxyz", "xyzw"]) -> Order:
 
 def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
     """Read a task; raises WireError for a name that is none."""
-    read = _TASKS.get(name)
+    read = TASKS.get(name)
     if read is None:
-        known = ", ".join([*_TASKS, *CONTROLS])
+        known = ", ".join([*TASKS, *CONTROLS])
         raise WireError(f"{name!a} is not navigation ({known}); send it as a command", where="command")
     _refuse_foreign_frames(message)
     return read(message, reading)
@@ -300,7 +300,7 @@ def _loops(message: Mapping[str, Any]) -> int:
     return loops
 
 
-_TASKS: Mapping[str, Callable[[Mapping[str, Any], _Reading], Task]] = MappingProxyType(
+TASKS: Mapping[str, Callable[[Mapping[str, Any], _Reading], Task]] = MappingProxyType(
     {
         "goto": _goto,
         "navigate_to_pose": _goto,

@@ -1,6 +1,7 @@
 import json
 
 import pytest
+from cyberwave.data.header import HeaderTemplate
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -345,6 +346,13 @@ def test_a_local_velocity_of_the_bus_is_flat():
     setpoint = twist({"linear_x": 0.2, "linear_y": 0, "angular_x": 0, "angular_z": -1}, Way.BUS)
     assert setpoint.velocity == Velocity(Vector3(0.2), -1)
     assert setpoint.origin == Origin(Way.BUS)
+
+
+def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
+    sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2, "angular_z": 0.1}')
+    assert decode_motion(sample, way=Way.BUS).velocity == Velocity(Vector3(0.2), 0.1)
+    with pytest.raises(BadCommand):
+        decode_motion(sample, way=Way.CLOUD)
 
 
 @pytest.mark.parametrize(

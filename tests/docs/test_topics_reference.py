@@ -1,0 +1,32 @@
+"""The map of topics is made from the tables, and holds all of them."""
+
+import pathlib
+import runpy
+
+import pytest
+
+from fleet.wire.rules import CHANNEL_LEAVES, RULES
+
+DOCS = pathlib.Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def text():
+    return (DOCS / "topics.md").read_text(encoding="utf-8")
+
+
+def test_the_map_of_topics_is_up_to_date(text):
+    made = runpy.run_path(str(DOCS / "make_topics_reference.py"))["render"]()
+    assert text == made, "run: python docs/make_topics_reference.py"
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
+def test_every_topic_is_on_the_map_with_its_qos(text, rule):
+    rows = [line for line in text.splitlines() if rule.about in line]
+    assert len(rows) == 1
+    assert f"| {rule.traffic.name.lower()} | {rule.qos} |" in rows[0]
+
+
+@pytest.mark.parametrize("channel", CHANNEL_LEAVES)
+def test_every_channel_of_the_bus_is_on_the_map(text, channel):
+    assert f"| `cw/{{twin}}/data/{channel}` |" in text
