@@ -13,8 +13,13 @@ from fleet.errors import ConfigError
 
 Path = tuple[str | int, ...]  # ("robots", 0, "link")
 
-_PAIR = re.compile(r"""(?P<key>[A-Za-z_]\w*)["']?\s*[:=]\s+(?P<value>"[^"]*"?|'[^']*'?|[^\s,}\]#]+)""")
+_KEY = re.compile(r"""(?P<word>[A-Za-z_]\w*)["']?\s*:\s+""")
+_QUOTED = re.compile(r"""\"(?:\\.|[^\"])*\"?|'(?:''|[^'])*'?""")
+_IN_BRACES = re.compile(r"[^,}\]]*")
+_REST_OF_LINE = re.compile(r".*")
 _SECRET_KEYS = ("password", "token", "secret", "passphrase", "api_key", "private_key")
+LONGEST_SHOWN = 300  # characters; a longer line helps nobody, and its place is told anyway
+_SHORT_SECRETS = ("pw", "pwd", "pin", "psk")
 _TAIL_OF_SECRET = ("password", "token", "secret", "passphrase", "_key")
 
 
@@ -73,7 +78,7 @@ def problem_at(mark: Mark, message: str, *, text: str = "", hint: str = "") -> P
         column=mark.column,
         path=printable(dotted(mark.path)),
         message=printable(message),
-        text=printable(masked(text)),
+        text=printable(masked(text)) if len(text) <= LONGEST_SHOWN else "",
         hint=printable(hint),
     )
 
@@ -86,17 +91,28 @@ def dotted(path: Sequence[str | int]) -> str:
 
 def masked(line: str) -> str:
     """Return a line without the values of its passwords and tokens, also where the key is misspelt."""
-    return _PAIR.sub(_mask_pair, line)
+    shown, at = "", 0
+    while key := _KEY.search(line, at):
+        value = _value_after(key)
+        shown += line[at : key.end()]
+        at = key.end()
+        if _is_secret(key["word"]) and not value.startswith(("!secret", "!include", "${")):
+            shown += "*" * len(value)  # as long as it was: carets stay aligned
+            at += len(value)
+    return shown + line[at:]
 
 
-def _mask_pair(match: re.Match[str]) -> str:
-    value = match["value"]
-    if value.startswith(("!secret", "!include", "${")) or not _is_secret(match["key"]):
-        return match[0]
-    return match[0].removesuffix(value) + "*" * len(value)  # as long as it was: carets stay aligned
+def _value_after(key: re.Match[str]) -> str:
+    """Return the value that follows a key on its line; rather too much of it than too little."""
+    line, at = key.string, key.end()
+    plain = _IN_BRACES if "{" in line[: key.start()] else _REST_OF_LINE
+    found = _QUOTED.match(line, at) or plain.match(line, at)
+    return found[0] if found else ""
 
 
 def _is_secret(key: str) -> bool:
     """Return True when a key names a secret, or nearly so."""
     word = key.lower()
-    return word.endswith(_TAIL_OF_SECRET) or bool(difflib.get_close_matches(word, _SECRET_KEYS, 1, 0.7))
+    if word in _SHORT_SECRETS or word.endswith(_TAIL_OF_SECRET):
+        return True
+    return bool(difflib.get_close_matches(word, _SECRET_KEYS, 1, 0.7))
