@@ -24,10 +24,10 @@ if TYPE_CHECKING:
         Unsupported,
     )
     from fleet.link.framing import Lines, Whole
-    from fleet.link.url import open_link
+    from fleet.link.url import LinkText, open_link
     from fleet.model.command import Command
     from fleet.model.geodesy import GeoOrigin, GeoPoint
-    from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity
+    from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity, quaternion_from_yaw
     from fleet.model.health import Health, Level
     from fleet.model.navigation import (
         FollowPath,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         RelativeMove,
         Task,
     )
+    from fleet.model.report import BatteryReport, PoseReport
     from fleet.robot_config import AdapterConfig, Limits
 
 _HOME = {
@@ -53,10 +54,10 @@ _HOME = {
         "Unsupported",
     ),
     "fleet.link.framing": ("Lines", "Whole"),
-    "fleet.link.url": ("open_link",),
+    "fleet.link.url": ("LinkText", "open_link"),
     "fleet.model.command": ("Command",),
     "fleet.model.geodesy": ("GeoOrigin", "GeoPoint"),
-    "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity"),
+    "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity", "quaternion_from_yaw"),
     "fleet.model.health": ("Health", "Level"),
     "fleet.model.navigation": (
         "FollowPath",
@@ -66,6 +67,7 @@ _HOME = {
         "RelativeMove",
         "Task",
     ),
+    "fleet.model.report": ("BatteryReport", "PoseReport"),
     "fleet.robot_config": ("AdapterConfig", "Limits"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -73,6 +75,7 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = [
     "Adapter",
     "AdapterConfig",
+    "BatteryReport",
     "Clock",
     "Command",
     "Fault",
@@ -88,8 +91,10 @@ __all__ = [
     "Lines",
     "LinkLost",
     "LinkRefused",
+    "LinkText",
     "NotReady",
     "Pose",
+    "PoseReport",
     "Progress",
     "Quaternion",
     "Refused",
@@ -105,6 +110,7 @@ __all__ = [
     "__version__",
     "command",
     "open_link",
+    "quaternion_from_yaw",
 ]
 
 

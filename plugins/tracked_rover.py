@@ -10,34 +10,32 @@ from typing import Literal
 
 from pydantic import Field
 
-from fleet import AdapterConfig, Command, FrameAdapter, Limits, Unsupported, Vector3, Velocity, command
-from fleet.link.url import LinkText
-from fleet.model.geometry import quaternion_from_yaw
-from fleet.model.report import BatteryReport, PoseReport
+import fleet
+from fleet import BatteryReport, PoseReport, Vector3
 
 _SAID = re.compile(rb"([BP])((?: -?\d{1,6}(?:\.\d{1,6})?){2,3})")
 
 
-class TrackedRoverConfig(AdapterConfig):
+class TrackedRoverConfig(fleet.AdapterConfig):
     """Its fields in fleet.yaml."""
 
     adapter: Literal["tracked-rover"]
-    link: LinkText = Field(description="serial:/dev/...?baud=115200 or tcp:HOST:PORT.")
+    link: fleet.LinkText = Field(description="serial:/dev/...?baud=115200 or tcp:HOST:PORT.")
 
 
-class TrackedRover(FrameAdapter[TrackedRoverConfig]):
+class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
     """Translates between velocities and the rover's lines."""
 
     Config = TrackedRoverConfig
-    limits = Limits(speed=1.2, yaw_rate=2.0)
+    limits = fleet.Limits(speed=1.2, yaw_rate=2.0)
 
-    def encode(self, ask: Command | Velocity) -> Iterable[bytes]:
+    def encode(self, ask: fleet.Command | fleet.Velocity) -> Iterable[bytes]:
         """Yield the line that drives."""
-        if not isinstance(ask, Velocity):
-            raise Unsupported(f"a tracked rover has no {ask.name!r}")
+        if not isinstance(ask, fleet.Velocity):
+            raise fleet.Unsupported(f"a tracked rover has no {ask.name!r}")
         yield b"M %.3f %.3f\n" % (ask.linear.x, ask.yaw_rate)
 
-    @command("lights", moves=False)
+    @fleet.command("lights", moves=False)
     def lights(self, *, on: bool = True) -> Iterable[bytes]:
         """Switch the lamps."""
         yield b"L %d\n" % on
@@ -49,7 +47,7 @@ class TrackedRover(FrameAdapter[TrackedRoverConfig]):
         if kind == b"B" and len(numbers) == 2 and 0 <= numbers[1] <= 100:
             yield BatteryReport(stamp, voltage=numbers[0], percent=numbers[1])
         if kind == b"P" and len(numbers) == 3:
-            yield PoseReport(stamp, Vector3(*numbers[:2]), quaternion_from_yaw(numbers[2]))
+            yield PoseReport(stamp, Vector3(*numbers[:2]), fleet.quaternion_from_yaw(numbers[2]))
 
     def halt(self) -> Iterable[bytes]:
         """Yield the line that stops it."""
