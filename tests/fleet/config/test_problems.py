@@ -13,7 +13,7 @@ from fleet.errors import ConfigError
         ("cloud: {host: h, token: abc, port: x}", "cloud: {host: h, token: ***, port: x}"),
         ("signing_key: abc", "signing_key: ***"),
         ("pin: 1234", "pin: ****"),
-        ("password: a b, {c} # d", "password: **************"),
+        ("password: a b, {c} # d", "password: ************"),
         ('password: "a\\"b" # c', "password: ****** # c"),
         ("{password: a b, host: h}", "{password: ***, host: h}"),
         ("token: !secret name", "token: !secret name"),
