@@ -19,19 +19,9 @@ from typing import Any
 import paho.mqtt.client as mqtt
 import pytest
 
-DEADLINE = 60.0  # s; two busy cores are slow, and nothing here waits for it when all is well
-
-
-def wait_until(what: str, holds: Callable[[], Any], *, within: float = DEADLINE) -> Any:
-    """Return the first true value of ``holds``; fails after ``within`` seconds, naming what was awaited."""
-    end = time.monotonic() + within
-    pause = threading.Event()
-    while time.monotonic() < end:
-        value = holds()
-        if value:
-            return value
-        pause.wait(0.05)
-    raise AssertionError(f"waited {within:g} s for {what}")
+from fleet.cli.demo import twin_of
+from fleet.testing.waiting import DEADLINE, wait_until
+from fleet.wire.topics import Topics
 
 
 class Running:
@@ -76,7 +66,9 @@ class Running:
         try:
             return wait_until(f"{name} {what}", state)
         except AssertionError as error:
-            raise AssertionError(f"{error}; last {self.states.get(name)}; " + "\n".join(self.errors[-20:])) from None
+            raise AssertionError(
+                f"{error}; last {self.states.get(name)}; " + "\n".join(self.errors[-20:])
+            ) from None
 
     def line(self, pattern: str) -> re.Match[str]:
         """Wait for a line on stderr."""
@@ -151,9 +143,75 @@ class Ears:
         self.client.loop_stop()
 
 
+class Pilot:
+    """One twin, flown with plain MQTT messages."""
+
+    def __init__(self, ears: Ears, twin: str) -> None:
+        self.ears = ears
+        self.twin = twin
+
+    def topic(self, leaf: str) -> str:
+        return Topics("").twin(self.twin, leaf)
+
+    def of(self, leaf: str) -> list[dict[str, Any]]:
+        """Return what was heard on one of the twin's topics."""
+        return [payload for topic, payload in list(self.ears.heard) if topic == self.topic(leaf)]
+
+    def say(self, leaf: str, **message: Any) -> None:
+        """Publish as a person at a remote control would."""
+        self.ears.say(self.topic(leaf), {"source_type": "tele", "timestamp": time.time(), **message})
+
+    def heard(self, leaf: str, what: str, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Wait for a message, from the first one on."""
+
+        def look() -> dict[str, Any] | None:
+            return next((each for each in self.of(leaf) if holds(each)), None)
+
+        try:
+            return wait_until(f"{leaf}: {what}", look, within=90)
+        except AssertionError as error:
+            raise AssertionError(
+                f"{error}; last heard {self.of(leaf)[-2:]}, {self.of('driverlog')[-5:]}"
+            ) from None
+
+    def answers(self) -> list[dict[str, Any]]:
+        """Return the legacy answers on the command topic."""
+        return [each for each in self.of("command") if "status" in each]
+
+    def command(self, name: str, **data: Any) -> dict[str, Any]:
+        """Send a command and return its answer."""
+        before = len(self.answers())
+        self.say("command", command=name, data=data)
+        return wait_until(f"an answer to {name}", lambda: self.answers()[before:])[-1]
+
+    def insist(self, name: str, **data: Any) -> None:
+        """Send a command until it is taken, as a person does with a drone that is not ready yet."""
+        wait_until(f"{name} to be taken", lambda: self.command(name, **data)["status"] == "ok", within=90)
+
+    def position(self) -> dict[str, float]:
+        return self.of("position")[-1]["position"]
+
+    def reaches(self, what: str, holds: Callable[[dict[str, float]], bool]) -> None:
+        """Wait until the position is so."""
+        try:
+            wait_until(what, lambda: bool(self.of("position")) and holds(self.position()), within=90)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; at {self.position()}, {self.of('driverlog')[-5:]}") from None
+
+    def drive(self, verb: str, *, until: Callable[[], Any], **data: Any) -> None:
+        """Hold a verb at about 20 Hz until something is seen, then stop."""
+
+        def again() -> Any:
+            self.say("command", command=verb, data=data)
+            return until()
+
+        wait_until(f"{verb} to be seen", again)
+        self.say("command", command="stop", data={})
+
+
 @pytest.fixture
 def runtime() -> Iterator[str]:
-    """A short directory for the bus's sockets."""
+    """Make a short directory for the sockets of the bus."""
     path = tempfile.mkdtemp(prefix="fl")
     yield path
     shutil.rmtree(path, ignore_errors=True)
@@ -185,3 +243,24 @@ def ears() -> Iterator[Callable[..., Ears]]:
     yield make
     for each in made:
         each.close()
+
+
+@pytest.fixture(params=["demo broker", "mosquitto"])
+def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
+    """Start a demo with one drone of each flavour, on its own broker and on Mosquitto."""
+    broker: tuple[str, ...] = ()
+    if request.param == "mosquitto":
+        mosquitto = request.getfixturevalue("mosquitto")
+        broker = ("--broker", f"127.0.0.1:{mosquitto.port}")
+    running = fleet("demo", "--drones", "2", "--json", *broker)
+    host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
+    listener = ears(host, int(port), "cyberwave/twin/#")
+    for name in ("drone-1", "drone-2"):
+        running.robot(name, "is well", lambda state: state["health"] == "ok")
+    return running, listener
+
+
+@pytest.fixture(params=["px4", "ardupilot"])
+def pilot(request: Any, flying: tuple[Running, Ears]) -> Pilot:
+    """Make a pilot for one of the two drones."""
+    return Pilot(flying[1], twin_of({"px4": "drone-1", "ardupilot": "drone-2"}[request.param]))
