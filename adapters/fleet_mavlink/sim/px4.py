@@ -19,7 +19,6 @@ _BODY_NED = 8
 _LOCAL_NED = 1
 _RELATIVE_FRAMES = frozenset({3, 6})
 _AMSL_FRAMES = frozenset({0, 5})
-_ENOUGH_STREAM = 0.2  # seconds of setpoints before OFFBOARD can be entered
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GPS_GRACE = 5.5
@@ -263,10 +262,8 @@ class Px4(Autopilot):
 
     @property
     def stream_alive(self) -> bool:
-        """True while setpoints come in often enough, and have for a moment."""
-        if self._setpoint_at is None or self.time - self._setpoint_at > self.params["COM_OF_LOSS_T"]:
-            return False
-        return self._setpoint_at - self._stream_since >= _ENOUGH_STREAM
+        """True while the last setpoint is younger than COM_OF_LOSS_T."""
+        return self._setpoint_at is not None and self.time - self._setpoint_at <= self.params["COM_OF_LOSS_T"]
 
     def setpoint(self, message: Any) -> None:
         """Take a setpoint: it keeps the stream alive, and is obeyed in OFFBOARD."""
@@ -275,8 +272,7 @@ class Px4(Autopilot):
         if refusal:
             self.say(CRITICAL, refusal)
             return
-        last = self._setpoint_at
-        if last is None or self.time - last > self.params["COM_OF_LOSS_T"]:
+        if not self.stream_alive:
             self._stream_since = self.time
         self._setpoint_at = self.time
         if self.failsafe == "offboard" and self.time - self._stream_since >= _BACK_TO_OFFBOARD:
