@@ -126,6 +126,8 @@ class Session:
             others = [str(each) for each in self._hub.heard if each != system]
             hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
             where = f"system {system} on {self._hub.link.url}"
+            if self.vehicle.state.heartbeat is None:
+                return Health(Level.OFFLINE, f"no heartbeat from {where} yet{hint}")
             return Health(Level.OFFLINE, f"no heartbeat from {where} for {SILENCE:g} s{hint}")
         if self.vehicle.clashing:
             return Health(Level.FAULT, f"two vehicles use system id {system}: give each its own")
@@ -136,9 +138,10 @@ class Session:
         return Health()
 
     def _heartbeat(self) -> None:
-        """Look whether somebody else changed the mode."""
+        """Look whether somebody else changed the mode, and whether the vehicle is back."""
         if self.vehicle.flavour is not None:
             self.authority.observe(self.vehicle.state, self.vehicle.flavour)
+        self._robot.health(self._health())
 
     def _authority_lost(self, reason: str) -> None:
         """End everything of ours."""

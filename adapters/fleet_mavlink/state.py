@@ -162,6 +162,8 @@ def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
 def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str, Any]:
     """Count heartbeats; one from the start of the boot, after being up, means a reboot."""
     beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
+    if state.heartbeat is None:
+        beats = _BEATS_TO_RETURN  # a first meeting needs no proof; a return does
     news: dict[str, Any] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
     if was_up and message.system_status <= Status.BOOT:
