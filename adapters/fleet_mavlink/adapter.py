@@ -43,11 +43,10 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""
         config = self.config
         async with contextlib.AsyncExitStack() as stack:
-            url, losses = config.link, []
+            url, sim = config.link, None
             if config.simulated:
                 sim = await stack.enter_async_context(robot.share("mavlink simulator", SimProcess))
                 url = await sim.add(SimSpec.parse(config.link, system_id=config.system_id))
-                losses.append(sim.lost())
             station = f"{config.own_system}/{config.own_component}"
             hub = await stack.enter_async_context(
                 robot.share(
@@ -57,8 +56,9 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
             )
             vehicle = stack.enter_context(hub.vehicle(config.system_id))
             self._session = Session(config, config.limits.over(self.limits), hub, vehicle, robot)
+            losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
             try:
-                await self._session.serve(hub.link.lost(), *losses)
+                await self._session.serve(*losses)
             finally:
                 self._session = None
 
@@ -102,12 +102,13 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         session = self._open()
         flight, state = session.flight, session.vehicle.state
         require_connection(session.vehicle)
-        if altitude is None and state.in_air:
-            yield Progress(100.0, "in the air already")
-            return
         wanted = min(self.config.takeoff_altitude, flight.ceiling) if altitude is None else altitude
         if not _LOWEST_TAKEOFF <= wanted <= flight.ceiling:
             raise Refused(f"{wanted:g} m is not {_LOWEST_TAKEOFF:g} to {flight.ceiling:g} m above home")
+        height = state.relative_altitude
+        if state.in_air and (altitude is None or (height is not None and height >= wanted)):
+            yield Progress(100.0, "in the air already; a take-off never descends")
+            return
         climb = self._to_height(session, wanted) if state.in_air else flight.take_off(wanted)
         async for progress in climb:
             yield progress

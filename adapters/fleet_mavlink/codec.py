@@ -19,6 +19,7 @@ from fleet_mavlink.messages import INCOMING, OUTGOING, Message
 
 _MAGIC_1 = 0xFE
 _MAGIC_2 = 0xFD
+_MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
@@ -136,7 +137,9 @@ class Parser:
             size = _frame_size(buffer, at)
             if size is None or at + size > len(buffer):
                 break
-            if size and _is_intact(buffer, at, size):
+            if size and _is_unwanted(buffer, at, size):
+                at += size
+            elif size and _is_intact(buffer, at, size):
                 frames.extend(_decoded(buffer[at : at + size]))
                 at += size
             else:
@@ -162,6 +165,13 @@ def _frame_size(buffer: bytes, at: int) -> int | None:
     if int.from_bytes(buffer[at + 7 : at + 10], "little") not in _CRC_EXTRA:
         return 0
     return _HEADER_2 + buffer[at + 1] + 2 + (_SIGNATURE if flags else 0)
+
+
+def _is_unwanted(buffer: bytes, at: int, size: int) -> bool:
+    """Return whether a MAVLink 2 frame is not worth a checksum: unwanted, then another or nothing."""
+    if buffer[at] == _MAGIC_1 or int.from_bytes(buffer[at + 7 : at + 10], "little") in _READ:
+        return False
+    return at + size == len(buffer) or buffer[at + size] in _MAGICS
 
 
 def _is_intact(buffer: bytes, at: int, size: int) -> bool:

@@ -32,6 +32,7 @@ class Timing(msgspec.Struct, frozen=True):
     heartbeat: float = 1.3  # for the next heartbeat, which alone shows a mode
 
 
+_CROSSING = 0.1  # s in which a heartbeat and an answer may cross
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
     Result.COMMAND_LONG_ONLY,
@@ -115,9 +116,10 @@ class Commander:
                 self._send(ask, attempt)
 
                 def settled(state: VehicleState, began: float = began) -> bool:
-                    return state.heartbeat_at > began and (
-                        shows(state) == mode or self._is_refused(exchange, state)
-                    )
+                    if exchange.superseded:
+                        return True
+                    shown = state.heartbeat_at > began and shows(state) == mode
+                    return shown or self._is_refused(exchange, state)
 
                 if already:
                     ack = await self._answer(exchange, None)
@@ -138,8 +140,11 @@ class Commander:
 
     @staticmethod
     def _is_refused(exchange: _Exchange, state: VehicleState) -> bool:
-        """Return whether a heartbeat after a refusal still shows another mode."""
-        return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at
+        """Return whether a heartbeat after a refusal still shows another mode.
+
+        One that comes at once after it may be older than the mode, and the refusal the last command's.
+        """
+        return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
     @contextlib.asynccontextmanager
     async def _begun(self, ask: Ask) -> AsyncIterator[_Exchange]:

@@ -219,9 +219,14 @@ def require_control(vehicle: Vehicle, authority: Authority) -> None:
 
 def require_connection(vehicle: Vehicle) -> None:
     """Raise NotReady unless the vehicle answers and is the only one with its id."""
-    if not vehicle.connected:
-        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
+    require_heartbeat(vehicle)
     if vehicle.clashing:
         raise NotReady(
             f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
         )
+
+
+def require_heartbeat(vehicle: Vehicle) -> None:
+    """Raise NotReady unless the vehicle answers."""
+    if not vehicle.connected:
+        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")

@@ -11,7 +11,7 @@ from fleet import Fault, GeoPoint, Limits, NotReady, Progress, Refused, TimedOut
 from fleet.errors import CommandError
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.driving import require_connection
+from fleet_mavlink.driving import require_connection, require_heartbeat
 from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
 from fleet_mavlink.state import VehicleState
@@ -59,8 +59,11 @@ class Flight:
         return self.flavour.mode_of(state)
 
     async def enter(self, mode: str, ask: Ask | None = None) -> None:
-        """Change to a mode, by a command that leads to it or by its own; returns once it is shown."""
-        require_connection(self.vehicle)
+        """Change to a mode, by a command that leads to it or by its own; returns once it is shown.
+
+        Possible also while two vehicles use one id: a hold must be.
+        """
+        require_heartbeat(self.vehicle)
         flavour = self.flavour
         self.authority.expect(mode)
         await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
@@ -75,6 +78,7 @@ class Flight:
 
     async def arm(self, *, force: bool = False) -> None:
         """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
+        require_connection(self.vehicle)
         if self.vehicle.state.armed:
             return
         flavour = self.flavour

@@ -23,6 +23,7 @@ from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
 
 _LOOK = 0.25  # s between looks at the vehicle's health
+_TAKES_OVER = frozenset({"hover", "brake", "emergency_stop"})
 
 
 class Session:
@@ -76,9 +77,15 @@ class Session:
             await asyncio.gather(*work, *self._tasks, return_exceptions=True)
 
     async def stop(self, reason: str) -> None:
-        """Brake and hold; returns once the hold is shown. On the ground there is nothing to do."""
+        """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
+
+        A vehicle that somebody else has is left to him, unless ``reason`` is a command that means the
+        vehicle itself: the plain stop at the end of a drive must not take it from its pilot.
+        """
         self.commander.supersede(reason)
         self.driver.brake()
+        if self.authority.lost_to and reason not in _TAKES_OVER:
+            return
         if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
             await self.flight.hold()
 
@@ -94,7 +101,8 @@ class Session:
         messages: list[Message] = []
         if flavour.mode_of(state) == flavour.external:
             messages.append(ned_setpoint(Vector3(), 0.0, self.vehicle.system))
-        elif self.vehicle.connected:
+        # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.
+        if self.vehicle.connected:
             self.authority.expect(flavour.hold)
             messages.append(self.commander.addressed(flavour.hold_command()))
         self._hub.send_from_any_thread(messages, self.vehicle.address)

@@ -166,7 +166,8 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
         beats = _BEATS_TO_RETURN  # a first meeting needs no proof; a return does
     news: dict[str, Any] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
     was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
-    if was_up and message.system_status <= Status.BOOT:
+    # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
+    if was_up and message.system_status == Status.BOOT:
         news |= msgspec.structs.asdict(_rebooted(state, None)) | news
     return news
 
