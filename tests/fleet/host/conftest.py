@@ -1,6 +1,7 @@
 """A robot in memory, and a desk in front of it, with a clock that tests turn."""
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Literal
 
@@ -36,7 +37,9 @@ class Puppet(Adapter[PuppetConfig]):
         super().__init__(config)
         self.told: list[Any] = []
         self.go = asyncio.Event()
-        self.raises: Exception | None = None
+        self.raises: Exception | None = None  # in drive, navigate and takeoff
+        self.halts: Exception | None = None  # what a halt raises
+        self.stops: Exception | str = ""  # what a stop raises, or "never": it does not return
 
     async def run(self, robot):
         robot.health_ok()
@@ -47,9 +50,16 @@ class Puppet(Adapter[PuppetConfig]):
 
     async def stop(self, reason):
         self.told.append("stop")
+        while self.stops == "never" and not self.go.is_set():
+            with contextlib.suppress(asyncio.CancelledError):
+                await self.go.wait()
+        if isinstance(self.stops, Exception):
+            raise self.stops
 
     def halt(self):
         self.told.append("halt")
+        if self.halts is not None:
+            raise self.halts
 
     async def navigate(self, task) -> AsyncIterator[Progress]:
         self.told.append(task)
@@ -65,6 +75,7 @@ class Puppet(Adapter[PuppetConfig]):
         self.told.append(("takeoff", altitude))
         yield Progress(0)
         await self.go.wait()
+        self._maybe_raise()
 
     @command("land", safe=True, timeout=5)
     async def land(self):
@@ -93,12 +104,14 @@ class Bench:
         self.clock = ManualClock()
         self.reports: list[Any] = []
         self.crashes: list[Exception] = []
+        self.restarts: list[int] = []
         self.config = PuppetConfig(name="rex", twin=TWIN, **config)
         self.desk = Desk(
             self.config,
             capabilities(Puppet),
             publish=self.reports.append,
             crashed=self.crashes.append,
+            restart=lambda: self.restarts.append(1),
             clock=self.clock,
         )
         self.puppet = Puppet(self.config)
@@ -135,6 +148,13 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
+async def until(condition: Callable[[], Any], within: float = 20.0) -> None:
+    """Wait until something holds; raises TimeoutError."""
+    async with asyncio.timeout(within):
+        while not condition():  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.005)
+
+
 @pytest.fixture
 async def bench() -> Bench:
     return Bench()
@@ -154,5 +174,6 @@ def asks() -> Any:
         setpoint = staticmethod(a_setpoint)
         goal = staticmethod(a_goal)
         settle = staticmethod(settle)
+        until = staticmethod(until)
 
     return Asks
