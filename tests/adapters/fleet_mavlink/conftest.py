@@ -1,4 +1,4 @@
-"""A vehicle that says what a test wants, recordings of real ones, and a sky where simulated ones are flown."""
+"""A vehicle that says what a test wants, recordings of real ones, and a sky for simulated ones."""
 
 import asyncio
 import contextlib
