@@ -88,7 +88,8 @@ class Watchdog:
     def stop(self) -> None:
         """End; returns when the thread has ended."""
         self._ended.set()
-        self._thread.join(timeout=1.0)
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
 
     def add(self, name: str, watched: Watched) -> None:
         """Watch a robot."""

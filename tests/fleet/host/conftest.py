@@ -2,15 +2,26 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+import json
+import shutil
+import tempfile
+import uuid
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 
 from fleet.adapter import Adapter, AdapterConfig
+from fleet.bus.lane import Lane
+from fleet.bus.session import join_control
+from fleet.bus.settings import BusSettings
+from fleet.clock import SystemClock
 from fleet.commands import command
+from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.host.desk import Desk
+from fleet.host.edge import Edge
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Reply, Setpoint, Way
@@ -177,3 +188,124 @@ def asks() -> Any:
         until = staticmethod(until)
 
     return Asks
+
+
+TOY = '''
+"""A robot that writes down what it is told, with the process and the time."""
+import asyncio, os, signal, time
+from typing import Literal
+import fleet
+
+
+class ToyConfig(fleet.AdapterConfig):
+    adapter: Literal["toy"]
+    journal: str
+
+
+class Toy(fleet.Adapter[ToyConfig]):
+    Config = ToyConfig
+    limits = fleet.Limits(speed=2.0, yaw_rate=1.0)
+
+    def note(self, word):
+        with open(self.config.journal, "a") as journal:
+            journal.write(f"{os.getpid()} {time.monotonic()} {self.config.name} {word}\\n")
+
+    async def run(self, robot):
+        self.note("run")
+        robot.health(fleet.Health())
+        await asyncio.Event().wait()
+
+    def drive(self, velocity):
+        self.note(f"drive:{velocity.linear.x:g}")
+
+    async def stop(self, reason):
+        self.note("stop")
+
+    def halt(self):
+        self.note("halt")
+
+    async def navigate(self, task):
+        self.note("navigate")
+        yield fleet.Progress(1)
+        await asyncio.Event().wait()
+
+    @fleet.command("hang", moves=False)
+    async def hang(self):
+        self.note("hang")
+        time.sleep(600)
+
+    @fleet.command("freeze", moves=False)
+    async def freeze(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+    @fleet.command("die", moves=False)
+    async def die(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+'''
+
+
+class Yard:
+    """A fleet of toys on disk: its fleet.yaml, its sockets, and what its robots were told."""
+
+    def __init__(self, folder: Path, runtime: Path, robots: dict[str, dict[str, Any]]) -> None:
+        self.runtime = runtime
+        self.journal = folder / "journal"
+        self.file = folder / "fleet.yaml"
+        self.id = f"yard-{uuid.uuid4().hex[:8]}"
+        (folder / "plugins").mkdir()
+        (folder / "plugins" / "toy.py").write_text(TOY)
+        entries = [
+            {"name": name, "twin": str(uuid.uuid4()), "adapter": "toy", "journal": str(self.journal), **more}
+            for name, more in robots.items()
+        ]
+        bus = {"listen": ["tcp/127.0.0.1:0"]}
+        fleet = {"edge": {"id": self.id}, "bus": bus, "plugins": ["plugins"], "robots": entries}
+        self.file.write_text(json.dumps(fleet))
+
+    def told(self, robot: str = "") -> list[tuple[int, float, str]]:
+        """Return what the robots, or one of them, were told: process, monotonic seconds, word."""
+        lines = self.journal.read_text().splitlines() if self.journal.exists() else []
+        rows = [line.split() for line in lines if line.count(" ") == 3]
+        return [(int(pid), float(at), word) for pid, at, name, word in rows if name == robot or not robot]
+
+    def words(self, robot: str = "") -> list[str]:
+        """Return what the robots, or one of them, were told, without process and time."""
+        return [word for _, _, word in self.told(robot)]
+
+    def processes(self, robot: str) -> list[int]:
+        """Return the processes in which a robot ran, in order."""
+        return [pid for pid, _, word in self.told(robot) if word == "run"]
+
+    def lane(self) -> Lane:
+        """Return the way by which the command line asks."""
+        return join_control(BusSettings(self.id), self.runtime)
+
+    def edge(self) -> Edge:
+        """Return an edge of this process."""
+        return Edge(load(self.file), self.file, directory=self.runtime, clock=SystemClock())
+
+
+@pytest.fixture
+def yard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Yard]]:
+    """Return the maker of a yard; the robots' further fields by name."""
+    runtime = Path(tempfile.mkdtemp())
+    monkeypatch.setenv("FLEET_RUNTIME_DIR", str(runtime))
+    yield lambda **robots: Yard(tmp_path, runtime, robots)
+    shutil.rmtree(runtime)
+
+
+@contextlib.asynccontextmanager
+async def running(edge: Edge) -> AsyncIterator[asyncio.Task[None]]:
+    """Run an edge; end it in order."""
+    ended = asyncio.Event()
+    task = asyncio.create_task(edge.run(ended))
+    try:
+        yield task
+    finally:
+        ended.set()
+        await asyncio.wait_for(task, 40)
+
+
+@pytest.fixture
+def run_edge() -> Any:
+    return running
