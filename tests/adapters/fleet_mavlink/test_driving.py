@@ -176,3 +176,17 @@ def test_nothing_drives_on_the_ground(fly, sky, flavour):
             assert it.setpoints == []
 
     fly(main())
+
+
+@both
+def test_cancelling_a_return_takes_it_even_from_the_fail_safe_that_began_it(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=15.0)
+            it.sim.set_fault("pilot_takeover", 1.0)
+            await it.until(lambda: it.robot.losses)
+            await it.do("cancel_return_to_home")
+            assert it.mode == HOLD[flavour]
+
+    fly(main())
