@@ -13,10 +13,10 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
-from fleet.host.bounded import at_once, closing, was_cancelled
+from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, Progress, RelativeMove, Task
+from fleet.model.navigation import ActionState, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
@@ -144,7 +144,7 @@ class Navigator:
     def _interrupt(self) -> None:
         """Cancel the work, which then says nothing more."""
         if self._work is not None:
-            self._work.cancel()
+            insist(self._work, "the action was ended", self._crashed)
             self._work = None
 
     async def _run(self, adapter: Adapter[Any], action: Action) -> None:
@@ -152,10 +152,7 @@ class Navigator:
         action.move(ActionState.RUNNING)
         try:
             await self._ready()
-            async with closing(adapter.navigate(action.task)) as steps:
-                async for progress in steps:
-                    if not self._on_the_way(action, progress):
-                        return
+            await walled(lambda: self._follow(adapter, action))
             if self._is_current():
                 action.complete()
         except (CommandError, LinkError) as error:
@@ -174,11 +171,13 @@ class Navigator:
         """Return False for work that was cancelled and goes on all the same: it has no say any more."""
         return self._work is asyncio.current_task()
 
-    def _on_the_way(self, action: Action, progress: Progress) -> bool:
-        """Take progress; False when nobody wants it any more."""
-        if self._is_current():
-            action.progress(progress)
-        return self._is_current()
+    async def _follow(self, adapter: Adapter[Any], action: Action) -> None:
+        """Take the adapter's progress for as long as somebody wants it."""
+        async with closing(adapter.navigate(action.task)) as steps:
+            async for progress in steps:
+                if not self._is_current():
+                    return
+                action.progress(progress)
 
     async def _fail(self, action: Action, why: str) -> None:
         """Say that the work failed, and hold the robot."""
