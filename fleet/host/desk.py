@@ -245,6 +245,7 @@ class Desk:
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self.deadman.clear()
+        self._admission.lease.let_go(ask.origin.session)
         if self._adapter is None or self._offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")

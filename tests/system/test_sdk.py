@@ -13,10 +13,15 @@ import pytest
 from cyberwave import Cyberwave
 from cyberwave.twin.factory import create_twin
 
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 DRONE_ASSET = "dji/mini-4-pro"
 TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"
+IDENTITIES = {
+    "asset_uuid": str(uuid.uuid4()),
+    "environment_uuid": str(uuid.uuid4()),
+    "controller_policy_uuid": str(uuid.uuid4()),
+}
 
 
 class Backend(BaseHTTPRequestHandler):
@@ -84,7 +89,7 @@ def drone(fleet, backend, broker, autopilot, tmp_path, monkeypatch):  # noqa: PL
     data = {
         "uuid": TWIN,
         "name": "kestrel",
-        **{name: str(uuid.uuid4()) for name in ("asset_uuid", "environment_uuid", "controller_policy_uuid")},
+        **IDENTITIES,
         "metadata": {"controller_type": "teleop"},
     }
     yield create_twin(client, data, registry_id=DRONE_ASSET), client, backend[1]
@@ -114,7 +119,17 @@ def test_the_sdk_takes_off_moves_navigates_and_lands(drone):
     wait_until("a metre higher", lambda: height(twin) > 4.6)
     twin.land()
     wait_until("the ground", lambda: height(twin) < 0.3)
-    assert 0 < twin.power.get()["percentage"] <= 100
+
+
+def test_the_sdk_reads_the_battery_by_its_catalog(drone):
+    twin, client, ears = drone
+    wait_until("a battery status", lambda: ears.of("battery/status"))
+    topics = {"cyberwave/twin/{twin_uuid}/battery/status": {"direction": "publish"}}
+    catalog = {"schema_version": 1, "topics": topics, "commands": {"supported": ["battery_check"]}}
+    data = {"uuid": twin.uuid, "name": "kestrel", "metadata": {"controller_type": "teleop", "mqtt": catalog}}
+    reader = create_twin(client, {**IDENTITIES, **data}, registry_id=DRONE_ASSET)
+    power = reader.power.get(timeout=DEADLINE)
+    assert 0 < power["percentage"] <= 100
 
 
 def test_the_sdk_is_told_why_a_command_is_refused(drone):

@@ -82,13 +82,11 @@ def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_a
         async with sky("px4") as it:
             await it.met()
             await it.do("takeoff")
-            began = it.now
             it.order.clear()
             await it.drive(FORWARD, 2.0)
             assert it.mode == "OFFBOARD"
             assert it.order[: it.order.index(Cmd.DO_SET_MODE)].count(0) >= 5
-            early = [message.vx for at, message in it.setpoints if at - began < 0.5]
-            assert set(early) == {0.0}
+            assert it.speed > 0.5
             assert "Failsafe activated" not in [said.text for said in it.adapter._session.vehicle.sentences]
 
     fly(main())
