@@ -55,6 +55,7 @@ class Edge:
             self._workers = [
                 self._worker(name, path, directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
+                if name not in config.remote_workers
             ]
             self.bridge = self._bridge()
             undo.pop_all()
