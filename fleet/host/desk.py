@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any
 
@@ -230,7 +230,7 @@ class Desk:
 
         def failed() -> None:
             if may_still_move(spec, ticket, superseding=superseding):
-                self._executor.spawn(self._settle(f"{ask.name} failed"), name="stop")
+                self._begin_stop(self._settle(f"{ask.name} failed"), "stop")
 
         self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 
@@ -246,10 +246,14 @@ class Desk:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
-            stop = self._executor.spawn(self._hold_for(ask.name, ticket), name=ask.name)
-            self._stops.add(stop)
-            stop.add_done_callback(self._stops.discard)
+            self._begin_stop(self._hold_for(ask.name, ticket), ask.name)
         self._answered(ask, ticket)
+
+    def _begin_stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Carry out a stop; what is asked from now on waits for its end."""
+        stop = self._executor.spawn(work, name=name)
+        self._stops.add(stop)
+        stop.add_done_callback(self._stops.discard)
 
     async def _standing(self) -> None:
         """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
@@ -355,7 +359,7 @@ class Desk:
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
-            self._executor.spawn(self._hold_for("pause", ticket), name="pause")
+            self._begin_stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:
             ticket.reject("there is no action to pause")
         else:
@@ -383,16 +387,9 @@ class Desk:
 
     def _note(self, reply: Reply) -> None:
         """Note for people how the last command stands."""
-        self.last_outcome = _outcome(reply)
+        self.last_outcome = reply.outcome
 
     def _answered(self, ask: Command, ticket: Ticket) -> None:
         """Note the command for people."""
         self.last_command, self.last_outcome = ask.name, "under way"
         ticket.watch(self._note)
-
-
-def _outcome(reply: Reply) -> str:
-    """Return how a command stands, for people."""
-    if reply.done:
-        return "done"
-    return reply.status.value if reply.ok else f"{reply.status.value}: {reply.reason}"

@@ -84,3 +84,10 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
     def ok(self) -> bool:
         """True when the robot took the command."""
         return self.status is ReplyStatus.ACCEPTED
+
+    @property
+    def outcome(self) -> str:
+        """How the command stands, for people."""
+        if self.done:
+            return "done"
+        return self.status.value if self.ok else f"{self.status.value}: {self.reason}"

@@ -482,3 +482,15 @@ async def test_the_adapter_is_restarted_by_who_may_command_it(bench, asks):
     assert bench.restarts == []
     bench.ask(asks.command("restart_adapter"))
     assert bench.restarts == [1]
+
+
+async def test_what_is_asked_after_a_failure_waits_until_the_robot_stands(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.puppet.told.clear()
+    bench.ask(asks.command("shy"))
+    await asks.settle()
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    assert bench.puppet.told.index("stop") < bench.puppet.told.index(("takeoff", None))
+    assert bench.puppet.told[-1] == ("takeoff", None)

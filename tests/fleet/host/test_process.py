@@ -63,8 +63,11 @@ async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_wo
 async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
     process, _ = served
     with caplog.at_level(logging.ERROR):
-        block(1.5 * BLOCKED)
-        await asyncio.sleep(0.1)
+        for _ in range(10):  # on a busy machine the watchdog is late too, and then blames nobody
+            block(1.5 * BLOCKED)
+            await asyncio.sleep(0.1)
+            if caplog.text:
+                break
     assert "the host blocks the event loop" in caplog.text
     assert {robot.state().health for robot in process.robots.values()} == {"ok"}
 
