@@ -152,13 +152,9 @@ def run():
     far = relay.far.getsockname()[1]
     ours, theirs, hops = [], [], []
     with mosquitto() as broker, vehicles(1, to=f"127.0.0.1:{far}"), fleet([robot(1, port)], broker) as edge:
-        arguments = (
-            peer_twin,
-            str(broker),
-            str(peer_relay.near.getsockname()[1]),
-            f"/tmp/fleet-bench-{broker}",
-        )
-        bus = str(free_port())
+        near = str(peer_relay.near.getsockname()[1])
+        queue, bus = f"/tmp/fleet-bench-{broker}", str(free_port())
+        arguments = (peer_twin, str(broker), near, queue, bus)
         with (
             process(sys.executable, "-c", PEER, *arguments, "adapter"),
             process(sys.executable, "-c", PEER, *arguments, "bridge"),

@@ -69,7 +69,9 @@ def send(
 @click.argument("z", type=float, default=0.0)
 @click.option("--yaw", type=float, help="Heading at the end, radians counter-clockwise from east.")
 @click.option("--speed", type=float, help="Speed limit on the way, m/s.")
-@click.option("--geo", is_flag=True, help="X and Y are latitude and longitude, Z is metres above sea level.")
+@click.option(
+    "--geo", is_flag=True, help="X and Y are latitude and longitude, Z is metres above the take-off point."
+)
 @wait_option
 @timeout_option
 @file_option

@@ -42,6 +42,10 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
     raise WireError("a packet's length field is longer than four bytes")
 
 
+class PacketTooLarge(WireError):
+    """A packet is larger than was agreed."""
+
+
 class Decoder:
     """Cuts one byte stream into packets and remembers the piece that is not whole yet.
 
@@ -75,7 +79,7 @@ class Decoder:
             self._needed = 0
             return None
         if length > self._limit:
-            raise WireError(f"a packet of {length} bytes is larger than {self._limit}")
+            raise PacketTooLarge(f"a packet of {length} bytes, larger than {self._limit}")
         self._needed = length
         return start + length if start + length <= len(data) else None
 

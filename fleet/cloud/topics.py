@@ -75,9 +75,9 @@ def _meets(node: _Tree, levels: list[str]) -> str | None:
 
 def _any_of(node: _Tree) -> str | None:
     """Return some filter at or below a node."""
-    while None not in node:
+    while node and None not in node:
         node = next(iter(node.values()))
-    return str(node[None])
+    return node.get(None)
 
 
 def _check_text(text: str, what: str) -> str:

@@ -73,7 +73,10 @@ class LocalRobot:
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         can = capabilities(plugin)
         self._decoder = Decoder(
-            config, config.limits.over(can.limits), planar=can.limits.vertical_speed is None
+            config,
+            config.limits.over(can.limits),
+            planar=can.limits.vertical_speed is None,
+            home_altitude=lambda: self._seen.home_altitude,
         )
         self.desk = Desk(config, can, publish=self.publish, crashed=self._crashed, clock=clock)
         self._changed = changed

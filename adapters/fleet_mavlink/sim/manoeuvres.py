@@ -10,6 +10,7 @@ from fleet_mavlink.sim.physics import Aim, approach
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
+_NOSE_RATE = 0.9  # rad/s at which the nose turns into the direction of travel
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
 
 
@@ -137,11 +138,12 @@ class Drive(Manoeuvre):
         vn, ve, vd = self.velocity
         speed = math.hypot(vn, ve)
         share = min(1.0, pilot.top_speed / speed) if speed > 0.0 else 1.0
-        heading = self.heading
-        if heading is None and self.turn_rate is None and pilot.nose_follows and speed > 0.3:
-            heading = math.atan2(ve, vn)
+        rate = self.turn_rate
+        if self.heading is None and rate is None and pilot.nose_follows and speed > 0.3:
+            left = math.remainder(math.atan2(ve, vn) - pilot.body.heading, math.tau)
+            rate = max(-_NOSE_RATE, min(_NOSE_RATE, 2.0 * left))
         vd = max(-pilot.climb_speed, min(pilot.sink_speed, vd))
-        return Aim(vn * share, ve * share, vd, heading, self.turn_rate or 0.0)
+        return Aim(vn * share, ve * share, vd, self.heading, rate or 0.0)
 
 
 class Turn(Manoeuvre):

@@ -46,7 +46,13 @@ class Habits:
     frames_told: Mapping[int, int]  # frames that come back as another one
 
 
-ARDUPILOT_HABITS = Habits(mav.MAVLink_mission_request_message, 1.0, home_is_first=True, tells_duplicates=True, frames_told={5: 0, 6: 3})
+ARDUPILOT_HABITS = Habits(
+    mav.MAVLink_mission_request_message,
+    1.0,
+    home_is_first=True,
+    tells_duplicates=True,
+    frames_told={5: 0, 6: 3},
+)
 PX4_HABITS = Habits(
     mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False, frames_told={}
 )

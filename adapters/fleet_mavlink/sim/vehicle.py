@@ -151,7 +151,9 @@ class SimVehicle:
         if system is None or message.get_type() in {"TIMESYNC", "PING"}:
             return True
         broadcast = system == 0 and (self.pilot.obeys_broadcast or "COMMAND" not in message.get_type())
-        component = message.target_component in {0, _COMPONENT} or self.pilot.obeys_other_components
+        component = (
+            getattr(message, "target_component", 0) in {0, _COMPONENT} or self.pilot.obeys_other_components
+        )
         return (system == self.system_id or broadcast) and component
 
 
