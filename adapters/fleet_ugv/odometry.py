@@ -65,6 +65,7 @@ class Odometry:
         self._last: Feedback | None = None
         self._last_at = 0.0
         self._stepped_at = 0.0
+        self._lessons = 0
 
     @property
     def pose(self) -> Pose:
@@ -140,7 +141,8 @@ class Odometry:
         stands = at - self._stepped_at > STANDS_AFTER and _still(now)
         off = rate - self.bias
         if stands and abs(off) < TURNED_BY_HAND:
-            self.bias += LEARN * off
+            self._lessons += 1
+            self.bias += max(LEARN, 1 / self._lessons) * off  # the first ones are averaged
             return 0.0
         return off * elapsed
 

@@ -14,19 +14,21 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError
+from fleet.errors import CommandError, LinkError, Refused
 from fleet.host.executor import Executor
+from fleet.host.follow.leader import PERIOD, Leader, origin_of
 from fleet.host.make import Capabilities
-from fleet.host.navigator import Navigator
+from fleet.host.navigator import Navigator, cannot_navigate, way_of
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.deadman import DeadMan
+from fleet.host.safety.keys import Keys
 from fleet.host.safety.latch import RELEASE
 from fleet.host.safety.limits import clamp
 from fleet.host.safety.policy import STOPS
 from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply, Setpoint
-from fleet.model.geometry import ZERO_VELOCITY
+from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
@@ -64,11 +66,19 @@ class Desk:
         self._clock = clock
         self._admission = Admission(config, clock)
         self._repeats = Repeats()
+        self._keys = Keys()
         self._adapter: Adapter[Any] | None = None
         self._offline = "it has not been reached yet"
         self.in_control = False
         self._executor = Executor(crashed=crashed)
         self._navigator = Navigator(publish=publish, hold=self.hold, crashed=crashed, clock=clock)
+        self._leader = Leader(
+            drive=self._lead,
+            limits=self._limits,
+            holonomic=capabilities.holonomic,
+            origin=origin_of(config.origin),
+            clock=clock,
+        )
 
     @property
     def latched(self) -> bool:
@@ -100,12 +110,16 @@ class Desk:
         """Note that the robot answers: it can be asked from now on."""
         self._offline = ""
 
+    def see(self, report: Report) -> None:
+        """Take a report of the robot's: it is led by its poses."""
+        self._leader.see(report)
+
     def lost(self, why: str) -> None:
         """Note that the robot does not answer; what was under way has failed and is never taken up again."""
         if not self._offline:
             self.halt()
         self._offline = why
-        self.deadman.clear()
+        self._let_go()
         self._executor.cancel(why)
         self._navigator.fail(why)
 
@@ -118,7 +132,7 @@ class Desk:
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
-        self.deadman.clear()
+        self._let_go()
         self._executor.cancel(f"authority lost: {reason}")
         self._navigator.fail(f"authority lost: {reason}")
         self._admission.lease.free()
@@ -148,7 +162,7 @@ class Desk:
 
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill; bounded in time; raises CommandError or LinkError."""
-        self.deadman.clear()
+        self._let_go()
         adapter = self._adapter
         if adapter is None:
             return
@@ -211,7 +225,7 @@ class Desk:
             self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
-        self.deadman.clear()
+        self._let_go()
         if self._adapter is None or self._offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
@@ -242,12 +256,11 @@ class Desk:
             return
         self.in_control = True
         self._navigator.cancel("teleoperation took over")
-        velocity = clamp(ask.velocity, self._limits)
-        self.deadman.feed(self._clock.monotonic(), ask.lease or self._config.setpoint_lease)
-        if velocity.is_zero:
-            self.deadman.clear()
+        velocity, lease = ask.velocity, ask.lease or self._config.setpoint_lease
+        if self._can.combines_keys:
+            velocity, lease = self._keys.press(ask.name, velocity, self._clock.monotonic(), lease)
         try:
-            self._adapter.drive(velocity)
+            self._hold_velocity(self._adapter, velocity, lease)
         except (CommandError, LinkError) as error:
             self.deadman.clear()
             ticket.fail(error)
@@ -259,6 +272,22 @@ class Desk:
             ticket.done()
             self.last_command, self.last_outcome = ask.name, "accepted"
 
+    def _hold_velocity(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
+        """Have the adapter hold a velocity, clamped, for its lease (s); raises what the adapter raises."""
+        velocity = clamp(velocity, self._limits)
+        if velocity.is_zero:
+            self.deadman.clear()
+        else:
+            self.deadman.feed(self._clock.monotonic(), lease)
+        adapter.drive(velocity)
+
+    def _lead(self, velocity: Velocity) -> None:
+        """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
+        refusal = self._admission.latch.refusal()
+        if refusal is not None or self._adapter is None or self._offline:
+            raise Refused(refusal or self._absence())
+        self._hold_velocity(self._adapter, velocity, max(self._config.setpoint_lease, 4 * PERIOD))
+
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
         if ask.action_id and self._navigator.repeated(ask.action_id):
@@ -268,12 +297,11 @@ class Desk:
         if isinstance(ask.ask, Control):
             self._control(ask, ask.ask, refusal, ticket)
             return
-        if refusal is None and not self._can.navigates:
-            refusal = f"{self.name} does not navigate"
+        way = way_of(self._adapter, self._can, self._leader)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
-        if refusal is not None or self._adapter is None or self._offline:
-            refusal = refusal or self._absence()
+        if refusal is not None or self._adapter is None or self._offline or way is None:
+            refusal = refusal or (self._absence() if self._offline else cannot_navigate(self.name, self._can))
             self._navigator.refuse(ask.action_id, refusal)
             ticket.reject(refusal)
             return
@@ -282,14 +310,19 @@ class Desk:
         self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
         ticket.watch(self._note)
-        self._navigator.start(self._adapter, ask.ask, ask.action_id, ticket)
+        self._navigator.start(way, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is being held, before something else moves the robot."""
         if not self.deadman.armed:
             return
-        self.deadman.clear()
+        self._let_go()
         self._zero(adapter)
+
+    def _let_go(self) -> None:
+        """Hold no velocity any more, whatever keys are down."""
+        self.deadman.clear()
+        self._keys.lift()
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
@@ -315,8 +348,9 @@ class Desk:
                 self._executor.spawn(self._hold_for("pause", ticket), name="pause")
             else:
                 refusal = "there is no action to pause"
-        elif refusal is None and self._adapter is not None:
-            refusal = None if self._navigator.resume(self._adapter) else "there is no paused action"
+        elif refusal is None:
+            way = way_of(self._adapter, self._can, self._leader)
+            refusal = None if way and self._navigator.resume(way) else "there is no paused action"
         if refusal is not None:
             self._navigator.refuse(ask.action_id, refusal)
             ticket.reject(refusal)

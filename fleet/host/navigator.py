@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
+from fleet.host.follow.leader import Leader
+from fleet.host.make import Capabilities
 from fleet.host.ticket import Ticket
-from fleet.model.navigation import ActionState, RelativeMove, Task
+from fleet.model.navigation import ActionState, Progress, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
+
+Way = Callable[[Task], AsyncIterator[Progress]]
+"""Carries out a task: the adapter's own ``navigate``, or the host's follower."""
 
 KEPT = 64  # finished actions remembered, to answer a repeated action id with its last status
 
@@ -56,8 +61,8 @@ class Navigator:
         self._publish(known.status)
         return True
 
-    def start(self, adapter: Adapter[Any], task: Task, action_id: str, ticket: Ticket) -> None:
-        """Begin a task; whatever was under way is cancelled."""
+    def start(self, way: Way, task: Task, action_id: str, ticket: Ticket) -> None:
+        """Begin a task by whoever leads the robot; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
         self.action = Action(
             action_id,
@@ -67,7 +72,7 @@ class Navigator:
             clock=self._clock,
         )
         self._remember(self.action)
-        self._begin(adapter, self.action)
+        self._begin(way, self.action)
 
     def refuse(self, action_id: str, reason: str) -> None:
         """Say that an action failed before it began."""
@@ -97,17 +102,17 @@ class Navigator:
         self.action.pause()
         return True
 
-    def resume(self, adapter: Adapter[Any]) -> bool:
+    def resume(self, way: Way) -> bool:
         """Go on with what was paused; False when nothing was."""
         if self.action is None or self.action.over or not self.action.paused:
             return False
         self.action.resume()
-        self._begin(adapter, self.action)
+        self._begin(way, self.action)
         return True
 
-    def _begin(self, adapter: Adapter[Any], action: Action) -> None:
+    def _begin(self, way: Way, action: Action) -> None:
         """Run the task of an action."""
-        self._work = asyncio.create_task(self._run(adapter, action), name=f"action:{action.id}")
+        self._work = asyncio.create_task(self._run(way, action), name=f"action:{action.id}")
         self._tasks.add(self._work)
         self._work.add_done_callback(self._tasks.discard)
 
@@ -124,11 +129,11 @@ class Navigator:
             self._work.cancel()
             self._work = None
 
-    async def _run(self, adapter: Adapter[Any], action: Action) -> None:
-        """Drive the adapter's own iteration and turn its end into the terminal status."""
+    async def _run(self, way: Way, action: Action) -> None:
+        """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            async for progress in adapter.navigate(action.task):
+            async for progress in way(action.task):
                 action.progress(progress)
             action.move(ActionState.COMPLETED)
         except (CommandError, LinkError) as error:
@@ -146,6 +151,20 @@ class Navigator:
         self._known[action.id] = action
         while len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
+
+
+def way_of(adapter: Adapter[Any] | None, can: Capabilities, leader: Leader) -> Way | None:
+    """Return who leads a robot to a goal: itself, or the host's follower; None when neither can."""
+    if adapter is not None and can.navigates:
+        return adapter.navigate
+    return leader.navigate if adapter is not None and can.drives and leader.has_pose else None
+
+
+def cannot_navigate(name: str, can: Capabilities) -> str:
+    """Return why nobody can lead a robot to a goal."""
+    return f"{name} does not navigate: " + (
+        "it has not told where it is" if can.drives else "it takes no velocities"
+    )
 
 
 def _answer(ticket: Ticket, status: NavigationReport) -> None:
