@@ -27,6 +27,8 @@ from fleet_mavlink.session import Session
 from fleet_mavlink.sim.launch import SimProcess, SimSpec
 
 _LOWEST_TAKEOFF = 1.0  # m
+_TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
+"""The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
 
 
 class MavlinkAdapter(Adapter[MavlinkConfig]):
@@ -70,7 +72,7 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Brake and hold in the air; motors are never cut."""
         if self._session is not None:
             with contextlib.suppress(LinkError):
-                await self._session.stop(reason)
+                await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
 
     def halt(self) -> None:
         """Write zero velocity, or the hold command, at once; from any thread."""
@@ -132,7 +134,7 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Brake and hold here instead."""
         session = self._open()
         require_connection(session.vehicle)
-        await session.stop("cancelled")
+        await session.stop("cancelled", takes_over=True)
 
     @command("ascend", timeout=120.0)
     async def ascend(self, *, distance: float) -> AsyncIterator[Progress]:

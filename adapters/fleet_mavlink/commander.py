@@ -84,6 +84,8 @@ class Commander:
                 sent += 1
                 ack = await self._answer(exchange, seen)
                 if ack is None and sent >= (tries or self.timing.tries):
+                    if seen is not None and await self._vehicle.until(seen, self.timing.working):
+                        return
                     raise TimedOut(
                         f"system {self._vehicle.system} did not answer {_name(ask)}",
                         hint=f"sent {sent} times; is the link good, is this station allowed to command?",

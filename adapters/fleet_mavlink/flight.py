@@ -136,7 +136,9 @@ class Flight:
         by = self._now() + _OFF_GROUND_WITHIN
         percent = 0.0
         climbing = False
-        while not await self.vehicle.until(lambda state: _height(state) >= altitude - close, _POLL):
+        while not await self.vehicle.until(
+            lambda state: _height(state) >= altitude - close and is_standing(state), _POLL
+        ):
             state = self.vehicle.state
             self.check(self.flavour.arming, self.flavour.takeoff)
             climbing = climbing or self.mode(state) == self.flavour.takeoff
@@ -228,7 +230,9 @@ class Flight:
         require_connection(self.vehicle)
         if self.vehicle.state.armed:
             raise Refused("it is armed", hint="land and disarm first")
-        await self.commander.ask(CommandLong(Cmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0), tries=1)
+        reboots = self.vehicle.state.reboots
+        ask = CommandLong(Cmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
+        await self.commander.ask(ask, seen=lambda state: state.reboots > reboots, tries=1)
 
     def check(self, *modes: str) -> None:
         """Raise unless the flight goes on as asked: heard, ours, armed, in one of these modes."""
@@ -260,7 +264,7 @@ def _height(state: VehicleState) -> float:
 
 def _climbs(state: VehicleState) -> bool:
     """Return whether a vehicle that was on the ground is on its way up."""
-    return bool(state.in_air)
+    return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_SLOW)
 
 
 def is_standing(state: VehicleState) -> bool:

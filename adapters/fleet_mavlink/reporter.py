@@ -17,6 +17,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 _CHANGES = 0.2  # s between looks for what has changed
 _REFRESH = 5.0  # s after which the flight controller's state is told again
+_REPEAT = 0.9  # s after which the vehicle's state is told again: at the look before the second is over
 _LAST_SENTENCES = 8  # that go with the flight controller's state
 
 
@@ -100,7 +101,7 @@ class Reporter:
         now = self._robot.clock.monotonic()
         known = self._state.fields if self._state else {}
         news = {name for name, value in report.fields.items() if known.get(name) != value}
-        if news <= {"altitude_m"} and now - self._state_at < 1.0:
+        if news <= {"altitude_m"} and now - self._state_at < _REPEAT:
             return
         self._state, self._state_at = report, now
         self._robot.report(report)

@@ -23,7 +23,6 @@ from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
 
 _LOOK = 0.25  # s between looks at the vehicle's health
-_TAKES_OVER = frozenset({"hover", "brake", "emergency_stop"})
 
 
 class Session:
@@ -76,15 +75,15 @@ class Session:
                 task.cancel()
             await asyncio.gather(*work, *self._tasks, return_exceptions=True)
 
-    async def stop(self, reason: str) -> None:
+    async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
-        A vehicle that somebody else has is left to him, unless ``reason`` is a command that means the
-        vehicle itself: the plain stop at the end of a drive must not take it from its pilot.
+        A vehicle that somebody else has is left to him unless ``takes_over``: the plain stop at the end of
+        a drive must not take it from its pilot.
         """
         self.commander.supersede(reason)
         self.driver.brake()
-        if self.authority.lost_to and reason not in _TAKES_OVER:
+        if self.authority.lost_to and not takes_over:
             return
         if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
             await self.flight.hold()

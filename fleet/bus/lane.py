@@ -197,15 +197,20 @@ def _answers(replies: Iterable[zenoh.Reply]) -> Iterator[tuple[str, bytes]]:
 
 
 def _direct(call: Callable[[Any], None], end: Callable[[], None] | None = None) -> Any:
-    """Return a handler without a thread of its own, whose failures are logged and not lost."""
+    """Return a handler without a thread of its own."""
+    return zenoh.handlers.Callback(_guarded(call), end and _guarded(end), indirect=False)
 
-    def guarded(value: Any) -> None:
+
+def _guarded(call: Callable[..., None]) -> Callable[..., None]:
+    """Return a callback whose failures are logged and not lost."""
+
+    def guarded(*arguments: Any) -> None:
         try:
-            call(value)
+            call(*arguments)
         except Exception:  # the bus must go on for the others
             log.exception("a bus callback failed")
 
-    return zenoh.handlers.Callback(guarded, end, indirect=False)
+    return guarded
 
 
 def _parameters(parameters: Mapping[str, str] | None) -> str:

@@ -219,6 +219,7 @@ class CloudClient:
             self._refusals.reset()
             self._outbox.go_online()
             self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
+            self._write()
             await asyncio.wait([connection.ended])
             if self._clock.monotonic() - began > self._settings.backoff[1]:
                 self._network.reset()

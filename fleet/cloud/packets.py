@@ -93,8 +93,11 @@ class Decoder:
         if frame == _ONLY_OLDER:
             return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
         packet = _guarded(_read5, frame)
-        if getattr(packet, "packet_id", None) == 0 or "\0" in getattr(packet, "topic", ""):
-            raise WireError("a packet identifier is 0 or a topic holds a NUL")
+        topic = getattr(packet, "topic", "")
+        if "+" in topic or "#" in topic or "\0" in topic:
+            raise WireError("a message to a topic with a wildcard or a NUL in it")
+        if getattr(packet, "packet_id", None) == 0:
+            raise WireError("a packet with the identifier 0")
         return packet
 
 

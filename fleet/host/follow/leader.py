@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from typing import Any, Protocol
 
 import msgspec
 
+from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import NotReady
 from fleet.host.follow.control import NO_LIMIT, Pace
@@ -16,12 +18,20 @@ from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import PoseReport, Report
-from fleet.robot_config import Limits
+from fleet.robot_config import AdapterConfig, Limits
 
 PERIOD = 0.05  # s between two looks
 STALE = 0.5  # s after which a pose is too old to drive by
 LOST = 2.0  # s after which the action fails
+LEASE = 0.5  # s that each velocity of the follower is held
 SHARE = 0.9  # of the robot's yaw rate that is used, so that its own clamp does not bend the way
+
+
+class Navigates(Protocol):
+    """Who can lead a robot to a goal: an adapter, or the host's follower."""
+
+    def navigate(self, task: Task) -> AsyncIterator[Progress]:
+        """Carry out a task, yielding progress."""
 
 
 class Leader:
@@ -90,8 +100,22 @@ class Leader:
         return Pace(min(fastest, asked) if asked else fastest, yaw_rate)
 
 
-def origin_of(place: object) -> GeoOrigin | None:
-    """Return fleet.yaml's origin as the model has it, None without one."""
-    if place is None:
-        return None
-    return msgspec.convert(place, GeoOrigin, from_attributes=True)
+def pilot(adapter: Adapter[Any] | None, leader: Leader, *, navigates: bool, drives: bool) -> Navigates | None:
+    """Return who leads a robot to a goal: itself, or the host; None when neither can."""
+    if adapter is not None and navigates:
+        return adapter
+    return leader if adapter is not None and drives and leader.has_pose else None
+
+
+def leader_of(
+    config: AdapterConfig,
+    drive: Callable[[Velocity], None],
+    limits: Limits,
+    clock: Clock,
+    *,
+    holonomic: bool,
+) -> Leader:
+    """Return the follower of a robot of fleet.yaml."""
+    place = config.origin
+    origin = None if place is None else msgspec.convert(place, GeoOrigin, from_attributes=True)
+    return Leader(drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock)

@@ -10,6 +10,7 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud.packets import Decoder, PacketTooLarge, encode
+from fleet.cloud.topics import check_filter, check_topic
 from fleet.errors import WireError
 from fleet.sim.broker.hub import Hub
 from fleet.sim.broker.session import Session, Subscription
@@ -179,7 +180,7 @@ class Connection(asyncio.Protocol):
         """Let the client in, or say why not."""
         if self._session:
             raise ClientError("a second CONNECT", _Reason.PROTOCOL_ERROR)
-        if refusal := self._hub.refusal(packet):
+        if refusal := self._refusal(packet):
             self._write([mqtt5.ConnAckPacket(reason_code=refusal)])
             self._close()
             return
@@ -195,6 +196,14 @@ class Connection(asyncio.Protocol):
             shared_subscription_available=False,
         )
         self._write([answer, *session.resume(self._hub.clock.monotonic())])
+
+    def _refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
+        """Return why the client is not let in, None when it is."""
+        if packet.will and _is_wrong(check_topic, packet.will.topic):
+            return mqtt5.ConnAckReasonCode.TOPIC_NAME_INVALID
+        if self._decoder.protocol == 311 and not packet.client_id and not packet.clean_start:
+            return mqtt5.ConnAckReasonCode.CLIENT_ID_NOT_VALID
+        return self._hub.refusal(packet)
 
     def _on_publish(self, packet: mqtt5.PublishPacket, session: Session) -> None:
         """Route a message and acknowledge it; one of QoS 2 is routed once, however often it is sent."""
@@ -237,8 +246,10 @@ class Connection(asyncio.Protocol):
         """Add subscriptions; a shared one is refused."""
         codes = []
         for options in packet.topic_filters:
-            if not options.pattern or options.pattern.startswith("$share/"):
-                codes.append(mqtt5.SubAckReasonCode(0x9E if options.pattern else 0x8F))
+            if _is_wrong(check_filter, options.pattern):
+                raise ClientError(f"the filter {options.pattern!r}", _Reason.TOPIC_FILTER_INVALID)
+            if options.pattern.startswith("$share/"):
+                codes.append(mqtt5.SubAckReasonCode.SHARED_SUBSCRIPTIONS_NOT_SUPPORTED)
                 continue
             codes.append(mqtt5.SubAckReasonCode(int(options.max_qos)))
             self._hub.subscribe(session, Subscription(options, packet.subscription_id))
@@ -254,6 +265,8 @@ class Connection(asyncio.Protocol):
         """Let the client go; its will stays unsaid unless it asks for it."""
         if packet.reason_code == _Reason.NORMAL_DISCONNECTION:
             self._will = None
+        if packet.session_expiry_interval and not session.expiry:
+            raise ClientError("a session that was to end is to last", _Reason.PROTOCOL_ERROR)
         if packet.session_expiry_interval is not None:
             session.expiry = packet.session_expiry_interval
         self._leave()
@@ -288,3 +301,12 @@ class Connection(asyncio.Protocol):
             return
         frames = [encode(packet, self._decoder.protocol or 5) for packet in packets]
         self._transport.write(b"".join([frame for frame in frames if len(frame) <= self._packet_limit]))
+
+
+def _is_wrong(check: Callable[[str], str], text: str) -> bool:
+    """Tell whether a topic or filter is one that MQTT forbids."""
+    try:
+        check(text)
+    except ValueError:
+        return True
+    return False

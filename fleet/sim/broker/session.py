@@ -45,13 +45,17 @@ class Session:
         self._waiting = 0
         self._last_id = 0
         self._queue: deque[Copy] = deque()
+        self._held: deque[Copy] = deque()
         self._sent: dict[int, Copy] = {}
         self._released: dict[int, None] = {}
 
     def offer(self, copy: Copy) -> bool:
         """Queue a message; tell whether there was room."""
         size = len(copy.packet.payload)
-        if len(self._queue) >= self._limits.queue or self._waiting + size > self._limits.queue_bytes:
+        if (
+            len(self._queue) + len(self._held) >= self._limits.queue
+            or self._waiting + size > self._limits.queue_bytes
+        ):
             return False
         self._queue.append(copy)
         self._waiting += size
@@ -59,20 +63,24 @@ class Session:
 
     def offer_at_any_cost(self, copy: Copy) -> None:
         """Queue a message, forgetting those that have waited longest when there is no room."""
-        while not self.offer(copy) and self._queue:
-            self._next()
+        while not self.offer(copy) and (oldest := self._held or self._queue):
+            self._take(oldest)
 
     def send(self, now: float) -> list[mqtt5.Packet]:
-        """Return what the client may get now; QoS 1 and 2 only as far as its Receive Maximum allows."""
+        """Return what the client may get now.
+
+        Its Receive Maximum holds QoS 1 and 2 back, in their order; QoS 0 goes past those.
+        """
         packets: list[mqtt5.Packet] = []
-        while self._queue and (self._room() or not self._queue[0].qos):
-            copy = self._next()
-            if copy.deadline is not None and copy.deadline <= now:
-                continue
-            identifier = self._next_id() if copy.qos else None
-            if identifier is not None:
-                self._sent[identifier] = copy
-            packets.append(_packet(copy, identifier, now))
+        while self._held and self._room():
+            self._send(self._take(self._held), packets, now)
+        while self._queue:
+            copy = self._take(self._queue)
+            if copy.qos and (self._held or not self._room()):
+                self._held.append(copy)
+                self._waiting += len(copy.packet.payload)
+            else:
+                self._send(copy, packets, now)
         return packets
 
     def resume(self, now: float) -> list[mqtt5.Packet]:
@@ -98,11 +106,20 @@ class Session:
         """Forget a QoS 2 message that is complete."""
         self._released.pop(identifier, None)
 
-    def _next(self) -> Copy:
+    def _take(self, queue: deque[Copy]) -> Copy:
         """Take the message that has waited longest."""
-        copy = self._queue.popleft()
+        copy = queue.popleft()
         self._waiting -= len(copy.packet.payload)
         return copy
+
+    def _send(self, copy: Copy, packets: list[mqtt5.Packet], now: float) -> None:
+        """Add a message to the packets, unless it has expired."""
+        if copy.deadline is not None and copy.deadline <= now:
+            return
+        identifier = self._next_id() if copy.qos else None
+        if identifier is not None:
+            self._sent[identifier] = copy
+        packets.append(_packet(copy, identifier, now))
 
     def _room(self) -> bool:
         """Tell whether the client takes one more QoS 1 or 2 message."""

@@ -58,7 +58,7 @@ def test_damaged_packets_are_read_or_refused_and_nothing_else(data):
     ("data", "why"),
     [
         (PANIC, "UTF-8"),
-        (b"\x40\x02\x00\x00", "identifier is 0"),
+        (b"\x40\x02\x00\x00", "identifier"),
         (b"\x30\x05\x00\x02a\x00\x00", "NUL"),
         (b"\x20\x02\x00\x00", "not an MQTT packet"),
         (b"\x30\xff\xff\xff\xff\x01", "four bytes"),

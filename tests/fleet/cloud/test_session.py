@@ -82,8 +82,18 @@ def test_a_refused_subscription_is_named():
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [(0x84, "protocol"), (0x85, "client id"), (0x86, "password"), (0x87, "not allow"), (0x88, "available")]
-    + [(0x89, "busy"), (0x8A, "banned"), (0x97, "quota"), (0x9F, "too often"), (0x80, "0x80")],
+    [
+        (0x84, "protocol"),
+        (0x85, "client id"),
+        (0x86, "password"),
+        (0x87, "not allow"),
+        (0x88, "available"),
+        (0x89, "busy"),
+        (0x8A, "banned"),
+        (0x97, "quota"),
+        (0x9F, "too often"),
+        (0x80, "0x80"),
+    ],
 )
 def test_a_refusal_says_why(code, words):
     with pytest.raises(SessionRefused, match=words):
@@ -224,7 +234,7 @@ def test_the_reason_of_a_disconnect_decides_whether_haste_helps(code, error):
 
 
 class Deliveries(RuleBasedStateMachine):
-    """Whatever order publishes, acknowledgements and broken connections come in, nothing is lost or swapped."""
+    """Nothing is lost or swapped, whatever order messages, acknowledgements and falls come in."""
 
     flying = Bundle("flying")
 

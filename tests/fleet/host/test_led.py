@@ -63,6 +63,7 @@ class World:
             capabilities(Cart),
             publish=self.reports.append,
             crashed=self._crashed,
+            restart=lambda: None,
             clock=self.clock,
         )
         self.x = self.y = self.yaw = 0.0
@@ -131,7 +132,7 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):
     (receipt,) = world.ask(goal(1.0, 1.0))
-    assert "not told where it is" in receipt.reason
+    assert "has told no pose" in receipt.reason
     assert world.states() == ["failed"]
 
 

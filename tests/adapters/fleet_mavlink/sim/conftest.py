@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
+from fleet_mavlink.sim.params import encode
 from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
 from fleet_mavlink.sim.vehicle import SimVehicle
 
@@ -71,12 +72,11 @@ class Bench:
         values = [*params, *([0.0] * (7 - len(params)))]
         return self._results(mav.MAVLink_command_long_message(1, 1, command, 0, *values))
 
-    def asks_int(
-        self, command: int, frame: int, p: tuple[float, ...], x: float, y: float, z: float
-    ) -> list[int]:
-        """Send COMMAND_INT with degrees; return the results of its acknowledgements."""
-        place = (int(x * 1e7), int(y * 1e7), z)
-        return self._results(mav.MAVLink_command_int_message(1, 1, frame, command, 0, 0, *p, *place))
+    def asks_int(self, command: int, frame: int, p: tuple[float, ...], *place: float) -> list[int]:
+        """Send COMMAND_INT with degrees and metres; return the results of its acknowledgements."""
+        latitude, longitude, altitude = place
+        scaled = (int(latitude * 1e7), int(longitude * 1e7), altitude)
+        return self._results(mav.MAVLink_command_int_message(1, 1, frame, command, 0, 0, *p, *scaled))
 
     def _results(self, message: Any) -> list[int]:
         before = len(self.heard)
@@ -144,7 +144,10 @@ class Bench:
         self.run(2.0)
 
     def set_param(self, name: str, value: float) -> None:
-        self.pilot.params.set(name, value)
+        """Send PARAM_SET as this autopilot encodes values."""
+        (known,) = self.tell(mav.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
+        carried = encode(known.param_type, value, "cast" if self.ardupilot else "bytewise")
+        self.tell(mav.MAVLink_param_set_message(1, 1, name.encode(), carried, known.param_type))
 
 
 @pytest.fixture(scope="session")

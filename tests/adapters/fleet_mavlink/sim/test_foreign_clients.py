@@ -50,7 +50,7 @@ async def insist(act, error):
 
 @pytest.fixture(params=FLAVOURS)
 async def drone(request):
-    """A vehicle with MAVSDK connected to it; its telemetry runs."""
+    """Connect MAVSDK to a vehicle."""
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with SimProcess() as simulator, Mavsdk(configuration) as mavsdk:
         link = await simulator.add(SimSpec.parse(f"sim:{request.param}?speed={SPEED}"))

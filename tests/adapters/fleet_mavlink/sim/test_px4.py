@@ -320,6 +320,7 @@ def test_a_lost_station_holds_and_returns_when_told_to(flying):
 def test_without_a_station_arming_is_refused_when_it_is_watched(bench):
     px4 = bench("px4")
     px4.gcs = False
+    px4.run(0.2)
     px4.set_param("NAV_DLL_ACT", 2)
     px4.run(1)
     assert px4.asks(400, 1) == [REJECTED]

@@ -13,8 +13,8 @@ def test_a_bare_link_is_ready_after_3_seconds():
 
 
 def test_everything_can_be_said():
-    link = "sim:ardupilot?home=47.39,8.54,488,90&ready=real&speed=5&fault=loss:0.01,wind:3&seed=4&with=gimbal,adsb"
-    spec = SimSpec.parse(link, system_id=7)
+    options = "home=47.39,8.54,488,90&ready=real&speed=5&fault=loss:0.01,wind:3&seed=4&with=gimbal,adsb"
+    spec = SimSpec.parse(f"sim:ardupilot?{options}", system_id=7)
     assert spec == SimSpec(
         "ardupilot",
         system_id=7,
@@ -57,10 +57,9 @@ def test_what_makes_no_sense_is_refused_with_the_reason(link, says):
 def test_any_text_is_a_spec_or_a_value_error(text):
     try:
         spec = SimSpec.parse(f"sim:px4?{text}")
-    except ValueError as error:
-        assert str(error)
-    else:
-        assert spec.flavour == "px4"
+    except ValueError:
+        return
+    assert spec.flavour == "px4"
 
 
 def test_a_system_id_outside_the_protocol_is_refused():

@@ -135,7 +135,7 @@ def test_a_file_transfer_is_answered_with_no_such_file(either):
     params=st.tuples(*[numbers] * 7),
     as_int=st.booleans(),
 )
-def test_no_command_breaks_it(bench, flavour, command, params, as_int):
+def test_no_command_breaks_it(bench, *, flavour, command, params, as_int):
     made = _aloft(bench, flavour)
     if as_int:
         place = (2**31 - 1, -(2**31), params[6])
@@ -155,7 +155,7 @@ def test_no_command_breaks_it(bench, flavour, command, params, as_int):
     values=st.tuples(*[numbers] * 8),
     local=st.booleans(),
 )
-def test_no_setpoint_breaks_it(bench, flavour, frame, mask, values, local):
+def test_no_setpoint_breaks_it(bench, *, flavour, frame, mask, values, local):
     made = _aloft(bench, flavour)
     if not local:
         made.tell(
@@ -173,7 +173,7 @@ def test_no_setpoint_breaks_it(bench, flavour, frame, mask, values, local):
 
 
 def _aloft(bench, flavour):
-    """A vehicle in the air that obeys setpoints, without the flight there."""
+    """Put a vehicle that obeys setpoints into the air, without the flight there."""
     made = bench(flavour)
     made.run(0.2)
     made.body.down = -20.0
