@@ -62,10 +62,8 @@ class Desk:
         self.last_command = ""
         self.last_outcome = ""
         self._can = capabilities
-        limits = config.limits.over(capabilities.limits)
-        self._driving = Driving(
-            limits, clock, lease=config.setpoint_lease, combines=capabilities.combines_keys
-        )
+        limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
+        self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
         self.deadman = self._driving.deadman
         self._publish = publish
         self._crashed = crashed
