@@ -27,7 +27,7 @@ class Phase(enum.Enum):
     """Where driving stands."""
 
     IDLE = "idle"  # nothing is streamed
-    STARTING = "starting"  # zeros, until the vehicle takes setpoints
+    STARTING = "starting"  # the newest velocity, until the vehicle shows that it takes setpoints
     DRIVING = "driving"  # the newest velocity
     BRAKING = "braking"  # zeros, until the vehicle holds by itself
 
@@ -63,6 +63,7 @@ class Driver:
         self._task: asyncio.Task[None] | None = None
         self._refusal: FleetError | None = None
         self._again_at = -math.inf
+        self._must_ask = False
 
     def drive(self, velocity: Velocity) -> None:
         """Take the newest velocity; raises NotReady or Refused when the vehicle cannot be driven."""
@@ -74,8 +75,21 @@ class Driver:
         elif not self._wanted.is_zero:
             self._since = self._now()
         self._wanted = velocity
-        if self.phase is Phase.IDLE:
+        if self.phase is Phase.IDLE or (self.phase is Phase.BRAKING and not velocity.is_zero):
+            # After a brake the shown mode may be old: the hold may have been entered since.
+            self._must_ask = self.phase is Phase.BRAKING
+            self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(Phase.STARTING)
+
+    def rest(self) -> bool:
+        """End a drive gently: zero velocity now, the hold a moment later; False when nobody drives.
+
+        Who drives in bursts need not wait for two changes of mode between them.
+        """
+        if self.phase not in {Phase.STARTING, Phase.DRIVING}:
+            return False
+        self.drive(ZERO_VELOCITY)
+        return True
 
     def _require(self, velocity: Velocity) -> None:
         """Raise unless the vehicle may be moved by us now."""
@@ -138,9 +152,13 @@ class Driver:
         return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
 
     def _stream(self) -> None:
-        """Send the wanted velocity while driving, else zero."""
+        """Send the wanted velocity, or zero while braking.
+
+        It is sent before the mode is shown, too: the vehicle obeys it from the moment it takes setpoints,
+        and the heartbeat that shows the mode comes up to a second later.
+        """
         state = self._vehicle.state
-        if self.phase is Phase.DRIVING and state.attitude is not None and state.knows_where(self._now()):
+        if self.phase is not Phase.BRAKING and state.attitude is not None and state.knows_where(self._now()):
             velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
             self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
         else:
@@ -148,12 +166,17 @@ class Driver:
 
     def _starting(self, flavour: Flavour, mode: str) -> None:
         """Ask for the mode once the vehicle has seen enough setpoints; drive when it is shown."""
-        if mode == flavour.external:
+        if mode == flavour.external and not self._must_ask:
             self._to(Phase.DRIVING)
         elif self._refusal is not None and self._now() < self._again_at:
             self._to(Phase.IDLE)
         elif self._now() - self._since_phase >= flavour.lead_in:
-            self._ask(self._enter)
+            self._ask(self._enter_external)
+
+    async def _enter_external(self) -> None:
+        """Change to the mode that takes setpoints; from then on what the vehicle shows is believed."""
+        await self._enter()
+        self._must_ask = False
 
     def _driving(self, flavour: Flavour, mode: str) -> None:
         """Brake after a rest; be silent when another command has changed the mode."""

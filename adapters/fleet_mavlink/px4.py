@@ -44,7 +44,7 @@ class Px4(Flavour):
     return_home: ClassVar[str] = "AUTO.RTL"
     arming: ClassVar[str] = "AUTO.LOITER"
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
-    lead_in: ClassVar[float] = 0.5
+    lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     rates: ClassVar[Mapping[int, float]] = {}
     data_streams: ClassVar[tuple[int, ...]] = ()

@@ -11,7 +11,7 @@ from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import PERIOD, Driver
 from fleet_mavlink.flavour import Flavour, ned_setpoint
-from fleet_mavlink.flight import Flight
+from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.hub import Hub
 from fleet_mavlink.messages import Message
@@ -22,6 +22,8 @@ from fleet_mavlink.streams import Streams
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
 
+GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
+_STANDS_WITHIN = 3.0  # s
 _LOOK = 0.25  # s between looks at the vehicle's health
 
 
@@ -78,9 +80,13 @@ class Session:
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
-        A vehicle that somebody else has is left to him unless ``takes_over``: the plain stop at the end of
-        a drive must not take it from its pilot.
+        The plain stop of a drive returns once the vehicle stands; the hold follows a moment later. A vehicle
+        that somebody else has is left to him unless ``takes_over``: the plain stop at the end of a drive must
+        not take it from its pilot.
         """
+        if reason == GENTLE and self.driver.rest():
+            await self.vehicle.until(is_standing, _STANDS_WITHIN)
+            return
         self.commander.supersede(reason)
         self.driver.brake()
         if self.authority.lost_to and not takes_over:

@@ -159,11 +159,6 @@ class Lane:
 
         return take_back
 
-    def tokens(self, key: str, *, timeout: float = 1.0) -> list[str]:
-        """Return the keys that are alive now."""
-        replies = self._session.liveliness().get(key, timeout=timeout)
-        return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
         """Call with each key and whether it lives, for those there are and for every change."""
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Coroutine
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, aclosing, nullcontext
 from typing import Any, TypeVar
 
 ResultT = TypeVar("ResultT")
+
+DEAF_AFTER = 2.0  # s after which a task that was cancelled and goes on is a failure of the adapter
 
 
 async def bounded(work: Coroutine[Any, Any, ResultT], seconds: float) -> ResultT:
@@ -37,6 +39,25 @@ def take_note(task: asyncio.Future[Any]) -> None:
     """Look at a finished task's exception, which nobody else will ask for."""
     if not task.cancelled():
         task.exception()
+
+
+async def walled(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
+    """Return what ``work()`` returns; a ``sys.exit`` in it ends it alone, with a RuntimeError."""
+    try:
+        return await work()
+    except SystemExit as error:
+        raise RuntimeError(f"the adapter called sys.exit({error.code!r})") from error
+
+
+def insist(task: asyncio.Task[None], why: str, deaf: Callable[[Exception], None]) -> None:
+    """Cancel a task; ``deaf`` hears of one that goes on for ``DEAF_AFTER`` seconds all the same."""
+
+    def look() -> None:
+        deaf(RuntimeError(f"{task.get_name()} goes on though it was ended ({why})"))
+
+    task.cancel(why)
+    timer = asyncio.get_running_loop().call_later(DEAF_AFTER, look)
+    task.add_done_callback(lambda _: timer.cancel())
 
 
 def closing(steps: AsyncIterator[Any]) -> AbstractAsyncContextManager[AsyncIterator[Any]]:

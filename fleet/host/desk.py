@@ -244,6 +244,7 @@ class Desk:
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
+        self._admission.lease.let_go(ask.origin.session)
         if self._adapter is None or self._offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")

@@ -10,7 +10,7 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, TimedOut
-from fleet.host.bounded import at_once, closing, was_cancelled
+from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
@@ -62,7 +62,7 @@ class Executor:
         def give_up() -> None:
             self._moved(task)
             ticket.fail(TimedOut(f"{ask.name} was not seen done within {spec.timeout:g} s"))
-            task.cancel()
+            insist(task, "its time was over", self._crashed)
             failed()
 
         timer = asyncio.get_running_loop().call_later(spec.timeout, give_up)
@@ -75,7 +75,7 @@ class Executor:
             mover, ticket = self._mover, self._ticket
             self._moved(mover)
             ticket.reject(why)
-            mover.cancel(why)
+            insist(mover, why, self._crashed)
 
     def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
         """Run something of this robot's, kept alive until it ends."""
@@ -101,7 +101,7 @@ class Executor:
         try:
             if spec.moves:
                 await self._ready()
-            await self._call(adapter, spec, ask, ticket)
+            await walled(lambda: self._call(adapter, spec, ask, ticket))
             ticket.done()
         except asyncio.CancelledError:
             if was_cancelled():

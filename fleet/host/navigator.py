@@ -11,11 +11,11 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
-from fleet.host.bounded import at_once, closing, was_cancelled
+from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.follow.leader import Navigates
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, Progress, RelativeMove, Task
+from fleet.model.navigation import ActionState, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
@@ -150,7 +150,7 @@ class Navigator:
     def _interrupt(self) -> None:
         """Cancel the work, which then says nothing more."""
         if self._work is not None:
-            self._work.cancel()
+            insist(self._work, "the action was ended", self._crashed)
             self._work = None
 
     async def _run(self, who: Navigates, action: Action) -> None:
@@ -158,10 +158,7 @@ class Navigator:
         action.move(ActionState.RUNNING)
         try:
             await self._ready()
-            async with closing(who.navigate(action.task)) as steps:
-                async for progress in steps:
-                    if not self._on_the_way(action, progress):
-                        return
+            await walled(lambda: self._follow(who, action))
             if self._is_current():
                 action.complete()
         except (CommandError, LinkError) as error:
@@ -180,11 +177,13 @@ class Navigator:
         """Return False for work that was cancelled and goes on all the same: it has no say any more."""
         return self._work is asyncio.current_task()
 
-    def _on_the_way(self, action: Action, progress: Progress) -> bool:
-        """Take progress; False when nobody wants it any more."""
-        if self._is_current():
-            action.progress(progress)
-        return self._is_current()
+    async def _follow(self, who: Navigates, action: Action) -> None:
+        """Take the progress of who leads for as long as somebody wants it."""
+        async with closing(who.navigate(action.task)) as steps:
+            async for progress in steps:
+                if not self._is_current():
+                    return
+                action.progress(progress)
 
     async def _fail(self, action: Action, why: str) -> None:
         """Say that the work failed, and hold the robot."""

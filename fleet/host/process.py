@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, cast
 
 import msgspec
@@ -17,13 +18,14 @@ from fleet.bus import keys
 from fleet.bus.lane import Publisher, Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
+from fleet.host.aside import aside
 from fleet.host.asks import Kind
 from fleet.host.blame import LoopThread
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
-from fleet.host.watchdog import LoopWatch, Watchdog
+from fleet.host.watchdog import HALT_WAIT, LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
@@ -124,7 +126,8 @@ class RobotProcess:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         stopped = [name for name in self.robots if not names or name in names]
         for name in stopped:
-            self.robots[name].emergency(why)
+            # One whose halt is held up must not keep the next one moving.
+            aside(partial(self.robots[name].emergency, why), wait=HALT_WAIT)
         return stopped
 
     def publish_state(self, name: str) -> None:
@@ -221,13 +224,8 @@ class RobotProcess:
 
     def _stuck(self, name: str) -> None:
         """Give the process up: it is restarted by who watches it; every robot has been halted."""
-        last_words = threading.Thread(
-            target=log.critical,
-            args=("the event loop is stuck in %s: this process ends now", name),
-            daemon=True,
-        )
-        last_words.start()
-        last_words.join(LAST_WORDS)
+        text = "the event loop is stuck in %s: this process ends now"
+        aside(lambda: log.critical(text, name), wait=LAST_WORDS)
         os._exit(70)
 
 

@@ -64,6 +64,7 @@ class RemoteRobot:
         self._decoder = Decoder(config, config.limits, planar=False)
         control.subscribe(keys.state(edge, self.name), self._state_arrived)
         control.answer(keys.state(edge, self.name), self._state_asked)
+        control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
     def look_for_emergency(self, payload: bytes) -> None:
         """Stop at once over the stop lane when a message is an emergency stop; from any thread."""
@@ -78,6 +79,7 @@ class RemoteRobot:
 
     def emergency(self, _why: str) -> None:
         """Stop and latch; from any thread."""
+        self._state = msgspec.structs.replace(self._state, emergency_stop=True)
         self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
 
     def receive(
@@ -157,3 +159,9 @@ class RemoteRobot:
         """Answer with the state, beside the worker: it may be gone. On the bus's thread."""
         question.reply(msgspec.json.encode(self.state()))
         question.close()
+
+    def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        """Set an emergency stop again in a worker that was started anew: only a release ends it."""
+        if alive and self._state.emergency_stop:
+            log.warning("%s: its worker is back: the emergency stop is set again", self.name)
+            self.emergency("set before its worker ended")

@@ -23,7 +23,7 @@ import msgspec
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
-from fleet.host.bounded import result_of, take_note
+from fleet.host.bounded import result_of, take_note, walled
 from fleet.host.desk import Desk
 from fleet.host.handle import Handle
 from fleet.model.health import Health, Level
@@ -154,7 +154,7 @@ class Runner:
     async def _serve(self, adapter: Adapter[Any], handle: Handle) -> None:
         """Run until the adapter ends, crashes elsewhere, or we are cancelled; then stop the robot."""
         assert self._crash is not None
-        work = asyncio.ensure_future(adapter.run(handle))
+        work = asyncio.ensure_future(walled(lambda: adapter.run(handle)))
         why = "the host lets go of the robot"
         try:
             await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)

@@ -1,7 +1,8 @@
 """The watchdog thread: ends velocities whose lease ran out, and names whoever blocks the event loop.
 
-It shares nothing with the loop but the leases, so it works while the loop is stuck. It never logs: the
-loop may be stuck in a log line, holding the log's lock. What it has to tell is told by a thread of its own.
+It shares nothing with the loop but the leases, so it works while the loop is stuck. It waits for nothing
+for long: each halt, and what there is to tell, has a thread of its own, because a robot's halt or the log may
+be what the loop is stuck in.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
+from fleet.host.aside import aside
 from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
 
 PERIOD = 0.02  # s between looks; the most that a stop can be late
 BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
+HALT_WAIT = 0.1  # s that one robot's halt may keep the watchdog from the next robot
 STUCK = 10.0  # s after which the process is given up
 
 
@@ -108,8 +111,7 @@ class Watchdog:
         """Look once, at the monotonic time ``now``; never raises."""
         for watched in self._robots.values():
             if watched.deadman.expire(now):
-                _safely(watched.halt)
-                _safely(watched.expired)
+                aside(_expiry(watched), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
 
     def _look_at_loop(self, now: float) -> None:
@@ -120,11 +122,26 @@ class Watchdog:
             return
         if not self._named:
             name = self._named = self._loop.running() or "the host"
-            _aside(lambda: self._loop.blocked(name, silent))
+            aside(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
             for watched in self._robots.values():
-                _safely(watched.halt)
+                aside(_halting(watched), wait=HALT_WAIT)
             self._loop.stuck(self._named)
+
+
+def _halting(watched: Watched) -> Callable[[], None]:
+    """Return what halts a robot."""
+    return lambda: _safely(watched.halt)
+
+
+def _expiry(watched: Watched) -> Callable[[], None]:
+    """Return what is done when a robot's lease has run out."""
+
+    def expire() -> None:
+        _safely(watched.halt)
+        _safely(watched.expired)
+
+    return expire
 
 
 def _safely(call: Callable[[], None]) -> None:
@@ -133,9 +150,4 @@ def _safely(call: Callable[[], None]) -> None:
         call()
     except Exception as error:  # noqa: BLE001 - told aside; the watchdog goes on
         failure = error
-        _aside(lambda: log.error("the watchdog goes on", exc_info=failure))  # noqa: TRY400
-
-
-def _aside(call: Callable[[], None]) -> None:
-    """Make a call that may be held up, without waiting for it."""
-    threading.Thread(target=call, name="fleet-watchdog-tells", daemon=True).start()
+        aside(lambda: log.error("the watchdog goes on", exc_info=failure))  # noqa: TRY400

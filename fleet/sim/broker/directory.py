@@ -6,6 +6,7 @@ import mqtt5
 import msgspec
 
 from fleet.cloud.topics import matches
+from fleet.sim.broker.limits import Limits
 from fleet.sim.broker.session import Session, Subscription
 
 _REMEMBERED = 10_000
@@ -22,9 +23,10 @@ class Kept(msgspec.Struct, frozen=True):
 class Directory:
     """The broker's tables; no I/O, no clock."""
 
-    def __init__(self, retained: int) -> None:
+    def __init__(self, limits: Limits) -> None:
         self.sessions: dict[str, Session] = {}
-        self._most_retained = retained
+        self._limits = limits
+        self._retained_bytes = 0
         self._retained: dict[str, Kept] = {}
         self._matches: dict[str, list[tuple[Session, list[Subscription]]]] = {}
 
@@ -67,11 +69,13 @@ class Directory:
 
     def retain(self, kept: Kept) -> None:
         """Keep a message for later; an empty one clears the topic, a full store takes no new topic."""
-        topic = kept.packet.topic
-        if not kept.packet.payload:
-            self._retained.pop(topic, None)
-        elif topic in self._retained or len(self._retained) < self._most_retained:
+        topic, size = kept.packet.topic, len(kept.packet.payload)
+        if older := self._retained.pop(topic, None):
+            self._retained_bytes -= len(older.packet.payload)
+        room = self._retained_bytes + size <= self._limits.retained_bytes
+        if size and room and len(self._retained) < self._limits.retained:
             self._retained[topic] = kept
+            self._retained_bytes += size
 
     def retained(self, pattern: str, now: float) -> list[Kept]:
         """Return the retained messages that a filter takes and that are still worth something."""

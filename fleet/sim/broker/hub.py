@@ -42,7 +42,7 @@ class Hub:
         self.faults = faults
         self.peers: dict[str, Peer] = {}
         self._check = check
-        self._directory = Directory(limits.retained)
+        self._directory = Directory(limits)
         self._behind: set[Peer] = set()
         self._wills: dict[str, asyncio.TimerHandle] = {}
 
@@ -72,7 +72,7 @@ class Hub:
             session = Session(client_id, self.limits)
             self._directory.add(session)
         session.expiry, session.ends = packet.session_expiry_interval, None
-        session.window = packet.receive_max
+        session.window = min(packet.receive_max, self.limits.receive)
         self.peers[client_id] = peer
         return session, present
 

@@ -88,8 +88,8 @@ class Session:
         again = [_packet(copy, identifier, now, again=True) for identifier, copy in self._sent.items()]
         return [*again, *map(mqtt5.PubRelPacket, self._released)]
 
-    def on_puback(self, identifier: int) -> None:
-        """Forget a QoS 1 message that arrived."""
+    def forget(self, identifier: int) -> None:
+        """Forget a message that arrived, or that the client would not take."""
         self._sent.pop(identifier, None)
 
     def on_pubrec(self, packet: mqtt5.PubRecPacket) -> mqtt5.PubRelPacket | None:

@@ -61,5 +61,7 @@ class BrokerThread:
             async with self.broker:
                 self._started.set_result(None)
                 await self._stop.wait()
-        except OSError as error:
+        except Exception as error:
+            if self._started.done():
+                raise
             self._started.set_exception(error)

@@ -156,8 +156,9 @@ class Sky:
     def __init__(self, flavour, *, ready=0.0, faults=None, **config):
         self.sim = SimVehicle(flavour, ready_after=ready, faults=faults)
         self.wire = Wire(self.sim)
-        self.commands = []  # (command, confirmation) of every COMMAND_LONG and COMMAND_INT that was heard
+        self.commands = []  # every COMMAND_LONG and COMMAND_INT that was heard
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
+        self.order = []  # the command, or 0 for a setpoint, of all that was heard
         self.radio = True
         basics = {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"memory:{id(self)}"}
         self.adapter = MavlinkAdapter(MavlinkConfig.model_validate(basics | config))
@@ -188,8 +189,10 @@ class Sky:
         for message in self._parser.parse_buffer(bytearray(data)) or ():
             if message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}:
                 self.commands.append(message)
+                self.order.append(message.command)
             elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                 self.setpoints.append((self.now, message))
+                self.order.append(0)
         frames = self.wire.receive(data, self.now) if self.radio else []
         return b"".join(frames)
 

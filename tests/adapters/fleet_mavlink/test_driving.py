@@ -7,6 +7,7 @@ import math
 import pytest
 
 from fleet import NotReady, Vector3, Velocity
+from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
@@ -64,7 +65,7 @@ def test_px4_hears_zeros_until_it_has_left_offboard(fly, sky):
             await it.met()
             await it.do("takeoff")
             await it.drive(FORWARD, 2.0)
-            stopping = asyncio.ensure_future(it.adapter.stop("stop"))
+            stopping = asyncio.ensure_future(it.adapter.stop("emergency_stop"))
             while not stopping.done():
                 heard, _ = it.setpoints[-1]
                 assert it.mode != "OFFBOARD" or it.now - heard < 0.3
@@ -76,17 +77,16 @@ def test_px4_hears_zeros_until_it_has_left_offboard(fly, sky):
     fly(main())
 
 
-def test_px4_hears_setpoints_before_it_is_asked_to_obey_them(fly, sky):
+def test_px4_hears_setpoints_before_it_is_asked_to_obey_them_and_moves_as_soon_as_it_does(fly, sky):
     async def main():
         async with sky("px4") as it:
             await it.met()
             await it.do("takeoff")
-            began = it.now
+            it.order.clear()
             await it.drive(FORWARD, 2.0)
             assert it.mode == "OFFBOARD"
-            early = [message.vx for at, message in it.setpoints if at - began < 0.5]
-            assert len(early) >= 9
-            assert set(early) == {0.0}
+            assert it.order[: it.order.index(Cmd.DO_SET_MODE)].count(0) >= 5
+            assert it.speed > 0.5
             assert "Failsafe activated" not in [said.text for said in it.adapter._session.vehicle.sentences]
 
     fly(main())
@@ -100,10 +100,41 @@ def test_stop_brakes_and_holds(fly, sky, flavour):
             await it.do("takeoff")
             await it.drive(FORWARD, 3.0)
             began = it.now
-            await it.adapter.stop("stop")
+            await it.adapter.stop("emergency_stop")
             assert it.now - began < 2.0
             assert it.mode == HOLD[flavour]
             await it.until(lambda: it.speed < 0.2, within=4.0)
+
+    fly(main())
+
+
+@both
+def test_a_plain_stop_stands_still_and_then_holds(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 3.0)
+            await it.adapter.stop("stop")
+            assert it.speed <= 0.6
+            await it.until(lambda: it.mode == HOLD[flavour], within=4.0)
+
+    fly(main())
+
+
+@both
+def test_a_burst_right_after_a_stop_moves_the_vehicle(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            for _ in range(3):
+                await it.drive(FORWARD, 1.0)
+                assert it.speed > 0.3
+                await it.adapter.stop("stop")
+            await it.adapter.stop("hover")
+            await it.drive(FORWARD, 1.0)
+            assert it.speed > 0.2
 
     fly(main())
 

@@ -5,12 +5,14 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
 
 from fleet.bus.session import open_edge
 from fleet.bus.settings import BusSettings
+from fleet.testing.waiting import DEADLINE
 
 EDGE = """
 import json, sys
@@ -112,3 +114,15 @@ def spawn_edge(spawn):
 def spawn_slow_reader(spawn):
     """Start a process that never gets done with its first report, and prints each stop."""
     return lambda: spawn(SLOW_READER)
+
+
+@pytest.fixture
+def sees():
+    """Wait until a lane sees a token."""
+
+    def sees(lane, key):
+        seen = threading.Event()
+        lane.watch_tokens(key, lambda _key, alive: alive and seen.set())
+        assert seen.wait(DEADLINE), f"{key} was not seen"
+
+    return sees

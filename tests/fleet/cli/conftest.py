@@ -17,7 +17,7 @@ from fleet.bus.session import open_edge
 from fleet.bus.settings import BusSettings
 from fleet.cli.main import main
 from fleet.model.state import EdgeState, RobotState
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE
 
 TOY = """
 from typing import Literal
@@ -132,7 +132,9 @@ class PlayedEdge:
 
     def sees(self, other):
         """Wait until another edge is seen."""
-        wait_until(f"{other} is seen", lambda: self._control.tokens(keys.edge(other)))
+        seen = threading.Event()
+        self._control.watch_tokens(keys.edge(other), lambda _key, alive: alive and seen.set())
+        assert seen.wait(DEADLINE), f"{other} was not seen"
 
     def falls_silent(self):
         """Answer nothing from now on but stops."""

@@ -7,11 +7,13 @@ def test_waits_double_up_to_the_longest_and_vary_by_half():
         assert longest / 2 <= backoff.wait() <= longest
 
 
-def test_a_success_begins_again_with_the_first_wait():
-    backoff = Backoff(1.0, 64.0)
+def test_only_a_success_that_lasts_begins_again_with_the_first_wait():
+    backoff = Backoff(1.0, 8.0)
     for _ in range(5):
         backoff.wait()
-    backoff.reset()
+    backoff.note(7.9)
+    assert backoff.wait() >= 4.0
+    backoff.note(8.1)
     assert backoff.wait() <= 1.0
 
 

@@ -283,6 +283,12 @@ def test_a_closed_client_takes_nothing_and_tells_what_is_left(listener, watched)
     edge.client.close()
 
 
+def test_a_client_that_was_never_started_can_be_closed(watched):
+    edge = watched(1)
+    edge.client.close()
+    assert not edge.publish("t", qos=1)
+
+
 def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
     hears = watched(broker.port, "hears", {"t": 1}).connected()
     says = watched(broker.port, "says").connected()

@@ -114,6 +114,15 @@ def test_the_brokers_keepalive_and_packet_size_count():
     assert talk.outcomes() == [("t", Outcome.REFUSED)]
 
 
+@pytest.mark.parametrize("wrong", [{"payload": "text"}, {"content_type": "\ud800"}, {"correlation": "text"}])
+def test_a_message_that_cannot_be_written_harms_no_other(wrong):
+    talk = Talk()
+    talk.box.put(Outgoing(**{"topic": "bad", "payload": b"", "qos": 1} | wrong))
+    talk.box.put(message("good"))
+    assert ids(talk.send()) == [("good", 2, False)]
+    assert talk.outcomes() == [("bad", Outcome.REFUSED)]
+
+
 @pytest.mark.parametrize(("receive_max", "room"), [(16, 16), (65535, WINDOW)])
 def test_no_more_is_under_way_than_the_broker_and_we_allow(receive_max, room):
     talk = Talk(receive_max=receive_max)

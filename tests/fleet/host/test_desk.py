@@ -112,6 +112,14 @@ async def test_a_second_operator_waits_for_the_control_lease(bench, asks):
     assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
 
 
+async def test_an_operator_who_stops_lets_go_of_the_robot(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    bench.ask(asks.command("stop", session="bert"))
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [REJECTED]
+    bench.ask(asks.command("stop", session="anna"))
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
+
+
 async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     bench.ask(asks.command("emergency_stop", source=None))
     await asks.settle()

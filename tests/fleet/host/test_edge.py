@@ -69,10 +69,12 @@ async def test_a_robots_state_and_the_edges_are_on_the_bus(served):
     assert msgspec.json.decode(health, type=EdgeState).robots == {"ok": 2}
 
 
-async def test_the_edge_and_its_robots_are_alive_on_the_bus(served):
+async def test_the_edge_and_its_robots_are_alive_on_the_bus(served, asks):
     place, _, lane = served
-    tokens = await asyncio.to_thread(lane.tokens, f"fleet/{place.id}/**")
-    assert set(tokens) >= {keys.edge(place.id), keys.robot(place.id, "rex"), keys.robot(place.id, "max")}
+    alive = {}
+    lane.watch_tokens(f"fleet/{place.id}/**", alive.__setitem__)
+    expected = {keys.edge(place.id), keys.robot(place.id, "rex"), keys.robot(place.id, "max")}
+    await asks.until(lambda: expected <= {key for key, there in alive.items() if there})
 
 
 async def test_an_unknown_kind_of_message_is_refused(served):

@@ -1,6 +1,7 @@
 """Commands on adapters that behave badly."""
 
 import asyncio
+import sys
 
 import pytest
 
@@ -56,6 +57,10 @@ class Rude:
     @command("late")
     async def late(self):
         raise TimeoutError
+
+    @command("leaves")
+    async def leaves(self):
+        sys.exit(3)
 
     @command("breaks_off")
     async def breaks_off(self):
@@ -116,6 +121,31 @@ async def test_a_deaf_command_can_be_superseded(rude, asks):
     rude.executor.cancel("stopped")
     assert [answer.reason for answer in first] == ["stopped"]
     assert rude.executor.moving == ""
+
+
+async def test_a_command_that_goes_on_after_its_end_is_a_crash(rude, asks, monkeypatch):
+    monkeypatch.setattr("fleet.host.bounded.DEAF_AFTER", 0.01)
+    rude.start("deaf")
+    await asks.settle()
+    rude.executor.cancel("stopped")
+    await asks.until(lambda: rude.crashes)
+    assert str(rude.crashes[0]) == "command:deaf goes on though it was ended (stopped)"
+
+
+async def test_a_command_that_ends_when_it_is_told_is_no_crash(rude, asks, monkeypatch):
+    monkeypatch.setattr("fleet.host.bounded.DEAF_AFTER", 0.01)
+    rude.start("wait")
+    await asks.settle()
+    rude.executor.cancel("stopped")
+    await asyncio.sleep(0.05)
+    assert rude.crashes == []
+
+
+async def test_a_command_that_calls_sys_exit_ends_nothing_but_itself(rude, asks):
+    answers = rude.start("leaves")
+    await asks.settle()
+    assert "sys.exit(3)" in answers[0].reason
+    assert len(rude.crashes) == 1
 
 
 async def test_a_command_that_is_cancelled_half_way_is_cleaned_up(rude, asks):

@@ -1,6 +1,7 @@
 """Actions on adapters whose navigation behaves badly."""
 
 import asyncio
+import contextlib
 import types
 
 import pytest
@@ -113,6 +114,21 @@ async def test_navigation_that_ignores_its_end_has_no_say_any_more(bench, asks):
     await asks.settle()
     assert bench.states() == ["queued", "running", "running"]
     assert bench.said[-1].message == "paused"
+
+
+async def test_navigation_that_goes_on_after_its_end_is_a_crash(bench, asks, monkeypatch):
+    monkeypatch.setattr("fleet.host.bounded.DEAF_AFTER", 0.01)
+
+    async def deaf(task):
+        while not bench.go.is_set():
+            with contextlib.suppress(asyncio.CancelledError):
+                await bench.go.wait()
+        yield Progress(1)
+
+    bench.start(navigate=deaf)
+    await asks.settle()
+    bench.navigator.cancel("stopped")
+    await asks.until(lambda: bench.crashes)
 
 
 async def test_navigation_that_cancels_itself_has_failed_and_the_robot_is_held(bench, asks):

@@ -196,3 +196,24 @@ def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
     state = msgspec.json.decode(answer, type=RobotState)
     assert (key, state.health) == (keys.state("yard", "rex"), "offline")
     assert state.cause == "worker w: ended with exit code 1"
+
+
+def test_an_emergency_stop_outlives_its_worker(bench):
+    bench.says(health="ok", emergency_stop=True)
+    bench.robot.worker_is("worker w: ended with exit code 1")
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == [["rex"]]
+
+
+def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(bench):
+    bench.says(health="ok")
+    bench.robot.look_for_emergency(b'{"command": "emergency_stop"}')
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == [["rex"], ["rex"]]
+
+
+def test_what_was_released_stays_released(bench):
+    bench.says(health="ok", emergency_stop=True)
+    bench.says(health="ok", emergency_stop=False)
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == []

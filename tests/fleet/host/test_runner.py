@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import sys
 
 import pytest
 
@@ -187,6 +188,24 @@ async def test_a_run_that_cancels_itself_is_a_failure_not_the_end_of_the_robot(s
     one = stage(stray, serve)
     await asks.until(lambda: one.runner.health == Health())
     assert len(one.made) == 2
+
+
+async def test_a_run_that_calls_sys_exit_is_a_failure_not_the_end_of_the_process(stage, asks):
+    async def leave(robot):
+        sys.exit(3)
+
+    one = stage(leave, serve)
+    await asks.until(lambda: one.runner.health == Health())
+    assert len(one.made) == 2
+
+
+async def test_a_robot_that_is_stopped_before_it_began_leaves_nothing(bench):
+    stage = Stage(bench, serve)
+    task = asyncio.create_task(stage.runner.run())
+    await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.wait({task})
+    assert task.cancelled()
 
 
 async def test_a_person_can_begin_a_run_anew_and_the_robot_is_stopped_first(stage, asks, bench):

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from fleet.clock import SystemClock
+from fleet.host.aside import NAME
 from fleet.host.blame import LoopThread
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.watchdog import BLOCKED, PERIOD, STUCK, LoopWatch, Watchdog, Watched
@@ -60,7 +61,7 @@ class Watch:
 def join_aside():
     """Wait for what the watchdog tells on threads of its own."""
     for thread in threading.enumerate():
-        if thread.name == "fleet-watchdog-tells":
+        if thread.name == NAME:
             thread.join()
 
 
@@ -330,6 +331,18 @@ async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
     assert await asyncio.to_thread(halted.wait, 20)
     stuck.told.set()
     dog.stop()
+
+
+def test_a_halt_that_is_held_up_does_not_keep_the_others_moving(watch):
+    free, deadman = threading.Event(), DeadMan()
+    watch.dog.add("bad", Watched(deadman, free.wait, lambda: None))
+    for one in (deadman, watch.robot("good")):
+        one.feed(watch.clock.monotonic(), 0.2)
+    watch.clock.advance(0.2)
+    watch.dog.look(watch.clock.monotonic())
+    assert watch.told == [("halt", "good"), ("expired", "good")]
+    free.set()
+    join_aside()
 
 
 GIVEN_UP = """

@@ -60,6 +60,7 @@ class Wire(asyncio.Transport):
         super().__init__()
         self.written = b""
         self.closed = False
+        self.reading = True
 
     def write(self, data):
         assert not self.closed
@@ -71,9 +72,10 @@ class Wire(asyncio.Transport):
     abort = close
 
     def pause_reading(self):
-        """Do nothing: the test decides what is read."""
+        self.reading = False
 
-    resume_reading = pause_reading
+    def resume_reading(self):
+        self.reading = True
 
 
 # The codec panics over text that is not UTF-8, which leaves a note about an ignored exception behind.
@@ -116,6 +118,14 @@ def test_a_silent_client_is_told_to_go_and_then_cut_off():
     )
 
 
+def test_a_client_that_does_not_read_is_not_listened_to():
+    connection = joined(Hub(ManualClock(), Limits(), Faults(), None), "bob", wire := Wire())
+    connection.pause_writing()
+    assert not wire.reading
+    connection.resume_writing()
+    assert wire.reading
+
+
 def test_the_time_of_a_freeze_is_not_the_silence_of_the_client():
     hub = Hub(clock := ManualClock(), Limits(), faults := Faults(), None)
     connection = joined(hub, "bob", wire := Wire())
@@ -123,8 +133,9 @@ def test_the_time_of_a_freeze_is_not_the_silence_of_the_client():
     connection.watch()
     connection.data_received(mqtt5.PingReqPacket().write())
     clock.advance(100)
-    assert not wire.written
+    assert (wire.written, wire.reading) == (b"", False)
     faults.freeze = False
     connection.watch()
     assert wire.written == mqtt5.PingRespPacket().write()
+    assert wire.reading
     assert hub.peers

@@ -48,6 +48,15 @@ def test_a_client_that_does_not_read_is_expelled(guest, raw):
     wait_until("the sloth is out", lambda: guest.running.broker.clients == ["alice"])
 
 
+def test_what_is_too_large_for_a_client_does_not_fill_its_window(guest):
+    bob = guest("bob", MaximumPacketSize=200, ReceiveMaximum=1).enter()
+    bob.subscribe("a", 1)
+    alice = guest("alice").enter()
+    for payload in (b"x" * 500, b"y" * 500, b"small"):
+        alice.send("a", payload, 1)
+    assert bob.next().payload == b"small"
+
+
 @limits(queue=3)
 def test_a_client_that_is_away_loses_the_oldest(guest):
     bob = guest("bob", SessionExpiryInterval=60).enter()
@@ -76,6 +85,23 @@ def test_a_full_store_keeps_no_new_topic(guest):
     alice.publish("a", b"newer", 1, retain=True)
     alice.subscribe("+", 1)
     assert alice.payloads() == [b"newer"]
+
+
+@limits(retained_bytes=100)
+def test_a_full_store_keeps_no_more_bytes(guest):
+    alice = guest("alice").enter()
+    for topic, size in (("a", 60), ("b", 60), ("a", 90), ("c", 10)):
+        alice.publish(topic, bytes(size), 1, retain=True)
+    alice.subscribe("+", 1)
+    assert {message.topic: len(message.payload) for message in alice.all()} == {"a": 90, "c": 10}
+
+
+@limits(subscriptions=1)
+def test_one_subscription_too_many_is_refused(guest):
+    alice = guest("alice").enter()
+    assert alice.subscribe("a", 1) == 1
+    assert alice.subscribe("b", 1) == QUOTA_EXCEEDED
+    assert alice.subscribe("a", 2) == 2
 
 
 @limits(packet=1000)
