@@ -37,6 +37,7 @@ class Session:
         self._config = config
         self._hub = hub
         self._robot = robot
+        self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, Timing())
@@ -130,6 +131,9 @@ class Session:
     def _look(self) -> None:
         """Say how the way to the vehicle is."""
         self.vehicle.tick()
+        never_heard = self.vehicle.state.heartbeat is None
+        if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
+            return  # it was given no time to speak yet
         self._robot.health(self._health())
 
     def _health(self) -> Health:

@@ -55,6 +55,7 @@ class Edge:
             self._workers = [
                 self._worker(name, path, directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
+                if name not in config.remote_workers
             ]
             self.bridge = self._bridge()
             undo.pop_all()
@@ -225,10 +226,10 @@ class Edge:
                 robot.worker_is(cause)
 
     def _halt_worker(self, worker: str) -> None:
-        """Stop the robots of a worker that hangs, before it is killed."""
-        for robot in self.remote.values():
-            if robot.worker == worker:
-                robot.emergency("its worker hangs")
+        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
+        stop = keys.stop(self._config.edge.id)
+        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:

@@ -139,6 +139,7 @@ async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_move
     assert not psutil.pid_exists(first)
     assert [word for pid, _, word in field.place.told("arm") if pid == field.worker] == ["run"]
     assert len(field.place.processes("rex")) == 1
+    assert not state_of(field.edge, "arm").emergency_stop
     if fault == "hung":  # its bus threads still heard that it is to stop
         assert "halt" in field.place.words("arm")
 
