@@ -5,15 +5,16 @@ The bases live in one process, the adapters in another, as edge and robots do.
 
 import asyncio
 import contextlib
+import json
 import logging
 import os
 import pty
 import random
+import select
 import signal
 import statistics
 import sys
 import tempfile
-import threading
 import time
 import tty
 import uuid
@@ -33,6 +34,7 @@ from fleet_ugv.sim.spec import SimSpec
 BASES = 20
 SECONDS = 15.0
 KILLS = 100
+LAST = 0.5  # m/s; the setpoint that ends the measurement
 PROFILE = "waveshare-beast"
 
 
@@ -43,7 +45,7 @@ class BenchRobot:
         self.name, self.clock, self.log = "bench", SystemClock(), logging.getLogger("bench")
         self.wheel, self.reports, self.health_now = wheel, 0, None
 
-    def report(self, report):
+    def report(self, _report):
         self.reports += 1
 
     def health(self, health):
@@ -55,7 +57,7 @@ class BenchRobot:
     def every(self, seconds, call):
         self.wheel.every(seconds, call, owner=self.name, failed=lambda error: sys.exit(str(error)))
 
-    def share(self, key, make):
+    def share(self, _key, make):
         return make()
 
 
@@ -73,8 +75,7 @@ async def many():
         robots = [BenchRobot(wheel) for _ in urls]
         adapters = [adapter_of(url) for url in urls]
         runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
-        while not all(robot.health_now and not robot.health_now.cause for robot in robots):
-            await asyncio.sleep(0.1)
+        await until(lambda: all(is_well(robot) for robot in robots))
         me, began = psutil.Process(), time.monotonic()
         before = sum(me.cpu_times()[:2])
         heard = sum(robot.reports for robot in robots)
@@ -86,7 +87,8 @@ async def many():
         cpu = (sum(me.cpu_times()[:2]) - before) / spent * 100
         rate = (sum(robot.reports for robot in robots) - heard) / spent / BASES
         print(
-            f"  {BASES} bases, setpoints and feedback at 20 Hz: {cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
+            f"  {BASES} bases, setpoints and feedback at 20 Hz: "
+            f"{cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
         )
         wheel.stop()
         for run in runs:
@@ -94,63 +96,87 @@ async def many():
         await asyncio.gather(*runs, return_exceptions=True)
 
 
-class Tap:
-    """The far end of a pty, read by a thread of its own that notes when a setpoint's bytes come."""
+FEEDBACK = b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,"odl":0,"odr":0,"v":1190}\n'
 
-    def __init__(self):
-        self.master, self.device = pty.openpty()
-        tty.setraw(self.device)
-        self.url = f"serial:{os.ttyname(self.device)}?baud=115200"
-        self.sent, self.waits, self.lock = {}, [], threading.Lock()
-        threading.Thread(target=self._read, daemon=True).start()
-        threading.Thread(target=self._speak, daemon=True).start()
 
-    def _read(self):
-        rest = b""
-        while True:
-            *lines, rest = (rest + os.read(self.master, 4096)).split(b"\n")
+def tap(masters, told):
+    """Be the boards, in a process of their own: note when each line comes; tell it all at the end."""
+    heard, rests, spoken = [], dict.fromkeys(masters, b""), 0.0
+    while time.monotonic() - spoken < 5.0 or not spoken:
+        for master in select.select(masters, [], [], 0.01)[0]:
+            *lines, rests[master] = (rests[master] + os.read(master, 4096)).split(b"\n")
             now = time.perf_counter()
             for line in lines:
                 if b'"T":136' in line:
-                    os.write(self.master, line + b"\n")
-                asked = self.sent.pop(line, None)
-                if asked is not None:
-                    self.waits.append(now - asked)
-
-    def _speak(self):
-        line = (
-            b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,"odl":0,"odr":0,"v":1190}\n'
-        )
-        while True:
-            os.write(self.master, line)
-            time.sleep(0.05)
+                    os.write(master, line + b"\n")
+                heard.append((masters.index(master), line.decode(), now))
+                if b"%.4f" % LAST in line:
+                    os.write(told, json.dumps(heard).encode())
+                    return
+        if time.monotonic() - spoken > 0.05:
+            spoken = time.monotonic()
+            for master in masters:
+                os.write(master, FEEDBACK)
 
 
 async def latency():
     """Measure from ``drive`` to the bytes at the far end of the device, all bases at once."""
+    pairs = [pty.openpty() for _ in range(BASES)]
+    for _, device in pairs:
+        tty.setraw(device)
+    hears, told = os.pipe()
+    child = os.fork()
+    if child == 0:
+        tap([master for master, _ in pairs], told)
+        os._exit(0)
+    os.close(told)
     wheel = Wheel(asyncio.get_running_loop())
     wheel.start()
-    taps = [Tap() for _ in range(BASES)]
-    robots = [BenchRobot(wheel) for _ in taps]
-    adapters = [adapter_of(tap.url) for tap in taps]
+    robots = [BenchRobot(wheel) for _ in pairs]
+    adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
     runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
-    while not all(robot.health_now and not robot.health_now.cause for robot in robots):
-        await asyncio.sleep(0.1)
+    await until(lambda: all(is_well(robot) for robot in robots))
+    sent = {}
     for turn in range(int(SECONDS / 0.05)):
-        for tap, adapter in zip(taps, adapters, strict=True):
-            speed = 0.1 + turn % 2000 / 10000
-            tap.sent[b'{"T":1,"L":%.4f,"R":%.4f}' % (speed, speed)] = time.perf_counter()
+        speed = 0.1 + turn / 5000
+        for number, adapter in enumerate(adapters):
+            sent[number, f'{{"T":1,"L":{speed:.4f},"R":{speed:.4f}}}'] = time.perf_counter()
             adapter.drive(Velocity(Vector3(speed)))
         await asyncio.sleep(0.05)
-    waits = sorted(wait * 1000 for tap in taps for wait in tap.waits)
-    p99 = waits[int(len(waits) * 0.99)]
+    adapters[0].drive(Velocity(Vector3(LAST)))
+    waits = await asyncio.to_thread(waits_of, hears, sent)
     print(
-        f"  setpoint to bytes on the pty, {BASES} bases, {len(waits)} setpoints: p50 {statistics.median(waits):.2f} ms, p99 {p99:.2f} ms"
+        f"  setpoint to bytes on the pty, {BASES} bases, {len(waits)} setpoints: "
+        f"p50 {statistics.median(waits):.2f} ms, p99 {waits[int(len(waits) * 0.99)]:.2f} ms"
     )
+    await asyncio.to_thread(os.waitpid, child, 0)
     wheel.stop()
     for run in runs:
         run.cancel()
     await asyncio.gather(*runs, return_exceptions=True)
+
+
+def waits_of(hears, sent):
+    """Return how long each setpoint was under way, ms, shortest first."""
+    with os.fdopen(hears, "rb") as pipe:
+        heard = json.loads(pipe.read())
+    waits = []
+    for number, line, at in heard:
+        asked = sent.pop((number, line), None)
+        if asked is not None:
+            waits.append((at - asked) * 1000)
+    return sorted(waits)
+
+
+async def until(condition):
+    """Wait until something holds."""
+    while not condition():  # noqa: ASYNC110 - nobody sets an event
+        await asyncio.sleep(0.005)
+
+
+def is_well(robot):
+    """Say whether a base is ready."""
+    return robot.health_now is not None and not robot.health_now.cause
 
 
 def drive_for_ever(url):
@@ -185,13 +211,11 @@ def kills():
                 port = server.add(SimSpec(PROFILE, seed=number))
                 life = asyncio.create_task(server.run())
                 os.write(url_in, port.url.encode())
-                while port.board.physics.speeds[0] < 0.2:
-                    await asyncio.sleep(0.005)
+                await until(lambda: port.board.physics.speeds[0] > 0.2)
                 await asyncio.sleep(random.uniform(0.0, 0.3))
                 os.kill(child, signal.SIGKILL)
                 killed = port.now()
-                while port.board.halted_at is None:
-                    await asyncio.sleep(0.005)
+                await until(lambda: port.board.halted_at is not None)
                 life.cancel()
                 await asyncio.gather(life, return_exceptions=True)
                 return port.board.halted_at - killed, port.board.timeout
@@ -204,7 +228,8 @@ def kills():
             os.close(url_out)
         late.append(stopped)
     print(
-        f"  {KILLS} workers killed while driving: stopped after at most {max(late):.3f} s (firmware's time-out {timeout:g} s)"
+        f"  {KILLS} workers killed while driving: "
+        f"stopped after at most {max(late):.3f} s (firmware's time-out {timeout:g} s)"
     )
 
 
