@@ -75,6 +75,8 @@ class Adapter(ABC, Generic[ConfigT]):
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
+    holonomic: ClassVar[bool] = False  # it also moves sideways
+    combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
 
     def __init__(self, config: ConfigT) -> None:
         self.config = config
@@ -147,6 +149,8 @@ class FrameAdapter(ABC, Generic[ConfigT]):
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
+    holonomic: ClassVar[bool] = False
+    combines_keys: ClassVar[bool] = False
     framing: ClassVar[Framing] = Lines()
     verbs: ClassVar[tuple[str, ...]] = ()
     drives: ClassVar[bool] = True

@@ -23,6 +23,7 @@ NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")
 MQTT_PORT = 1883
 SPACING = 0.0001  # degrees of latitude between two drones: 11 m
 FLAVOURS = ("px4", "ardupilot")
+UGV = "waveshare-beast"
 
 
 def twin_of(name: str) -> str:
@@ -36,37 +37,45 @@ def _link(number: int) -> str:
     return f"sim:{FLAVOURS[(number - 1) % 2]}?home={latitude:.6f},8.545594,488,0"
 
 
-def demo_file(drones: int, host: str, port: int) -> str:
+def _robot(name: str, **fields: str) -> dict[str, object]:
+    """Return one simulated robot that obeys whoever tries the demo."""
+    accepts = {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]}
+    return {"name": name, "twin": twin_of(name), **fields, "accepts": accepts}
+
+
+def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0) -> str:
     """Return the fleet file of the demo, as JSON (which is YAML)."""
-    robots = [
-        {
-            "name": f"drone-{number}",
-            "twin": twin_of(f"drone-{number}"),
-            "adapter": "mavlink",
-            "link": _link(number),
-            "accepts": {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]},
-        }
-        for number in range(1, drones + 1)
+    flying = [
+        _robot(f"drone-{number}", adapter="mavlink", link=_link(number)) for number in range(1, drones + 1)
+    ]
+    rolling = [
+        _robot(f"ugv-{number}", adapter="ugv", profile=UGV, link=f"sim:{UGV}")
+        for number in range(1, ugvs + 1)
     ]
     fleet = {
         "edge": {"id": "demo"},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
-        "robots": robots,
-        "groups": {"drones": [robot["name"] for robot in robots]},
+        "robots": [*flying, *rolling],
+        "groups": {
+            name: [robot["name"] for robot in robots]
+            for name, robots in (("drones", flying), ("ugvs", rolling))
+            if robots
+        },
     }
     return json.dumps(fleet, indent=2)
 
 
 @click.command()
-@click.option("--drones", type=click.IntRange(1, 100), default=1, show_default=True, help="How many.")
+@click.option("--drones", type=click.IntRange(0, 100), default=1, show_default=True, help="How many.")
+@click.option("--ugvs", type=click.IntRange(0, 100), default=1, show_default=True, help="Wheeled robots.")
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
 @click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
 @with_output
-def demo(out: Output, drones: int, broker: str | None, verbose: int) -> ExitCode:
+def demo(out: Output, drones: int, ugvs: int, broker: str | None, verbose: int) -> ExitCode:
     """Run simulated robots; nothing else is needed.
 
-    Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), the bus and
-    the bridge, and shows one line a robot until Ctrl-C.
+    Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
+    robots that speak on a serial device, the bus and the bridge, and shows one line a robot until Ctrl-C.
     """
     with contextlib.ExitStack() as stack:
         host, port = _address(broker) if broker else ("127.0.0.1", 0)
@@ -74,7 +83,7 @@ def demo(out: Output, drones: int, broker: str | None, verbose: int) -> ExitCode
             port = stack.enter_context(BrokerThread(host=host, port=_port())).port
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
         path = folder / "fleet.yaml"
-        path.write_text(demo_file(drones, host, port), encoding="utf-8")
+        path.write_text(demo_file(drones, host, port, ugvs=ugvs), encoding="utf-8")
         loaded = load(path)
 
         def started(_edge: Edge) -> None:

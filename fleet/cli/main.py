@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.send:goto",
     "stop": "fleet.cli.send:stop",
+    "calibrate": "fleet.cli.calibrate:calibrate",
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
 }
@@ -37,6 +38,7 @@ SUMMARIES: Mapping[str, str] = {
     "send": "Send a command to a robot and wait for its answer.",
     "goto": "Send a robot to a place.",
     "stop": "Stop robots at once.",
+    "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
 }

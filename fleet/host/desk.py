@@ -15,20 +15,20 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError, TimedOut
+from fleet.errors import CommandError, LinkError, Refused, TimedOut
 from fleet.host.bounded import bounded
+from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
+from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.latch import RELEASE
-from fleet.host.safety.limits import clamp
 from fleet.host.safety.policy import STOPS
 from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply, Setpoint
-from fleet.model.geometry import ZERO_VELOCITY
+from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
@@ -59,12 +59,12 @@ class Desk:
         clock: Clock,
     ) -> None:
         self.name = config.name
-        self.deadman = DeadMan()
         self.last_command = ""
         self.last_outcome = ""
-        self._config = config
         self._can = capabilities
-        self._limits = config.limits.over(capabilities.limits)
+        limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
+        self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
+        self.deadman = self._driving.deadman
         self._publish = publish
         self._crashed = crashed
         self._clock = clock
@@ -79,6 +79,8 @@ class Desk:
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._standing
         )
+        self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
+        self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
     @property
     def latched(self) -> bool:
@@ -90,10 +92,7 @@ class Desk:
         """What the robot is doing for somebody, in a word or two; empty when nothing."""
         if self.latched:
             return "emergency stop"
-        if self._navigator.action is not None and not self._navigator.action.over:
-            status = self._navigator.action.status
-            return f"navigating {status.progress:.0f} %"
-        return self._executor.moving or ("driving" if self.deadman.armed else "")
+        return self._navigator.activity or self._executor.moving or ("driving" if self.deadman.armed else "")
 
     @property
     def in_motion(self) -> bool:
@@ -118,7 +117,7 @@ class Desk:
         if not self._offline and self.in_control:
             self.halt()
         self._offline = why
-        self.deadman.clear()
+        self._driving.let_go()
         self._executor.cancel(why)
         self._navigator.fail(why)
 
@@ -131,7 +130,7 @@ class Desk:
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
-        self.deadman.clear()
+        self._driving.let_go()
         self._executor.cancel(f"authority lost: {reason}")
         self._navigator.fail(f"authority lost: {reason}")
         self._admission.lease.free()
@@ -166,7 +165,7 @@ class Desk:
 
         An adapter that fails in its ``stop`` is halted.
         """
-        self.deadman.clear()
+        self._driving.let_go()
         if self._adapter is None:
             return
         try:
@@ -240,7 +239,7 @@ class Desk:
             self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
-        self.deadman.clear()
+        self._driving.let_go()
         self._admission.lease.let_go(ask.origin.session)
         if self._adapter is None or self._offline:
             self.halt()
@@ -290,12 +289,8 @@ class Desk:
             return
         superseding, self.in_control = self.in_motion, True
         self._navigator.cancel("teleoperation took over")
-        velocity = clamp(ask.velocity, self._limits)
-        self.deadman.feed(self._clock.monotonic(), ask.lease or self._config.setpoint_lease)
-        if velocity.is_zero:
-            self.deadman.clear()
         try:
-            self._adapter.drive(velocity)
+            self._driving.take(self._adapter, ask)
         except (CommandError, LinkError) as error:
             # What it did until now is not wanted any more, and what is wanted it does not do.
             if superseding:
@@ -311,6 +306,17 @@ class Desk:
             ticket.done()
             self.last_command, self.last_outcome = ask.name, "accepted"
 
+    def _lead(self, velocity: Velocity) -> None:
+        """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
+        refusal = self._admission.latch.refusal()
+        if refusal is not None or self._adapter is None or self._offline:
+            raise Refused(refusal or self._absence())
+        self._driving.hold(self._adapter, velocity, LEASE)
+
+    def _pilot(self) -> Navigates | None:
+        """Return who leads the robot to a goal: itself, or the host; None when neither can."""
+        return pilot(self._adapter, self._leader, navigates=self._can.navigates, drives=self._can.drives)
+
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
         if isinstance(ask.ask, Control):
@@ -320,11 +326,12 @@ class Desk:
         if self._navigator.repeated(ask.action_id, ticket):
             return
         refusal = self._admission.navigate(ask)
-        if refusal is None and not self._can.navigates:
-            refusal = f"{self.name} does not navigate"
+        who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
-        if refusal is not None or self._adapter is None or self._offline:
+        if refusal is None and who is None and not self._offline:
+            refusal = f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
+        if refusal is not None or self._adapter is None or self._offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
             self._navigator.refuse(ask.action_id, refusal, ticket)
@@ -334,13 +341,13 @@ class Desk:
         self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
         ticket.watch(self._note)
-        self._navigator.start(self._adapter, ask.ask, ask.action_id, ticket)
+        self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is being held, before something else moves the robot."""
         if not self.deadman.armed:
             return
-        self.deadman.clear()
+        self._driving.let_go()
         self._zero(adapter)
 
     def _zero(self, adapter: Adapter[Any]) -> None:
@@ -373,10 +380,10 @@ class Desk:
             if first is not None:
                 ticket.follow(first)
                 return
-        refusal = self._admission.navigate(ask)
-        if refusal is not None or self._adapter is None or self._offline:
+        refusal, who = self._admission.navigate(ask), self._pilot()
+        if refusal is not None or who is None or self._offline:
             ticket.reject(refusal or self._absence())
-        elif self._navigator.resume(self._adapter):
+        elif self._navigator.resume(who):
             ticket.done()
         else:
             ticket.reject("there is no paused action")

@@ -148,6 +148,7 @@ class LocalRobot:
     def publish(self, report: Report) -> None:
         """Send a report on its way."""
         self._seen.take(report)
+        self.desk.see(report)
         self._send(report)
 
     def state(self) -> RobotState:

@@ -25,6 +25,8 @@ class Capabilities(msgspec.Struct, frozen=True):
     drives: bool
     navigates: bool
     limits: Limits
+    holonomic: bool = False
+    combines_keys: bool = False
 
     def hint(self, name: str) -> str:
         """Say which command was perhaps meant by one that is not declared."""
@@ -42,8 +44,10 @@ def capabilities(plugin: AdapterClass) -> Capabilities:
     """Return what the class declares."""
     if issubclass(plugin, FrameAdapter):
         verbs = {verb: _verb(verb) for verb in plugin.verbs}
-        return Capabilities(verbs | dict(commands_of(plugin)), plugin.drives, False, plugin.limits)
-    return Capabilities(plugin.commands(), plugin.drives(), plugin.navigates(), plugin.limits)
+        commands, drives, navigates = verbs | dict(commands_of(plugin)), plugin.drives, False
+    else:
+        commands, drives, navigates = dict(plugin.commands()), plugin.drives(), plugin.navigates()
+    return Capabilities(commands, drives, navigates, plugin.limits, plugin.holonomic, plugin.combines_keys)
 
 
 def _verb(name: str) -> CommandSpec:

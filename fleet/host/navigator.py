@@ -5,15 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from typing import Any
 
 import msgspec
 
-from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
 from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
+from fleet.host.follow.leader import Navigates
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
 from fleet.model.navigation import ActionState, RelativeMove, Task
@@ -62,6 +61,13 @@ class Navigator:
         """True while an action is running or paused."""
         return self.action is not None and not self.action.over
 
+    @property
+    def activity(self) -> str:
+        """What is under way, in a word or two; empty when nothing."""
+        if self.action is None or self.action.over:
+            return ""
+        return f"navigating {self.action.status.progress:.0f} %"
+
     def knows(self, action_id: str) -> bool:
         """Return True for the id of an action that was asked before."""
         return action_id in self._known
@@ -75,8 +81,8 @@ class Navigator:
         ticket.follow(known.ticket)
         return True
 
-    def start(self, adapter: Adapter[Any], task: Task, action_id: str, ticket: Ticket) -> None:
-        """Begin a task; whatever was under way is cancelled."""
+    def start(self, who: Navigates, task: Task, action_id: str, ticket: Ticket) -> None:
+        """Begin a task, led by ``who``; whatever was under way is cancelled."""
         self.cancel("superseded by a newer goal")
         self.action = Action(
             action_id,
@@ -86,7 +92,7 @@ class Navigator:
             clock=self._clock,
         )
         self._remember(self.action.status, ticket)
-        self._begin(adapter, self.action)
+        self._begin(who, self.action)
 
     def refuse(self, action_id: str, reason: str, ticket: Ticket) -> None:
         """Say that an action failed before it began; a repeat of it is refused like it."""
@@ -120,17 +126,17 @@ class Navigator:
         self.action.pause()
         return True
 
-    def resume(self, adapter: Adapter[Any]) -> bool:
+    def resume(self, who: Navigates) -> bool:
         """Go on with what was paused; False when nothing was."""
         if self.action is None or self.action.over or not self.action.paused:
             return False
         self.action.resume()
-        self._begin(adapter, self.action)
+        self._begin(who, self.action)
         return True
 
-    def _begin(self, adapter: Adapter[Any], action: Action) -> None:
+    def _begin(self, who: Navigates, action: Action) -> None:
         """Run the task of an action."""
-        self._work = asyncio.create_task(self._run(adapter, action), name=f"action:{action.id}")
+        self._work = asyncio.create_task(self._run(who, action), name=f"action:{action.id}")
         self._tasks.add(self._work)
         self._work.add_done_callback(self._tasks.discard)
 
@@ -147,12 +153,12 @@ class Navigator:
             insist(self._work, "the action was ended", self._crashed)
             self._work = None
 
-    async def _run(self, adapter: Adapter[Any], action: Action) -> None:
-        """Drive the adapter's own iteration and turn its end into the terminal status."""
+    async def _run(self, who: Navigates, action: Action) -> None:
+        """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
             await self._ready()
-            await walled(lambda: self._follow(adapter, action))
+            await walled(lambda: self._follow(who, action))
             if self._is_current():
                 action.complete()
         except (CommandError, LinkError) as error:
@@ -171,9 +177,9 @@ class Navigator:
         """Return False for work that was cancelled and goes on all the same: it has no say any more."""
         return self._work is asyncio.current_task()
 
-    async def _follow(self, adapter: Adapter[Any], action: Action) -> None:
-        """Take the adapter's progress for as long as somebody wants it."""
-        async with closing(adapter.navigate(action.task)) as steps:
+    async def _follow(self, who: Navigates, action: Action) -> None:
+        """Take the progress of who leads for as long as somebody wants it."""
+        async with closing(who.navigate(action.task)) as steps:
             async for progress in steps:
                 if not self._is_current():
                     return

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import errno
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fleet.errors import LinkError, LinkLost, LinkRefused
 from fleet.link.base import Receiver
@@ -26,7 +26,7 @@ async def open_serial(url: str, path: str, baud: int, receiver: Receiver) -> Str
     program has it, when it is no serial device, or without the extra ``serial``.
     """
     try:
-        import serialx  # noqa: PLC0415 - an optional extra
+        serialx = await asyncio.to_thread(_library)  # its first import takes longer than a loop may stand
     except ImportError:
         raise LinkRefused(f"{url}: serial lines need an extra: pip install 'zenoh-fleet[serial]'") from None
     untouched = serialx.PinState.UNDEFINED
@@ -52,6 +52,13 @@ async def open_serial(url: str, path: str, baud: int, receiver: Receiver) -> Str
         backlog=max(_SMALLEST_BACKLOG, int(baud / 10 * _BACKLOG)),
         close_descriptor=functools.partial(_close, port),
     )
+
+
+def _library() -> Any:
+    """Return the module serialx; raises ImportError without the extra."""
+    import serialx  # noqa: PLC0415 - an optional extra
+
+    return serialx
 
 
 def _close(port: serialx.Serial, throw_away: bool) -> None:  # noqa: FBT001 - called by StreamLink only

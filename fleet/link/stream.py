@@ -65,6 +65,11 @@ class StreamLink:
                 raise
             self.stats.sent += 1
 
+    def unsent(self) -> int:
+        """Return how many bytes wait in the kernel, 0 once the link ended; from any thread."""
+        with self._lock:
+            return 0 if self._ending.ended else _unsent(self._descriptor)
+
     def _write(self, data: bytes) -> None:
         """Hand the bytes to the kernel; half a frame cannot be taken back, so it ends the link."""
         waiting = _unsent(self._descriptor)

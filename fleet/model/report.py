@@ -141,6 +141,17 @@ class TelemetryReport(msgspec.Struct, frozen=True):
     fields: dict[str, Any] = {}
 
 
+class PhotoReport(msgspec.Struct, frozen=True):
+    """One picture that was asked for: the file's bytes, its ``format`` (``jpeg``), and its size in pixels."""
+
+    channel: ClassVar[str] = "photo"
+    stamp: float
+    image: bytes
+    format: str
+    width: int
+    height: int
+
+
 class LogReport(msgspec.Struct, frozen=True):
     """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL."""
 
@@ -161,5 +172,6 @@ Report = (
     | MetricsReport
     | NavigationReport
     | TelemetryReport
+    | PhotoReport
     | LogReport
 )

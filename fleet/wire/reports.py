@@ -24,6 +24,7 @@ from fleet.model.report import (
     MetricsReport,
     MissionProgress,
     NavigationReport,
+    PhotoReport,
     PoseReport,
     Report,
     TelemetryReport,
@@ -202,6 +203,17 @@ def _telemetry(report: TelemetryReport) -> Leaves:
     return [("telemetry", {**report.fields, "type": report.type})]
 
 
+def _photo(report: PhotoReport) -> Leaves:
+    """One picture, in base64 (the encoder does that)."""
+    body: Body = {
+        "image": report.image,
+        "format": report.format,
+        "width": report.width,
+        "height": report.height,
+    }
+    return [("camera/photo", body)]
+
+
 def _log(report: LogReport) -> Leaves:
     """Say a line to the log store, which reads upper-case levels."""
     body = {
@@ -225,6 +237,7 @@ _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
         MetricsReport: _metrics,
         NavigationReport: _navigation,
         TelemetryReport: _telemetry,
+        PhotoReport: _photo,
         LogReport: _log,
     }
 )

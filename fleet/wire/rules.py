@@ -64,6 +64,7 @@ _TABLE = (
     Rule("position", "position", Traffic.LATEST, 0, 20, 1, "where the robot is"),
     Rule("rotation", "position", Traffic.LATEST, 0, 20, 1, "how the robot is turned"),
     Rule(JOINT_UPDATE, "joint_states", Traffic.LATEST, 0, 20, 1, "measured joints"),
+    Rule("camera/photo", "photo", Traffic.LATEST, 0, 0, 0, "the newest picture that was asked for"),
     Rule("imu", "imu", Traffic.STREAM, 0, 10, 0, "body rates and accelerations"),
 )
 

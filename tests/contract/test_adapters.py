@@ -18,6 +18,15 @@ class TestMavlink(AdapterContract):
     config = {"adapter": "mavlink", "link": "udpin:127.0.0.1:0"}
 
 
+class TestUgv(AdapterContract):
+    adapter = adapter("ugv")
+    config = {
+        "adapter": "ugv",
+        "profile": "waveshare-beast",
+        "link": "serial:/dev/serial/by-id/usb-Silicon_Labs_CP2102-if00?baud=115200",
+    }
+
+
 def test_every_installed_adapter_is_held_to_the_contract():
     tested = {
         cls.config["adapter"]

@@ -20,6 +20,7 @@ from fleet.model.report import (
     MetricsReport,
     MissionProgress,
     NavigationReport,
+    PhotoReport,
     PoseReport,
     StatusText,
     TelemetryReport,
@@ -121,6 +122,7 @@ REPORTS = {
         NavigationReport, STAMPS, WORDS, st.sampled_from(ActionState), st.floats(0, 100), WORDS
     ),
     TelemetryReport: st.builds(TelemetryReport, STAMPS, WORDS, PLAIN),
+    PhotoReport: st.builds(PhotoReport, STAMPS, st.binary(max_size=40), WORDS, COUNTS, COUNTS),
     LogReport: st.builds(LogReport, STAMPS, st.sampled_from(["DEBUG", "INFO", "ERROR"]), WORDS),
 }
 

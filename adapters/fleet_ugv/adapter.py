@@ -1,0 +1,274 @@
+"""A wheeled base as the host sees it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import AsyncIterator, Sequence
+from typing import ClassVar
+from uuid import UUID
+
+from fleet import (
+    Adapter,
+    Limits,
+    NotReady,
+    Pose,
+    Refused,
+    Robot,
+    Unsupported,
+    Velocity,
+    command,
+    open_link,
+)
+from fleet.link.url import parse
+from fleet.model.report import PhotoReport
+from fleet_ugv.board import Board
+from fleet_ugv.camera import Picture, take_picture
+from fleet_ugv.config import UgvConfig
+from fleet_ugv.observer import Observer
+from fleet_ugv.odometry import Odometry
+from fleet_ugv.sim.launch import SimProcess
+from fleet_ugv.sim.spec import SimSpec, spec_of
+
+STANDSTILL = 1.0  # s that a stop waits to see the wheels stand
+NUDGE = 0.1  # rad that one camera_up, _down, _left or _right is
+NOT_OPEN = "the line is not open"
+
+# The host makes a new adapter for each attempt; where the robot is outlives its cable.
+_last_poses: dict[UUID, Pose] = {}
+
+
+class UgvAdapter(Adapter[UgvConfig]):
+    """Drives a base by its wheels, tells where it is, and stops it whatever fails."""
+
+    Config = UgvConfig
+    limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
+    combines_keys: ClassVar[bool] = True
+
+    def __init__(self, config: UgvConfig) -> None:
+        super().__init__(config)
+        self._board: Board | None = None
+        self._robot: Robot | None = None
+        self._lamps = (0, 0)
+        self._camera = (0.0, 0.0)
+
+    async def run(self, robot: Robot) -> None:
+        """Open the line and serve the base; raises LinkLost or LinkRefused."""
+        odometry = Odometry(self.config.scale, self.config.base.fastest, _last_poses.get(self.config.twin))
+        board = Board(self.config, robot, Observer(self.config, odometry))
+        async with self._url(robot) as url:
+            link = await open_link(url, board.arrived)
+            self._board, self._robot = board, robot
+            try:
+                board.begin(link, parse(url).baud)
+                await link.lost()
+            finally:
+                board.halt()
+                self._board = None
+                _last_poses[self.config.twin] = odometry.pose
+                await link.close()
+
+    @contextlib.asynccontextmanager
+    async def _url(self, robot: Robot) -> AsyncIterator[str]:
+        """Give the link to open; a simulated base is started first."""
+        if not self.config.simulated:
+            yield self.config.link
+            return
+        async with (
+            robot.share("fleet_ugv.sim", SimProcess) as simulator,
+            simulator.base(self._spec()) as url,
+        ):
+            yield url
+
+    def _spec(self) -> SimSpec:
+        """Return the simulated base that the link asks for."""
+        setting = self.config.setting
+        return spec_of(self.config.link, ticks=setting.ticks, diameter=setting.diameter)
+
+    def drive(self, velocity: Velocity) -> None:
+        """Hold this body velocity; a sideways part is dropped."""
+        self._open_board().drive(velocity)
+
+    async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
+        """Stop the wheels and see them stand."""
+        self.halt()
+        if self._board is not None:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
+
+    def halt(self) -> None:
+        """Stop the wheels at once; from any thread."""
+        board = self._board
+        if board is not None:
+            board.halt()
+
+    def _open_board(self) -> Board:
+        """Return the base; raises NotReady while there is none."""
+        if self._board is None:
+            raise NotReady(NOT_OPEN, hint="it is being opened")
+        return self._board
+
+    def _observed(self) -> tuple[Board, Robot]:
+        """Return the base and who is told; raises NotReady."""
+        board = self._open_board()
+        assert self._robot is not None
+        return board, self._robot
+
+    # -- lamps, camera, display ----------------------------------------------------------------------
+
+    @command("lights", moves=False, safe=True, timeout=2.0)
+    async def lights(
+        self,
+        *,
+        pwm: int | None = None,
+        all: int | None = None,  # noqa: A002 - the word of the wire
+        io4: int | None = None,
+        io5: int | None = None,
+        chassis_light: int | None = None,
+        camera_light: int | None = None,
+        data: list[int] | None = None,
+        leds: list[int] | None = None,
+    ) -> None:
+        """Set the lamps, 0 to 255: pwm or all for both, io4 or chassis_light, io5 or camera_light."""
+        both = _first(pwm, all)
+        pair = _pair(_first_list(data, leds))
+        chassis = _first(chassis_light, io4, pair[0], both)
+        camera = _first(camera_light, io5, pair[1], both)
+        if chassis is None and camera is None:
+            raise Refused("lights says no brightness", hint="pwm=0 to 255, or chassis_light and camera_light")
+        self._set_lamps(
+            self._lamps[0] if chassis is None else chassis, self._lamps[1] if camera is None else camera
+        )
+
+    @command("chassis_light_toggle", moves=False, safe=True, timeout=2.0)
+    async def chassis_light_toggle(self) -> None:
+        """Switch the chassis lamp on or off."""
+        self._set_lamps(_toggled(self._lamps[0]), self._lamps[1])
+
+    @command("camera_light_toggle", moves=False, safe=True, timeout=2.0)
+    async def camera_light_toggle(self) -> None:
+        """Switch the camera lamp on or off."""
+        self._set_lamps(self._lamps[0], _toggled(self._lamps[1]))
+
+    @command("led_toggle", moves=False, safe=True, timeout=2.0)
+    async def led_toggle(self) -> None:
+        """Switch both lamps on, or off when one is on."""
+        level = _toggled(max(self._lamps))
+        self._set_lamps(level, level)
+
+    def _set_lamps(self, chassis: int, camera: int) -> None:
+        """Write both lamps and note them."""
+        lamps = (min(max(chassis, 0), 255), min(max(camera, 0), 255))
+        board = self._open_board()
+        board.write(board.codec.lights(*lamps))
+        self._lamps = lamps
+
+    @command("camera_up", moves=False, timeout=2.0)
+    async def camera_up(self) -> None:
+        """Tilt the camera up by 0.1 rad."""
+        self._turn_camera(self._camera[0], self._camera[1] + NUDGE)
+
+    @command("camera_down", moves=False, timeout=2.0)
+    async def camera_down(self) -> None:
+        """Tilt the camera down by 0.1 rad."""
+        self._turn_camera(self._camera[0], self._camera[1] - NUDGE)
+
+    @command("camera_left", moves=False, timeout=2.0)
+    async def camera_left(self) -> None:
+        """Pan the camera left by 0.1 rad."""
+        self._turn_camera(self._camera[0] - NUDGE, self._camera[1])
+
+    @command("camera_right", moves=False, timeout=2.0)
+    async def camera_right(self) -> None:
+        """Pan the camera right by 0.1 rad."""
+        self._turn_camera(self._camera[0] + NUDGE, self._camera[1])
+
+    @command("camera_default", moves=False, timeout=2.0)
+    async def camera_default(self) -> None:
+        """Turn the camera straight ahead."""
+        self._turn_camera(0.0, 0.0)
+
+    @command("camera_servo", moves=False, timeout=2.0)
+    async def camera_servo(
+        self,
+        *,
+        pan: float | None = None,
+        tilt: float | None = None,
+        pan_delta: float = 0.0,
+        tilt_delta: float = 0.0,
+    ) -> None:
+        """Turn the camera to pan and tilt (rad, right and up positive), or by their deltas."""
+        at = self._camera
+        self._turn_camera(
+            (at[0] if pan is None else pan) + pan_delta, (at[1] if tilt is None else tilt) + tilt_delta
+        )
+
+    def _turn_camera(self, pan: float, tilt: float) -> None:
+        """Turn the camera within what the mount can do."""
+        if not (math.isfinite(pan) and math.isfinite(tilt)):
+            raise Refused("pan and tilt are finite numbers of radians")
+        board = self._open_board()
+        camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
+        board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))
+        self._camera = board.observer.camera = camera
+
+    @command("oled_ctrl", moves=False, safe=True, timeout=2.0)
+    async def oled_ctrl(self, *, text: str = "") -> None:
+        """Write up to four lines on the display; nothing: its own text again."""
+        board = self._open_board()
+        board.write(board.codec.display(text.splitlines()))
+
+    # -- looking -------------------------------------------------------------------------------------
+
+    @command("battery_check", moves=False, safe=True, timeout=2.0)
+    async def battery_check(self) -> None:
+        """Report the battery now."""
+        board, robot = self._observed()
+        if board.observer.voltage is None:
+            raise NotReady("the base has not told its voltage")
+        robot.report(board.observer.battery(robot.clock.time()))
+
+    @command("get_status", moves=False, safe=True, timeout=2.0)
+    async def get_status(self) -> None:
+        """Report battery and metrics now."""
+        board, robot = self._observed()
+        if board.observer.voltage is not None:
+            robot.report(board.observer.battery(robot.clock.time()))
+        board.metrics()
+
+    @command("take_photo", moves=False, safe=True, timeout=10.0)
+    async def take_photo(self) -> None:
+        """Publish a picture of the configured camera."""
+        if self.config.camera is None:
+            raise Unsupported("no camera is configured", hint="camera: http://... in fleet.yaml")
+        _, robot = self._observed()
+        picture: Picture = await take_picture(self.config.camera)
+        robot.report(PhotoReport(robot.clock.time(), picture.data, "jpeg", picture.width, picture.height))
+
+    @command("start_video", "stop_video", moves=False, safe=True, timeout=2.0)
+    async def video(self) -> None:
+        """Refuse: video does not go through this program."""
+        raise Unsupported("video is not sent by fleet", hint="take_photo sends single pictures")
+
+
+def _toggled(level: int) -> int:
+    """Return full brightness for a lamp that is off, else off."""
+    return 0 if level else 255
+
+
+def _first(*values: int | None) -> int | None:
+    """Return the first that is given."""
+    return next((value for value in values if value is not None), None)
+
+
+def _first_list(*values: Sequence[int] | None) -> Sequence[int]:
+    """Return the first list that is given."""
+    return next((value for value in values if value is not None), ())
+
+
+def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:
+    """Return chassis and camera of a list of one or two levels; raises Refused for a longer one."""
+    if len(values) > 2:
+        raise Refused("there are two lamps", hint="a list of two levels at most")
+    return (values[0] if values else None, values[-1] if values else None)

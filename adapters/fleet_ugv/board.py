@@ -1,0 +1,202 @@
+"""One base on one open line: what arrives, what is due, and what is asked of its wheels.
+
+Bytes are only decoded as they arrive; the host's wheel does the rest, many times a second. ``halt`` may come
+from any thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from typing import Any
+
+from fleet import LinkLost, NotReady, Robot, Vector3, Velocity
+from fleet.link.base import Address, Link
+from fleet.link.slot import MotionSlot
+from fleet_ugv.config import UgvConfig
+from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
+from fleet_ugv.observer import Observer
+from fleet_ugv.readiness import Readiness
+
+TURN = 0.02  # s between two looks
+STOP_REPEATS = 5  # times that a stop or a zero is repeated, in case the line lost it
+TROUBLE_SHOWN = 30.0  # s that a complaint of the base is told
+INBOX = 1000  # events that may wait for the wheel; more are a base that floods
+STANDS = 0.02  # m/s below which the base stands
+STANDS_TURNING = 0.1  # rad/s
+
+
+class Board:
+    """A base that is being served. ``observer`` knows its pose and battery; ``stands``: seen to stand."""
+
+    def __init__(self, config: UgvConfig, robot: Robot, observer: Observer) -> None:
+        self.observer = observer
+        self.stands = asyncio.Event()
+        self.codec = config.base.codec(config.setting)
+        self._config = config
+        self._profile = config.base
+        self._kinematics = config.kinematics
+        self._robot = robot
+        self._inbox: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
+        self._slot: MotionSlot | None = None
+        self._wanted: tuple[int, Velocity] | None = None  # None: stopped; with the turn it was decided in
+        self._repeats = 0
+        self._written = 0.0
+        self._polled = 0.0
+        self._garbage = 0
+        self._troubles: dict[str, float] = {}
+        now = robot.clock.monotonic()
+        self.readiness = Readiness(
+            confirms=self._profile.settable, guarded=self._profile.timeout is not None, now=now
+        )
+
+    def arrived(self, data: bytes, _address: Address) -> None:
+        """Take bytes from the line."""
+        now, stamp = self._robot.clock.monotonic(), self._robot.clock.time()
+        self._inbox.extend((now, stamp, event) for event in self.codec.feed(data))
+
+    def begin(self, link: Link, baud: int) -> None:
+        """Serve the base on an open link of this speed (0: no line of a known speed)."""
+        self._slot = MotionSlot(link, self._robot.clock, frame=self.codec.longest, baud=baud)
+        self._slot.send(self.codec.hello() + self.codec.stop)
+        self._robot.health(self.readiness.health)
+        self._robot.every(TURN, self.turn)
+
+    def drive(self, velocity: Velocity) -> None:
+        """Hold a body velocity; raises NotReady, or Refused for what the base cannot do."""
+        slot = self._slot
+        if slot is None or self.readiness.refusal:
+            raise NotReady(self.readiness.refusal or "the line is not open", hint="try again in a moment")
+        turn = slot.turn
+        velocity = self._guarded(velocity)
+        frame = self.codec.motion(self._kinematics.inverse(velocity))
+        try:
+            written = slot.put(frame, turn)
+        except LinkLost as error:
+            raise NotReady(str(error), hint="the line is being opened again") from error
+        if not written:
+            raise NotReady("the robot was stopped meanwhile")
+        self._wanted = (turn, velocity)
+        self._repeats = STOP_REPEATS
+        self._written = self._robot.clock.monotonic()
+
+    def halt(self) -> None:
+        """Write the stop at once; from any thread."""
+        self._wanted = None
+        self._repeats = STOP_REPEATS
+        if self._slot is not None:
+            self._slot.halt(self.codec.stop)
+
+    def write(self, data: bytes) -> None:
+        """Write what moves no wheel; raises NotReady."""
+        if self._slot is None or self.readiness.refusal:
+            raise NotReady(self.readiness.refusal or "the line is not open", hint="try again in a moment")
+        try:
+            self._slot.send(data)
+        except LinkLost as error:
+            raise NotReady(str(error), hint="the line is being opened again") from error
+
+    def metrics(self) -> None:
+        """Report the numbers for people."""
+        stamp = self._robot.clock.time()
+        self._robot.report(self.observer.metrics(stamp, self._errors()))
+
+    def turn(self) -> None:
+        """Do what is due; raises LinkLost for a base that has been silent for too long."""
+        now = self._robot.clock.monotonic()
+        while self._inbox:
+            at, stamp, event = self._inbox.popleft()
+            self._take(event, at, stamp)
+        self._look(now)
+        self._keep(now)
+        if self.observer.metrics_due(now):
+            self.metrics()
+
+    def _take(self, event: Event, at: float, stamp: float) -> None:
+        """Take one event."""
+        match event:
+            case Feedback():
+                self._feedback(event, at, stamp)
+            case Confirmed():
+                self.readiness.confirmed()
+            case Trouble():
+                if event.text not in self._troubles:
+                    self._robot.log.warning("%s", event.text)
+                self._troubles[event.text] = at
+
+    def _feedback(self, feedback: Feedback, at: float, stamp: float) -> None:
+        """Take a measurement, report it, and set the board up when it is new or was restarted."""
+        step = self.observer.take(feedback, at)
+        restarted = step is not None and step.restarted
+        if restarted:
+            self._robot.log.warning("the board restarted")
+        if self.readiness.heard(at, restarted=restarted):
+            self._set_up()
+        if abs(self.observer.speed) < STANDS and abs(self.observer.yaw_rate) < STANDS_TURNING:
+            self.stands.set()
+        else:
+            self.stands.clear()
+        for report in self.observer.reports(feedback, at, stamp):
+            self._robot.report(report)
+
+    def _look(self, now: float) -> None:
+        """Notice silence, and a setup that was not taken; tell how the way to the robot is."""
+        before = self.readiness.phase
+        if self.readiness.lost(now):
+            raise LinkLost(
+                f"{self._config.link}: nothing heard for {self.readiness.quiet_for(now):.1f} s; "
+                "is it the right device and speed?"
+            )
+        if self.readiness.look(now):
+            self._set_up()
+        if self.readiness.refusal and self.readiness.phase is not before:
+            self.halt()
+        self._robot.health(self.readiness.health)
+
+    def _set_up(self) -> None:
+        """Tell the board how to behave; whatever moved it is over."""
+        assert self._slot is not None
+        self.halt()
+        self._slot.send(self.codec.setup())
+
+    def _keep(self, now: float) -> None:
+        """Write the newest motion again, a stop a few times, the poll, and what waits in the slot."""
+        assert self._slot is not None
+        self._slot.flush()
+        if self._profile.poll and now - self._polled >= self._profile.poll - TURN / 2:
+            self._polled = now
+            self._slot.send(self.codec.poll())
+        if now - self._written < self._profile.keep - TURN / 2:
+            return
+        wanted = self._wanted
+        moving = wanted is not None and not wanted[1].is_zero
+        if not moving and self._repeats == 0 and not self._profile.idle:
+            return
+        self._repeats -= 0 if moving or self._repeats == 0 else 1
+        self._written = now
+        turn, velocity = wanted or (self._slot.turn, Velocity())
+        stopped = wanted is None
+        self._slot.put(
+            self.codec.stop if stopped else self.codec.motion(self._kinematics.inverse(velocity)), turn
+        )
+
+    def _guarded(self, velocity: Velocity) -> Velocity:
+        """Return a velocity that is slow enough for a base whose own stop is not sure."""
+        allowed = self._config.unguarded_speed
+        if self.readiness.health.cause == "" or velocity.linear.horizontal() <= allowed:
+            return velocity
+        scale = allowed / velocity.linear.horizontal()
+        return Velocity(Vector3(velocity.linear.x * scale), velocity.yaw_rate * scale)
+
+    def _errors(self) -> tuple[dict[str, Any], ...]:
+        """Return what the base complained of lately, and what the line spoiled."""
+        now = self._robot.clock.monotonic()
+        self._troubles = {text: at for text, at in self._troubles.items() if now - at < TROUBLE_SHOWN}
+        errors: list[dict[str, Any]] = [{"code": "base", "message": text} for text in self._troubles]
+        spoiled, self._garbage = self.codec.garbage - self._garbage, self.codec.garbage
+        if spoiled:
+            errors.append({"code": "line", "message": f"{spoiled} pieces made no sense", "count": spoiled})
+        if self._slot is not None and self._slot.held_back:
+            count = self._slot.held_back
+            errors.append({"code": "backlog", "message": f"{count} motions were replaced", "count": count})
+        return tuple(errors)

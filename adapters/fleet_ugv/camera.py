@@ -1,0 +1,83 @@
+"""One picture of a camera: from a file, a snapshot URL, or a V4L2 device that gives JPEG."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import msgspec
+
+from fleet import Refused, TimedOut
+from fleet_ugv.v4l2 import capture
+
+TIMEOUT = 5.0  # s that a camera has to answer
+LARGEST = 4 * 1024 * 1024  # bytes of a picture; more does not belong on MQTT
+_START, _SCAN = 0xD8, 0xDA
+_SIZES = frozenset({*range(0xC0, 0xD0)}) - {0xC4, 0xC8, 0xCC}  # start-of-frame markers
+_BARE = frozenset({0x01, *range(0xD0, 0xD9)})  # markers without a length
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """A JPEG picture and its size in pixels."""
+
+    data: bytes
+    width: int
+    height: int
+
+
+async def take_picture(source: str) -> Picture:
+    """Return a picture from ``file:/...``, ``http(s)://...`` or ``v4l2:/dev/videoN``; never blocks the loop.
+
+    Raises Refused with the reason, TimedOut when the camera does not answer.
+    """
+    kind, _, rest = source.partition(":")
+    try:
+        async with asyncio.timeout(TIMEOUT + 1.0):
+            data = await asyncio.to_thread(_SOURCES[kind], rest, source)
+    except TimeoutError:
+        raise TimedOut(f"{source} does not answer") from None
+    except (OSError, urllib.error.URLError, http.client.HTTPException) as error:
+        raise Refused(f"{source}: {error}") from None
+    if len(data) > LARGEST:
+        raise Refused(f"{source}: the picture is larger than {LARGEST // 1024} KiB")
+    width, height = jpeg_size(data)
+    return Picture(data, width, height)
+
+
+def _from_file(path: str, _source: str) -> bytes:
+    """Return a file's bytes, and no more than what is too many."""
+    with Path(path).open("rb") as file:
+        return file.read(LARGEST + 1)
+
+
+def _from_url(_rest: str, source: str) -> bytes:
+    """Return what a snapshot URL answers."""
+    with urllib.request.urlopen(source, timeout=TIMEOUT) as answer:  # noqa: S310 - http(s), from fleet.yaml
+        taken: bytes = answer.read(LARGEST + 1)
+    return taken
+
+
+def _from_device(path: str, _source: str) -> bytes:
+    """Return one frame of a V4L2 device."""
+    return capture(path, TIMEOUT)
+
+
+_SOURCES = {"file": _from_file, "http": _from_url, "https": _from_url, "v4l2": _from_device}
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return width and height of a JPEG picture; raises Refused when it is none."""
+    at = 2
+    if data[:2] != bytes((0xFF, _START)):
+        raise Refused("the camera did not give a JPEG picture")
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker in _SIZES:
+            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
+        if marker == _SCAN:
+            break
+        at += 2 if marker in _BARE else 2 + int.from_bytes(data[at + 2 : at + 4])
+    raise Refused("the camera's JPEG picture tells no size")

@@ -1,0 +1,87 @@
+"""ros_arduino_bridge: ASCII words that end with CR, 57600 baud.
+
+``m L R`` sets encoder ticks a PID period (30 Hz) and is answered ``OK``; ``e`` asks for both counters.
+``s ID DEGREES`` sets a servo. The firmware stops 2 s after the last ``m``. Answers name no question, but
+each kind looks different, so none is mistaken for another.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import ClassVar
+
+import msgspec
+
+from fleet import Lines
+from fleet_ugv.codecs.base import Codec
+from fleet_ugv.model import Event, Feedback, Motion, Steering, Trouble, Wheels
+
+PID_RATE = 30.0  # Hz
+LARGEST = 32767  # ticks a period that fit the firmware's int
+COUNTER = 2**32  # ticks after which the counters begin anew
+_COUNTERS = re.compile(rb"(-?\d{1,10}) (-?\d{1,10})")
+
+
+class Servo(msgspec.Struct, frozen=True):
+    """The steering servo: its number, where it stands straight ahead, degrees a radian to the left."""
+
+    number: int = 0
+    centre: float = 90.0
+    gain: float = math.degrees(1.0)
+
+
+class ArduinoCodec(Codec):
+    """One board; ``ticks``: encoder ticks a metre; ``servo`` for a robot that steers."""
+
+    stop: ClassVar[bytes] = b"\rm 0 0\r"
+    longest: ClassVar[int] = 32
+
+    def __init__(self, *, ticks: float, servo: Servo | None = None) -> None:
+        self.garbage = 0
+        self._ticks = ticks
+        self._servo = servo or Servo()
+        self._cutter = Lines(b"\n", 256).cutter()
+
+    def feed(self, data: bytes) -> Sequence[Event]:
+        """Take what arrived; return what the whole lines say."""
+        events = (self._event(line) for line in self._cutter.feed(data))
+        return [event for event in events if event is not None]
+
+    def _event(self, line: bytes) -> Event | None:
+        """Return what one answer says."""
+        counters = _COUNTERS.fullmatch(line.strip())
+        if counters is not None:
+            left, right = int(counters[1]), int(counters[2])
+            return Feedback(distances=(left / self._ticks, right / self._ticks))
+        if line.startswith(b"Invalid Command"):
+            return Trouble("the board does not know a command; is it ros_arduino_bridge?")
+        if line.strip() != b"OK":
+            self.garbage += 1
+        return None
+
+    def motion(self, motion: Motion) -> bytes:
+        """Return ``m``, after ``s`` for a robot that steers."""
+        if isinstance(motion, Steering):
+            angle = self._servo.centre + self._servo.gain * motion.angle
+            turned = b"s %d %d\r" % (self._servo.number, min(max(round(angle), 0), 180))
+            return turned + self._speeds(Wheels(motion.speed, motion.speed))
+        return self._speeds(motion)
+
+    def _speeds(self, wheels: Wheels) -> bytes:
+        """Return ``m``."""
+        ticks = (round(speed * self._ticks / PID_RATE) for speed in (wheels.left, wheels.right))
+        return b"m %d %d\r" % tuple(min(max(count, -LARGEST), LARGEST) for count in ticks)
+
+    def hello(self) -> bytes:
+        """Return the end of a word that may be half there."""
+        return b"\r"
+
+    def setup(self) -> bytes:
+        """Return standing still; the dead-man's time is fixed in the firmware."""
+        return self.stop
+
+    def poll(self) -> bytes:
+        """Return the question for the counters."""
+        return b"e\r"

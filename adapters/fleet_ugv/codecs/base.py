@@ -1,0 +1,54 @@
+"""What every codec does, whatever its base speaks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+from fleet import Unsupported
+from fleet_ugv.model import Event, Motion
+
+
+class Codec(ABC):
+    """Translates for one open line; a fresh one for each. Nothing in it waits, reads a clock or does I/O.
+
+    ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread).
+    ``longest``: bytes of the longest motion frame. ``garbage`` counts pieces that made no sense.
+    """
+
+    stop: ClassVar[bytes]
+    longest: ClassVar[int]
+    garbage: int = 0
+
+    @abstractmethod
+    def feed(self, data: bytes) -> Sequence[Event]:
+        """Take what arrived; return what it completes. Never raises; what makes no sense is counted."""
+
+    @abstractmethod
+    def motion(self, motion: Motion) -> bytes:
+        """Return the frame that holds these speeds."""
+
+    def hello(self) -> bytes:
+        """Return what ends half a line that another program may have left behind."""
+        return b""
+
+    def setup(self) -> bytes:
+        """Return what a board is told once it answers, and again after it restarted."""
+        return b""
+
+    def poll(self) -> bytes:
+        """Return what asks for the next feedback."""
+        return b""
+
+    def lights(self, chassis: int, camera: int) -> bytes:  # noqa: ARG002 - for overriders
+        """Return what sets both lamps, 0 to 255."""
+        raise Unsupported("this base has no lamps")
+
+    def gimbal(self, pan: int, tilt: int) -> bytes:  # noqa: ARG002 - for overriders
+        """Return what turns the camera: whole degrees, pan right and tilt up positive."""
+        raise Unsupported("this base has no camera mount")
+
+    def display(self, lines: Sequence[str]) -> bytes:  # noqa: ARG002 - for overriders
+        """Return what writes on the display; no lines: its own text again."""
+        raise Unsupported("this base has no display")

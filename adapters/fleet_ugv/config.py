@@ -1,0 +1,138 @@
+"""What fleet.yaml says of a wheeled robot."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from fleet import AdapterConfig, LinkRefused
+from fleet.link.url import parse
+from fleet.robot_config import Model, Positive
+from fleet_ugv.battery import checked_curve
+from fleet_ugv.codecs.arduino import Servo
+from fleet_ugv.kinematics import Ackermann, Differential, Kinematics
+from fleet_ugv.odometry import Scale
+from fleet_ugv.profiles import PROFILES, Profile, Setting
+from fleet_ugv.sim.spec import BOARDS, spec_of
+
+MODULES = {"none": 0, "arm": 1, "pan-tilt": 2}
+
+
+def _checked_link(text: str) -> str:
+    """Return a good link; raises ValueError, which pydantic tells with its place."""
+    kind, _, rest = text.partition(":")
+    if kind == "sim":
+        if rest.partition("?")[0] not in BOARDS:
+            raise ValueError(
+                f"{text!r}: the simulated bases are {', '.join(f'sim:{name}' for name in BOARDS)}"
+            )
+        spec_of(text, ticks=0.0, diameter=0.0)
+        return text
+    try:
+        parse(text)
+    except LinkRefused as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+class Calibration(Model):
+    """What was measured on this very robot; ``fleet calibrate`` writes it."""
+
+    track: Positive | None = Field(None, description="Effective track, m: what makes a turn a turn.")
+    left: float = Field(1.0, description="Metres that one told metre of the left side is; negative turns it.")
+    right: float = Field(1.0, description="The same of the right side.")
+    gyro: float = Field(1.0, description="Factor of the gyro's yaw rate; negative turns it over.")
+
+
+class SteeringConfig(Model):
+    """Front wheels that a servo steers (profile ros-arduino)."""
+
+    wheelbase: Positive = Field(description="Between the axles, m.")
+    sharpest: float = Field(0.5, gt=0, lt=1.4, description="Largest angle of the front wheels, rad.")
+    servo: int = Field(0, ge=0, le=7, description="Number of the servo.")
+    centre: float = Field(90.0, ge=0, le=180, description="Servo angle for straight ahead, degrees.")
+    gain: float = Field(57.3, description="Degrees of the servo for one radian to the left.")
+
+
+class UgvConfig(AdapterConfig):
+    """A wheeled or tracked base on a serial line."""
+
+    adapter: Literal["ugv"]
+    profile: str = Field(description=f"What the base is: {', '.join(PROFILES)}.")
+    link: Annotated[str, AfterValidator(_checked_link)] = Field(
+        description="serial:/dev/serial/by-id/...?baud=115200, tcp:HOST:PORT, or sim:PROFILE."
+    )
+    module: Literal["none", "arm", "pan-tilt"] = Field(
+        "none", description="What is mounted on it (Waveshare)."
+    )
+    firmware_timeout: float = Field(
+        0.5, ge=0.3, le=3.0, description="Seconds after which the board stops by itself, where it can be set."
+    )
+    unguarded_speed: float = Field(
+        0.15, gt=0, le=1.0, description="m/s that are allowed while the board's own stop is not confirmed."
+    )
+    calibration: Calibration = Field(Calibration(), description="Measured on this robot.")
+    wheel_diameter: Positive | None = Field(None, description="Over the profile's, m.")
+    ticks_per_metre: Positive | None = Field(None, description="Encoder ticks a metre (ros-arduino).")
+    steering: SteeringConfig | None = Field(None, description="For a robot that steers like a car.")
+    battery: list[tuple[float, float]] | None = Field(
+        None, description="Points of (volts, percent), rising; over the profile's curve."
+    )
+    camera: str | None = Field(
+        None, pattern=r"^(file:/|https?://|v4l2:/)\S+$", description="Where take_photo gets a JPEG picture."
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> UgvConfig:
+        """Check what belongs together; raises ValueError."""
+        known = self.profiles()
+        if self.profile not in known:
+            raise ValueError(f"there is no profile {self.profile!r}; there are {', '.join(known)}")
+        if self.steering is not None and self.profile != "ros-arduino":
+            raise ValueError(f"steering: the profile {self.profile} steers by its wheels")
+        if self.battery is not None:
+            checked_curve(self.battery)
+        self.__dict__["limits"] = self.limits.over(known[self.profile].limits)
+        return self
+
+    @classmethod
+    def profiles(cls) -> dict[str, Profile]:
+        """Return the profiles that ``profile`` may name."""
+        return dict(PROFILES)
+
+    @property
+    def base(self) -> Profile:
+        """The profile of this robot."""
+        return self.profiles()[self.profile]
+
+    @property
+    def setting(self) -> Setting:
+        """What its codec is made from."""
+        steers = self.steering
+        return Setting(
+            timeout=self.firmware_timeout,
+            module=MODULES[self.module],
+            ticks=self.ticks_per_metre or self.base.ticks,
+            diameter=self.wheel_diameter or self.base.diameter,
+            servo=None if steers is None else Servo(steers.servo, steers.centre, steers.gain),
+        )
+
+    @property
+    def track(self) -> float:
+        """The effective track, m."""
+        return self.calibration.track or self.base.track
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """How its wheels make it move."""
+        if self.steering is not None:
+            return Ackermann(self.steering.wheelbase, self.steering.sharpest, self.base.fastest)
+        return Differential(self.track, self.base.fastest)
+
+    @property
+    def scale(self) -> Scale:
+        """How its counters and its gyro are read."""
+        given = self.calibration
+        wrap = None if self.base.counter is None else self.base.counter / self.setting.ticks
+        return Scale(self.track, given.left, given.right, given.gyro, wrap)

@@ -1,0 +1,58 @@
+"""The values between a codec and the rest: what is asked of the wheels, and what a base says.
+
+Metres, radians, seconds, volts; x forward, yaw counter-clockwise. None: the base does not say it.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet import Vector3
+
+
+class Wheels(msgspec.Struct, frozen=True):
+    """Speeds of the two sides over the ground, m/s."""
+
+    left: float = 0.0
+    right: float = 0.0
+
+
+class Steering(msgspec.Struct, frozen=True):
+    """Speed of the rear axle, m/s, and the angle of the front wheels, rad, left positive."""
+
+    speed: float = 0.0
+    angle: float = 0.0
+
+
+Motion = Wheels | Steering
+
+
+class Feedback(msgspec.Struct, frozen=True):
+    """One round of measurements.
+
+    ``distances``: what the left and the right side have covered since the board started, m, positive or
+    negative; ``speeds``: m/s. ``yaw``: the base's own heading, rad. ``pan`` and ``tilt``: the camera's, rad.
+    """
+
+    distances: tuple[float, float] | None = None
+    speeds: tuple[float, float] | None = None
+    gyro: Vector3 | None = None
+    accel: Vector3 | None = None
+    yaw: float | None = None
+    voltage: float | None = None
+    temperature: float | None = None
+    pan: float | None = None
+    tilt: float | None = None
+
+
+class Confirmed(msgspec.Struct, frozen=True):
+    """The board was seen to have taken its dead-man's time."""
+
+
+class Trouble(msgspec.Struct, frozen=True):
+    """Something the base complains about, in words."""
+
+    text: str
+
+
+Event = Feedback | Confirmed | Trouble

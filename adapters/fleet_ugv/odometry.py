@@ -1,0 +1,175 @@
+"""Where a base is, from its counters and its gyro; pure.
+
+Distance comes from the counters (or the speeds, where there are none), heading from the gyro, because one
+step of a coarse counter on one side is degrees of heading. The gyro's bias is learned while the base stands.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from fleet import Pose, Vector3, quaternion_from_yaw
+from fleet.model.geometry import wrap_angle
+from fleet_ugv.model import Feedback
+
+GAP = 1.0  # s without feedback after which what happened meanwhile is unknown
+SPARE = 0.05  # m that a counter may jump beyond what the wheels can do: its own steps
+FRESH = 0.3  # m; counters below this, after larger ones, began anew
+STANDS_AFTER = 0.5  # s without a step of a counter until the base counts as standing
+TURNED_BY_HAND = 0.05  # rad/s that a standing base must turn until it counts
+LEARN = 0.02  # share of the bias that one measurement at standstill replaces
+DRIFT = 0.003  # rad/s of heading that becomes uncertain with a gyro
+SLIP = 0.03  # share of the distance that becomes uncertain
+SLIP_TURN = 0.15  # share of a turn that becomes uncertain when only the wheels tell it
+
+
+class Scale(msgspec.Struct, frozen=True):
+    """What calibration found: metres per told metre of each side, effective track (m), gyro's factor.
+
+    ``wrap``: metres after which the counters begin anew, None when they do not.
+    """
+
+    track: float
+    left: float = 1.0
+    right: float = 1.0
+    gyro: float = 1.0
+    wrap: float | None = None
+
+
+class Step(msgspec.Struct, frozen=True):
+    """What one feedback added: m/s, rad/s. ``restarted``: the counters began anew, so the board did."""
+
+    speed: float
+    yaw_rate: float
+    restarted: bool = False
+
+
+class Odometry:
+    """The pose of one base; ``fastest``: the most that one side can do, m/s.
+
+    ``position_sigma`` (m) and ``heading_sigma`` (rad) grow with the way.
+    """
+
+    def __init__(self, scale: Scale, fastest: float, start: Pose | None = None) -> None:
+        start = start or Pose()
+        self.x, self.y = start.position.x, start.position.y
+        self.yaw = start.rotation.yaw
+        self.bias = 0.0
+        self.travelled = (0.0, 0.0)
+        self._position_variance = 0.0
+        self._heading_variance = 0.0
+        self._scale = scale
+        self._fastest = fastest
+        self._last: Feedback | None = None
+        self._last_at = 0.0
+        self._stepped_at = 0.0
+        self._lessons = 0
+
+    @property
+    def pose(self) -> Pose:
+        """The pose in the world frame, level."""
+        return Pose(Vector3(self.x, self.y), quaternion_from_yaw(self.yaw))
+
+    @property
+    def position_sigma(self) -> float:
+        """Standard deviation of the position, m."""
+        return math.sqrt(self._position_variance)
+
+    @property
+    def heading_sigma(self) -> float:
+        """Standard deviation of the heading, rad."""
+        return math.sqrt(self._heading_variance)
+
+    def update(self, feedback: Feedback, now: float) -> Step | None:
+        """Take a feedback measured at ``now`` (monotonic s); None when nothing can be said about the way."""
+        last, elapsed = self._last, now - self._last_at
+        if elapsed <= 0.0 and last is not None:
+            return None
+        self._last, self._last_at = feedback, now
+        if last is None or elapsed > GAP:
+            self._stepped_at = now
+            return Step(0.0, 0.0, restarted=last is not None and _began_anew(last, feedback))
+        sides = self._sides(last, feedback, elapsed)
+        if sides is None:
+            return Step(0.0, 0.0, restarted=_began_anew(last, feedback))
+        if sides != (0.0, 0.0):
+            self._stepped_at = now
+        self.travelled = (self.travelled[0] + sides[0], self.travelled[1] + sides[1])
+        turned = self._turned(sides, last, feedback, now, elapsed)
+        self._move((sides[0] + sides[1]) / 2, turned, elapsed, by_gyro=_gyro(feedback) is not None)
+        return self._step(sides, turned, elapsed, feedback)
+
+    def _step(self, sides: tuple[float, float], turned: float, elapsed: float, feedback: Feedback) -> Step:
+        """Return the speeds; the told ones, where there are, are finer than the counters' steps."""
+        if feedback.speeds is None:
+            return Step((sides[0] + sides[1]) / 2 / elapsed, turned / elapsed)
+        left, right = feedback.speeds
+        return Step((left * self._scale.left + right * self._scale.right) / 2, turned / elapsed)
+
+    def _sides(self, last: Feedback, now: Feedback, elapsed: float) -> tuple[float, float] | None:
+        """Return the metres that each side went, None for a jump that no wheel can make."""
+        scale = self._scale
+        if last.distances is not None and now.distances is not None:
+            deltas = [
+                new - old if scale.wrap is None else math.remainder(new - old, scale.wrap)
+                for old, new in zip(last.distances, now.distances, strict=True)
+            ]
+        elif now.speeds is not None:
+            deltas = [speed * elapsed for speed in now.speeds]
+        else:
+            return None
+        sides = (deltas[0] * scale.left, deltas[1] * scale.right)
+        if max(map(abs, sides)) > 1.5 * self._fastest * elapsed + SPARE:
+            return None
+        return sides
+
+    def _turned(
+        self, sides: tuple[float, float], last: Feedback, now: Feedback, at: float, elapsed: float
+    ) -> float:
+        """Return the change of heading, from the best that the base tells."""
+        rate = _gyro(now)
+        if rate is not None:
+            return self._by_gyro(rate * self._scale.gyro, elapsed, at, now)
+        if now.yaw is not None and last.yaw is not None:
+            return wrap_angle(now.yaw - last.yaw)
+        return (sides[1] - sides[0]) / self._scale.track
+
+    def _by_gyro(self, rate: float, elapsed: float, at: float, now: Feedback) -> float:
+        """Return the change of heading by the gyro; a standing base teaches its bias."""
+        stands = at - self._stepped_at > STANDS_AFTER and _still(now)
+        off = rate - self.bias
+        if stands and abs(off) < TURNED_BY_HAND:
+            self._lessons += 1
+            self.bias += max(LEARN, 1 / self._lessons) * off  # the first ones are averaged
+            return 0.0
+        return off * elapsed
+
+    def _move(self, distance: float, turned: float, elapsed: float, *, by_gyro: bool) -> None:
+        """Go on by the chord of an arc, and grow the doubt."""
+        middle = self.yaw + turned / 2
+        self.x += distance * math.cos(middle)
+        self.y += distance * math.sin(middle)
+        self.yaw = wrap_angle(self.yaw + turned)
+        doubt = DRIFT * elapsed if by_gyro else SLIP_TURN * abs(turned)
+        self._position_variance += (SLIP * distance) ** 2 + distance * distance * self._heading_variance
+        self._heading_variance += doubt * doubt
+
+
+def _gyro(feedback: Feedback) -> float | None:
+    """Return the yaw rate as it was measured, rad/s."""
+    return None if feedback.gyro is None else feedback.gyro.z
+
+
+def _still(feedback: Feedback) -> bool:
+    """Return True when the base says that its wheels stand, or says nothing of speeds."""
+    return feedback.speeds is None or max(map(abs, feedback.speeds)) < 0.005
+
+
+def _began_anew(last: Feedback, now: Feedback) -> bool:
+    """Return True when both counters fell back to about nothing."""
+    if last.distances is None or now.distances is None:
+        return False
+    small = max(map(abs, now.distances)) <= FRESH
+    return small and max(map(abs, last.distances)) > max(map(abs, now.distances)) + SPARE

@@ -1,0 +1,1 @@
+"""Simulated bases that speak the real wire on a pseudo-terminal."""

@@ -1,0 +1,68 @@
+"""A simulated ros_arduino_bridge: ASCII words that end with CR; pure."""
+
+from __future__ import annotations
+
+from fleet_ugv.codecs.arduino import PID_RATE
+from fleet_ugv.sim.board import SimBoard
+from fleet_ugv.sim.physics import Body
+
+LONGEST = 32  # bytes of a word that the sketch keeps
+
+
+class ArduinoBoard(SimBoard):
+    """A board with two encoders of ``ticks`` a metre."""
+
+    def __init__(self, body: Body, *, ticks: float, seed: int = 1) -> None:
+        super().__init__(body, timeout=2.0, voltage=0.0, seed=seed)
+        self._ticks = ticks
+        self._rest = b""
+        self.servos: dict[int, int] = {}
+
+    def restart(self, now: float) -> None:  # noqa: ARG002 - it starts at once
+        """Begin anew."""
+        self.physics.wanted = [0.0, 0.0]
+        self.physics.ways = [0.0, 0.0]
+        self._rest = b""
+
+    def obey(self, data: bytes, now: float) -> bytes:
+        """Answer each word, strictly one by one."""
+        *words, self._rest = (self._rest + data).split(b"\r")
+        self._rest = self._rest[:LONGEST]
+        return b"".join(self._answer(word[:LONGEST], now) for word in words)
+
+    def _answer(self, word: bytes, now: float) -> bytes:
+        """Carry out one word."""
+        kind, *numbers = word.decode("ascii", "replace").split() or [""]
+        values = [_whole(number) for number in numbers]
+        match kind, values:
+            case "e", _:
+                left, right = (int(way * self._ticks) for way in self.physics.ways)
+                return b"%d %d\r\n" % (left, right)
+            case "m", [left, right, *_]:
+                speed = PID_RATE / self._ticks
+                self.hold(left * speed, right * speed, now)
+            case "r", _:
+                self.physics.ways = [0.0, 0.0]
+            case "s", [servo, angle, *_]:
+                self.servos[servo] = angle
+            case "b", _:
+                return b"57600\r\n"
+            case "u", _:
+                pass
+            case "", _:
+                return b""
+            case _:
+                return b"Invalid Command\r\n"
+        return b"OK\r\n"
+
+    def speak(self, now: float) -> bytes:  # noqa: ARG002 - it never does
+        """Say nothing: this board only answers."""
+        return b""
+
+
+def _whole(text: str) -> int:
+    """Read a number as C's atoi does: 0 for what is none."""
+    try:
+        return int(text)
+    except ValueError:
+        return 0

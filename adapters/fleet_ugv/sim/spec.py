@@ -1,0 +1,84 @@
+"""What a simulated base is asked to be, and how it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import msgspec
+
+from fleet.sim.faults import parse_faults
+from fleet_ugv.profiles import PROFILES
+from fleet_ugv.sim.arduino import ArduinoBoard
+from fleet_ugv.sim.board import SimBoard
+from fleet_ugv.sim.faults import FAULTS
+from fleet_ugv.sim.hoverboard import HoverboardBoard
+from fleet_ugv.sim.physics import Body
+from fleet_ugv.sim.waveshare import WaveshareBoard
+
+SKID = 1.3  # an assumption: how much wider a track that slips in turns seems
+
+
+class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One simulated base: its profile, its faults from the start; ticks a metre and wheels (m), 0: usual."""
+
+    profile: str
+    seed: int = 1
+    faults: dict[str, float] = {}
+    ticks: float = 0.0
+    diameter: float = 0.0
+
+
+def spec_of(link: str, *, ticks: float, diameter: float) -> SimSpec:
+    """Return what ``sim:PROFILE?fault=NAME:VALUE,...&seed=N`` asks for; raises ValueError."""
+    profile, _, query = link.removeprefix("sim:").partition("?")
+    fields = dict(part.partition("=")[::2] for part in query.split("&") if part)
+    if unknown := fields.keys() - {"fault", "seed"}:
+        raise ValueError(f"{link!r}: {min(unknown)!r} is not known; there are fault and seed")
+    seed = fields.get("seed", "1")
+    if not seed.isdigit():
+        raise ValueError(f"{link!r}: the seed {seed!r} is no whole number")
+    faults = parse_faults(fields.get("fault", ""), FAULTS)
+    return SimSpec(profile, int(seed), faults, ticks, diameter)
+
+
+def _waveshare(spec: SimSpec) -> SimBoard:
+    """Return one of Waveshare's boards."""
+    profile = PROFILES[spec.profile]
+    tracked = SKID if spec.profile != "waveshare-rasprover" else 1.15
+    return WaveshareBoard(Body(profile.track, tracked, fastest=profile.fastest), seed=spec.seed)
+
+
+def _arduino(spec: SimSpec) -> SimBoard:
+    """Return a two-wheeled base with encoders."""
+    profile = PROFILES[spec.profile]
+    body = Body(profile.track, fastest=profile.fastest)
+    return ArduinoBoard(body, ticks=spec.ticks or profile.ticks, seed=spec.seed)
+
+
+def _hoverboard(spec: SimSpec) -> SimBoard:
+    """Return a hoverboard."""
+    profile = PROFILES[spec.profile]
+    body = Body(profile.track, fastest=profile.fastest * 2)
+    return HoverboardBoard(body, diameter=spec.diameter or profile.diameter, seed=spec.seed)
+
+
+BOARDS: Mapping[str, Callable[[SimSpec], SimBoard]] = MappingProxyType(
+    {
+        "waveshare-beast": _waveshare,
+        "waveshare-rover": _waveshare,
+        "waveshare-rasprover": _waveshare,
+        "ros-arduino": _arduino,
+        "hoverboard": _hoverboard,
+    }
+)
+
+
+def board_of(spec: SimSpec) -> SimBoard:
+    """Return the base that is asked for; raises ValueError for one that does not exist."""
+    if spec.profile not in BOARDS:
+        raise ValueError(f"there is no simulated {spec.profile!r}; there are {', '.join(BOARDS)}")
+    board = BOARDS[spec.profile](spec)
+    for name, value in spec.faults.items():
+        board.set_fault(name, value)
+    return board

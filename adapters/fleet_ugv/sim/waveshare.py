@@ -1,0 +1,143 @@
+"""A simulated Waveshare board (ugv_base_ros): JSON lines, boot text, T 1001 every 50 ms; pure.
+
+It does what the real one does wrong as well: T 13 does not feed its dead-man, a wheel speed beyond 2 m/s is
+dropped after it fed it, and a line of more than 256 bytes vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+
+from fleet import Lines
+from fleet_ugv.sim.board import SimBoard
+from fleet_ugv.sim.physics import Body
+
+LARGEST = 256  # bytes of a command
+DEFAULT_TIMEOUT = 3.0
+PULSE = 0.0005  # m/s of one step of the told speed
+BOOT = 0.4  # s of boot text; a real board takes longer
+_BOOT_TEXT = (
+    b"ets Jul 29 2019 12:21:46\r\n\r\nrst:0x1 (POWERON_RESET),boot:0x13\r\n"
+    b'Initialize LittleFS for Flash files ctrl.\r\n{"T":\xff broken\r\nICM20948 init\r\n'
+)
+
+
+class WaveshareBoard(SimBoard):
+    """The board of a Beast, a Rover or a RaspRover, by its ``body``."""
+
+    def __init__(self, body: Body, *, seed: int = 1) -> None:
+        super().__init__(body, timeout=DEFAULT_TIMEOUT, voltage=11.9, seed=seed)
+        self.display: dict[int, str] = {}
+        self.lamps = (0, 0)
+        self.camera = (0.0, 0.0)
+        self.restart(0.0)
+
+    def restart(self, now: float) -> None:
+        """Forget everything; print for a while."""
+        self.timeout = DEFAULT_TIMEOUT
+        self.physics.wanted = [0.0, 0.0]
+        self.physics.ways = [0.0, 0.0]
+        self._cutter = Lines(b"\n", LARGEST).cutter()
+        self._booted = now + BOOT
+        self._boot_text = _BOOT_TEXT
+        self._streams = True
+        self._echoes = False
+        self._module = 0
+        self._next = 0.0
+
+    def obey(self, data: bytes, now: float) -> bytes:
+        """Carry out commands; deaf while it boots."""
+        if now < self._booted:
+            return b""
+        return b"".join(self._line(line, now) for line in self._cutter.feed(data))
+
+    def _line(self, line: bytes, now: float) -> bytes:
+        """Carry out one line; what is no JSON object vanishes, a missing T is 0."""
+        try:
+            said = msgspec.json.decode(line)
+        except (msgspec.DecodeError, ValueError, RecursionError):  # ValueError: no UTF-8
+            return b""
+        if not isinstance(said, dict):
+            return b""
+        echo = line + b"\n" if self._echoes and "no_confirm" not in self.faults else b""
+        try:
+            self._do(int(said.get("T", 0)), said, now)
+        except (TypeError, ValueError, OverflowError):
+            return echo
+        return echo
+
+    def _do(self, kind: int, said: dict[str, Any], now: float) -> None:
+        """Carry out one command."""
+        match kind:
+            case 0:
+                self.physics.wanted = [0.0, 0.0]
+            case 1:
+                self._told = now
+                left, right = float(said["L"]), float(said["R"])
+                if max(abs(left), abs(right)) <= 2.0:
+                    self.hold(left, right, now)
+            case 13:
+                turn = float(said["Z"]) * self.physics.body.track / 2
+                self.physics.wanted = [float(said["X"]) - turn, float(said["X"]) + turn]
+            case 3:
+                self.display[int(said["lineNum"])] = str(said["Text"])
+            case -3:
+                self.display.clear()
+            case 132:
+                self.lamps = (int(said["IO4"]), int(said["IO5"]))
+            case 134:
+                self.camera = (float(said["X"]), min(max(float(said["Y"]), -30.0), 90.0))
+            case _:
+                self._configure(kind, said)
+
+    def _configure(self, kind: int, said: dict[str, Any]) -> None:
+        """Take a setting."""
+        match kind:
+            case 131:
+                self._streams = bool(said["cmd"])
+            case 136:
+                if "no_confirm" not in self.faults:
+                    self.timeout = float(said["cmd"]) / 1000
+            case 143:
+                self._echoes = bool(said["cmd"])
+            case 900:
+                self._module = int(said["module"])
+            case _:
+                pass
+
+    def speak(self, now: float) -> bytes:
+        """Return boot text, or a feedback every 50 ms."""
+        if now < self._booted:
+            text, self._boot_text = self._boot_text, b""
+            return text
+        if not self._streams or now < self._next:
+            return b""
+        self._next = now + 0.05
+        return msgspec.json.encode(self._feedback()) + b"\n"
+
+    def _feedback(self) -> dict[str, Any]:
+        """Return T 1001 in its own units: centimetres, centivolts, raw steps."""
+        physics = self.physics
+        left, right = (round(speed / PULSE) * PULSE for speed in physics.speeds)
+        said: dict[str, Any] = {"T": 1001, "L": round(left, 4), "R": round(right, 4)}
+        gravity = 8192 / 9.80665
+        said |= {
+            "ax": round((physics.acceleration + physics.shake(0.05)) * gravity),
+            "ay": round((physics.speed * physics.yaw_rate + physics.shake(0.05)) * gravity),
+            "az": round((9.80665 + physics.shake(0.05)) * gravity),
+            "gx": round(physics.shake(0.5)),
+            "gy": round(physics.shake(0.5)),
+            "gz": round(math.degrees(physics.gyro()) * 16.4),
+            "mx": 0,
+            "my": 0,
+            "mz": 0,
+            "odl": int(physics.ways[0] * 100),
+            "odr": int(physics.ways[1] * 100),
+            "v": round(self.voltage * 100),
+        }
+        if self._module == 2:
+            said |= {"pan": self.camera[0], "tilt": self.camera[1]}
+        return said

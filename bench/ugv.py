@@ -1,0 +1,239 @@
+"""Wheeled robots: setpoint to bytes on the pty, CPU per base, and workers that are killed (SIGKILL).
+
+The bases live in one process, the adapters in another, as edge and robots do.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import pty
+import random
+import select
+import signal
+import statistics
+import sys
+import tempfile
+import time
+import tty
+import uuid
+from pathlib import Path
+
+import psutil
+
+from fleet import NotReady, Vector3, Velocity
+from fleet.clock import SystemClock
+from fleet.host.make import make_adapter
+from fleet.host.wheel import Wheel
+from fleet_ugv import UgvAdapter, UgvConfig
+from fleet_ugv.sim.launch import SimProcess
+from fleet_ugv.sim.server import SimServer
+from fleet_ugv.sim.spec import SimSpec
+
+BASES = 20
+SECONDS = 15.0
+KILLS = 100
+LAST = 0.5  # m/s; the setpoint that ends the measurement
+PROFILE = "waveshare-beast"
+
+
+class BenchRobot:
+    """What an adapter is given: the host's own wheel, and nobody who listens."""
+
+    def __init__(self, wheel):
+        self.name, self.clock, self.log = "bench", SystemClock(), logging.getLogger("bench")
+        self.wheel, self.reports, self.health_now = wheel, 0, None
+
+    def report(self, _report):
+        self.reports += 1
+
+    def health(self, health):
+        self.health_now = health
+
+    def authority_lost(self, reason):
+        """Nobody is told."""
+
+    def every(self, seconds, call):
+        self.wheel.every(seconds, call, owner=self.name, failed=lambda error: sys.exit(str(error)))
+
+    def share(self, _key, make):
+        return make()
+
+
+def adapter_of(url, profile=PROFILE):
+    config = UgvConfig(name="bench", twin=uuid.uuid4(), adapter="ugv", profile=profile, link=url)
+    return make_adapter(UgvAdapter, config)
+
+
+async def many():
+    """Drive many bases at 20 Hz; measure the CPU of this process."""
+    wheel = Wheel(asyncio.get_running_loop())
+    wheel.start()
+    async with SimProcess() as simulator:
+        urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
+        robots = [BenchRobot(wheel) for _ in urls]
+        adapters = [adapter_of(url) for url in urls]
+        runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
+        await until(lambda: all(is_well(robot) for robot in robots))
+        me, began = psutil.Process(), time.monotonic()
+        before = sum(me.cpu_times()[:2])
+        heard = sum(robot.reports for robot in robots)
+        while time.monotonic() - began < SECONDS:
+            for adapter in adapters:
+                adapter.drive(Velocity(Vector3(random.uniform(0.1, 0.3))))
+            await asyncio.sleep(0.05)
+        spent = time.monotonic() - began
+        cpu = (sum(me.cpu_times()[:2]) - before) / spent * 100
+        rate = (sum(robot.reports for robot in robots) - heard) / spent / BASES
+        print(
+            f"  {BASES} bases, setpoints and feedback at 20 Hz: "
+            f"{cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
+        )
+        wheel.stop()
+        for run in runs:
+            run.cancel()
+        await asyncio.gather(*runs, return_exceptions=True)
+
+
+FEEDBACK = b'{"T":1001,"L":0,"R":0,"gx":0,"gy":0,"gz":0,"ax":0,"ay":0,"az":8192,"odl":0,"odr":0,"v":1190}\n'
+
+
+def tap(masters, told):
+    """Be the boards, in a process of their own: note when each line comes; tell it all at the end."""
+    heard, rests, spoken = [], dict.fromkeys(masters, b""), 0.0
+    while time.monotonic() - spoken < 5.0 or not spoken:
+        for master in select.select(masters, [], [], 0.01)[0]:
+            *lines, rests[master] = (rests[master] + os.read(master, 4096)).split(b"\n")
+            now = time.perf_counter()
+            for line in lines:
+                if b'"T":136' in line:
+                    os.write(master, line + b"\n")
+                heard.append((masters.index(master), line.decode(), now))
+                if b"%.4f" % LAST in line:
+                    os.write(told, json.dumps(heard).encode())
+                    return
+        if time.monotonic() - spoken > 0.05:
+            spoken = time.monotonic()
+            for master in masters:
+                os.write(master, FEEDBACK)
+
+
+async def latency():
+    """Measure from ``drive`` to the bytes at the far end of the device, all bases at once."""
+    pairs = [pty.openpty() for _ in range(BASES)]
+    for _, device in pairs:
+        tty.setraw(device)
+    hears, told = os.pipe()
+    child = os.fork()
+    if child == 0:
+        tap([master for master, _ in pairs], told)
+        os._exit(0)
+    os.close(told)
+    wheel = Wheel(asyncio.get_running_loop())
+    wheel.start()
+    robots = [BenchRobot(wheel) for _ in pairs]
+    adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
+    runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
+    await until(lambda: all(is_well(robot) for robot in robots))
+    sent = {}
+    for turn in range(int(SECONDS / 0.05)):
+        speed = 0.1 + turn / 5000
+        for number, adapter in enumerate(adapters):
+            sent[number, f'{{"T":1,"L":{speed:.4f},"R":{speed:.4f}}}'] = time.perf_counter()
+            adapter.drive(Velocity(Vector3(speed)))
+        await asyncio.sleep(0.05)
+    adapters[0].drive(Velocity(Vector3(LAST)))
+    waits = await asyncio.to_thread(waits_of, hears, sent)
+    print(
+        f"  setpoint to bytes on the pty, {BASES} bases, {len(waits)} setpoints: "
+        f"p50 {statistics.median(waits):.2f} ms, p99 {waits[int(len(waits) * 0.99)]:.2f} ms"
+    )
+    await asyncio.to_thread(os.waitpid, child, 0)
+    wheel.stop()
+    for run in runs:
+        run.cancel()
+    await asyncio.gather(*runs, return_exceptions=True)
+
+
+def waits_of(hears, sent):
+    """Return how long each setpoint was under way, ms, shortest first."""
+    with os.fdopen(hears, "rb") as pipe:
+        heard = json.loads(pipe.read())
+    waits = []
+    for number, line, at in heard:
+        asked = sent.pop((number, line), None)
+        if asked is not None:
+            waits.append((at - asked) * 1000)
+    return sorted(waits)
+
+
+async def until(condition):
+    """Wait until something holds."""
+    while not condition():  # noqa: ASYNC110 - nobody sets an event
+        await asyncio.sleep(0.005)
+
+
+def is_well(robot):
+    """Say whether a base is ready."""
+    return robot.health_now is not None and not robot.health_now.cause
+
+
+def drive_for_ever(url):
+    """Drive in a forked child until it is killed."""
+
+    async def drive():
+        wheel = Wheel(asyncio.get_running_loop())
+        wheel.start()
+        adapter = adapter_of(url)
+        run = asyncio.create_task(adapter.run(BenchRobot(wheel)))
+        while not run.done():
+            await asyncio.sleep(0.02)
+            with contextlib.suppress(NotReady):
+                adapter.drive(Velocity(Vector3(0.3)))
+
+    asyncio.run(drive())
+
+
+def kills():
+    """Kill driving workers at random moments; measure how long the base still drives."""
+    late, timeout = [], 0.0
+    for number in range(KILLS):
+        url_out, url_in = os.pipe()
+        child = os.fork()
+        if child == 0:
+            drive_for_ever(os.read(url_out, 500).decode())
+            os._exit(0)
+
+        async def one(child=child, url_in=url_in, number=number):
+            with tempfile.TemporaryDirectory() as folder:
+                server = SimServer(Path(folder))
+                port = server.add(SimSpec(PROFILE, seed=number))
+                life = asyncio.create_task(server.run())
+                os.write(url_in, port.url.encode())
+                await until(lambda: port.board.physics.speeds[0] > 0.2)
+                await asyncio.sleep(random.uniform(0.0, 0.3))
+                os.kill(child, signal.SIGKILL)
+                killed = port.now()
+                await until(lambda: port.board.halted_at is not None)
+                life.cancel()
+                await asyncio.gather(life, return_exceptions=True)
+                return port.board.halted_at - killed, port.board.timeout
+
+        try:
+            stopped, timeout = asyncio.run(one())
+        finally:
+            os.waitpid(child, 0)
+            os.close(url_in)
+            os.close(url_out)
+        late.append(stopped)
+    print(
+        f"  {KILLS} workers killed while driving: "
+        f"stopped after at most {max(late):.3f} s (firmware's time-out {timeout:g} s)"
+    )
+
+
+def run():
+    kills()
+    asyncio.run(many())
+    asyncio.run(latency())

@@ -1,0 +1,129 @@
+"""``fleet calibrate``: drives a metre and a turn, asks what they truly were, and writes what follows."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+import uuid
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fleet.cli.connect import Edges
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.config.load import load
+from fleet.errors import Refused
+from fleet.model.geometry import Vector3
+from fleet.model.state import RobotState
+
+WAY = 1.0  # m
+SPEED = 0.15  # m/s; slow, so that nothing slips
+WITHIN = 120.0  # s for each drive
+SANE = (0.5, 2.0)  # factors beyond are a mistake in measuring
+
+
+def calibrated(
+    before: dict[str, float], *, told: float, way: float, off: float, track: float
+) -> dict[str, float]:
+    """Return new calibration values; ``before`` are those that were in use.
+
+    ``told`` and ``way``: metres by the robot and in truth; ``off``: degrees that it truly turned beyond a
+    full turn, left positive; ``track``: the effective track in use, m. Raises Refused for what cannot be.
+    """
+    further, turned = way / max(told, 1e-6), 1.0 + off / 360.0
+    for what, factor in (("way", further), ("turn", turned)):
+        if not SANE[0] <= factor <= SANE[1]:
+            raise Refused(f"a {what} of {factor:.2f} times what was told cannot be", hint="measure again")
+    return {
+        "track": round(track * further / turned, 5),
+        "left": round(before.get("left", 1.0) * further, 5),
+        "right": round(before.get("right", 1.0) * further, 5),
+        "gyro": round(before.get("gyro", 1.0) * turned, 5),
+    }
+
+
+@click.command()
+@click.argument("robot")
+@click.option(
+    "-f", "--file", default="fleet.yaml", show_default=True, type=click.Path(), help="Its fleet file."
+)
+@with_output
+def calibrate(out: Output, robot: str, file: str) -> ExitCode:
+    """Measure ROBOT's wheels and turns: it drives 1 m and turns once, each after you said yes.
+
+    Needs a running edge and 2 m of free floor. Writes ROBOT.calibration.yaml beside the fleet file.
+    """
+    before, track = _in_use(robot, file)
+    with Edges.reach(file) as edges:
+        told = _drive(edges, robot)
+        way = click.prompt("How far did it go, in metres?", type=float, err=True)
+        _turn(edges, robot)
+        off = click.prompt("How many degrees is it off its mark (left positive)?", type=float, err=True)
+    values = calibrated(before, told=told, way=way, off=off, track=track)
+    path = Path(file).with_name(f"{robot}.calibration.yaml")
+    path.write_text("".join(f"{name}: {value}\n" for name, value in values.items()), encoding="utf-8")
+    out.data({"file": str(path), "calibration": values})
+    out.say(f"{path} written; in {file}:  calibration: !include {path.name}")
+    out.note(f"then start the edge anew, or: fleet send {robot} restart_adapter")
+    return ExitCode.OK
+
+
+def _in_use(name: str, file: str) -> tuple[dict[str, float], float]:
+    """Return the calibration in use and the effective track (m) of a robot of a fleet file."""
+    for config, _ in load(file, partial=True).robots:
+        if config.name == name:
+            given = getattr(config, "calibration", None)
+            if given is None:
+                raise Refused(f"{name} is no robot that can be calibrated")
+            return given.model_dump(exclude_none=True), float(getattr(config, "track", 0.0))
+    raise Refused(f"{file} has no robot {name!r}")
+
+
+def _drive(edges: Edges, name: str) -> float:
+    """Drive straight on; return the metres by the robot's own reckoning."""
+    click.confirm(f"{name} will drive {WAY:g} m straight on. Is the way free?", abort=True, err=True)
+    start = _place(edges, name)
+    _go(edges, name, "relative_move", relative_translation=[WAY, 0.0, 0.0], frame="body")
+    return (_place(edges, name) - start).norm()
+
+
+def _turn(edges: Edges, name: str) -> None:
+    """Turn to a heading, let it be marked, and turn once round to the left."""
+    click.confirm(f"{name} will turn on the spot, to be marked. Is it free?", abort=True, err=True)
+    at = _place(edges, name)
+    here = {"position": [at.x, at.y, 0.0]}
+    _go(edges, name, "goto", **here, yaw=0.0)
+    click.confirm("Mark its heading. Now it turns once round to the left. Ready?", abort=True, err=True)
+    for quarter in (1, 2, 3, 4):
+        _go(edges, name, "goto", **here, yaw=math.remainder(quarter * math.pi / 2, math.tau))
+
+
+def _go(edges: Edges, name: str, command: str, **fields: Any) -> None:
+    """Have a robot go somewhere and wait until it is there; raises Refused with the reason."""
+    message = {"command": command, "action_id": uuid.uuid4().hex, "timestamp": time.time(), **fields}
+    message["constraints"] = {"max_speed_ms": SPEED}
+    payload = json.dumps(message).encode()
+    last = None
+    for last in edges.command(_robot(edges, name), payload, kind="navigate", wait=True, timeout=WITHIN):
+        if not last.ok:
+            raise Refused(f"{name}: {last.reason}")
+    if last is None or not last.done:
+        raise Refused(f"{name} did not get there within {WITHIN:g} s")
+
+
+def _place(edges: Edges, name: str) -> Vector3:
+    """Return where a robot says it is."""
+    position = _robot(edges, name).position
+    if position is None:
+        raise Refused(f"{name} does not tell where it is")
+    return position
+
+
+def _robot(edges: Edges, name: str) -> RobotState:
+    """Return one robot that runs."""
+    found = edges.named(name)
+    if len(found) != 1:
+        raise Refused(f"{name!r} is {len(found)} robots; name one")
+    return found[0]

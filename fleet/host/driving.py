@@ -1,0 +1,46 @@
+"""The velocity that one robot holds: keys combined, clamped, under the dead-man."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fleet.adapter import Adapter
+from fleet.clock import Clock
+from fleet.host.safety.deadman import DeadMan
+from fleet.host.safety.keys import Keys
+from fleet.host.safety.limits import clamp
+from fleet.model.command import Setpoint
+from fleet.model.geometry import Velocity
+from fleet.robot_config import Limits
+
+
+class Driving:
+    """``lease``: seconds that a setpoint lives which does not say; ``combines``: its verbs are keys."""
+
+    def __init__(self, limits: Limits, clock: Clock, *, lease: float, combines: bool) -> None:
+        self.deadman = DeadMan()
+        self._limits = limits
+        self._clock = clock
+        self._lease = lease
+        self._keys = Keys() if combines else None
+
+    def take(self, adapter: Adapter[Any], ask: Setpoint) -> None:
+        """Have the adapter hold what was asked; raises what the adapter raises."""
+        velocity, lease = ask.velocity, ask.lease or self._lease
+        if self._keys is not None:
+            velocity, lease = self._keys.press(ask.name, velocity, self._clock.monotonic(), lease)
+        self.hold(adapter, velocity, lease)
+
+    def hold(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
+        """Have the adapter hold a velocity for its lease (s); raises what the adapter raises."""
+        velocity = clamp(velocity, self._limits)
+        self.deadman.feed(self._clock.monotonic(), lease)
+        if velocity.is_zero:
+            self.deadman.clear()
+        adapter.drive(velocity)
+
+    def let_go(self) -> None:
+        """Hold no velocity any more, whatever keys are down."""
+        self.deadman.clear()
+        if self._keys is not None:
+            self._keys.lift()

@@ -1,0 +1,81 @@
+"""From a task to legs on the plane; pure. Metres in the robot's world frame, radians."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from fleet.errors import Refused
+from fleet.model.geodesy import GeoOrigin, world_from_geo
+from fleet.model.geometry import Pose, Vector3, rotate_to_world
+from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove, Task
+
+Point = tuple[float, float]
+FARTHEST = 10_000.0  # m; a goal beyond is a mistake
+MOST_GOALS = 1000
+
+
+class Leg(msgspec.Struct, frozen=True):
+    """A way that ends in a standstill: through ``points`` to the last, then ``yaw`` and ``wait`` seconds.
+
+    ``backwards``: with the robot's back in front.
+    """
+
+    points: tuple[Point, ...]
+    yaw: float | None = None
+    wait: float = 0.0
+    backwards: bool = False
+
+
+def legs_of(task: Task, pose: Pose, origin: GeoOrigin | None) -> tuple[Leg, ...]:
+    """Return the legs of a task from where the robot is; raises Refused for what cannot be driven."""
+    match task:
+        case GoTo():
+            goals: tuple[Goal, ...] = (task.goal,)
+        case FollowPath():
+            goals = task.goals * task.loops
+        case RelativeMove():
+            return (_relative(task, pose),)
+    if not 1 <= len(goals) <= MOST_GOALS:
+        raise Refused(f"a path has 1 to {MOST_GOALS} goals, loops counted")
+    return _legs(goals, pose.position, origin)
+
+
+def _legs(goals: tuple[Goal, ...], start: Vector3, origin: GeoOrigin | None) -> tuple[Leg, ...]:
+    """Cut a path where the robot is to stand: at a heading, at a wait, at the end."""
+    legs: list[Leg] = []
+    points: list[Point] = []
+    for number, goal in enumerate(goals, 1):
+        points.append(_place(goal, start, origin))
+        if goal.yaw is not None or goal.wait > 0 or number == len(goals):
+            legs.append(Leg(tuple(points), goal.yaw, goal.wait))
+            points = []
+    return tuple(legs)
+
+
+def _relative(task: RelativeMove, pose: Pose) -> Leg:
+    """Return the leg of a move from here; one that is mostly backwards is driven backwards."""
+    move, yaw = task.translation, pose.rotation.yaw
+    body = move if task.body_frame else rotate_to_world(move, -yaw)
+    world = rotate_to_world(move, yaw) if task.body_frame else move
+    place = pose.position + world
+    return Leg((_checked(place, pose.position),), backwards=body.x < 0 and abs(body.y) < abs(body.x))
+
+
+def _place(goal: Goal, start: Vector3, origin: GeoOrigin | None) -> Point:
+    """Return a goal in the world frame."""
+    if goal.position is not None:
+        return _checked(goal.position, start)
+    if origin is None or goal.geo is None:
+        raise Refused("a place on Earth needs the robot's origin", hint="origin: in fleet.yaml")
+    return _checked(world_from_geo(origin, goal.geo), start)
+
+
+def _checked(place: Vector3, start: Vector3) -> Point:
+    """Return a place on the plane; raises Refused for one that is no place or too far."""
+    if not (math.isfinite(place.x) and math.isfinite(place.y)):
+        raise Refused("a goal has finite coordinates")
+    if (place - start).horizontal() > FARTHEST:
+        raise Refused(f"the goal is more than {FARTHEST / 1000:g} km away")
+    return place.x, place.y

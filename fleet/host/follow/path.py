@@ -1,0 +1,92 @@
+"""A line through points, and where a robot is along it; pure. Metres."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+from fleet.host.follow.course import Point
+
+CORNER = math.radians(30)  # a sharper turn is driven to its point and not cut
+AT_CORNER = 0.06  # m before a corner's point at which the way after it is looked at
+WINDOW = 1.0  # m ahead in which the robot is looked for: a path may cross itself
+
+
+class Path:
+    """Straight pieces through at least two points; a place on it is the way from its start."""
+
+    def __init__(self, points: Sequence[Point]) -> None:
+        self._points = tuple(points)
+        steps = (math.dist(one, other) for one, other in itertools.pairwise(self._points))
+        self._ways = (0.0, *itertools.accumulate(steps))
+        self._corners = self._find_corners()
+
+    @property
+    def length(self) -> float:
+        """The whole way."""
+        return self._ways[-1]
+
+    @property
+    def end(self) -> Point:
+        """The last point."""
+        return self._points[-1]
+
+    def passed(self, way: float) -> int:
+        """Return how many points after the first are behind, without the last."""
+        return sum(1 for vertex in self._ways[1:-1] if vertex <= way + AT_CORNER)
+
+    def ahead(self, here: Point, way: float) -> float:
+        """Return the place nearest to ``here`` that is not behind ``way``, nor far ahead of it."""
+        best, nearest = way, math.inf
+        for number in range(len(self._points) - 1):
+            low, high = self._ways[number], self._ways[number + 1]
+            if high < way or low > way + WINDOW or low == high:
+                continue
+            place = min(max(self._project(here, number), way), way + WINDOW, self.length)
+            apart = math.dist(here, self.point(place))
+            if apart < nearest - 1e-9:
+                best, nearest = place, apart
+        return best
+
+    def point(self, way: float) -> Point:
+        """Return the point at a place."""
+        for number in range(len(self._points) - 1):
+            low, high = self._ways[number], self._ways[number + 1]
+            if way <= high and high > low:
+                part = max(0.0, (way - low) / (high - low))
+                (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
+                return x + part * (to_x - x), y + part * (to_y - y)
+        return self.end
+
+    def aim(self, way: float, look: float) -> Point:
+        """Return the point to drive at: ``look`` ahead, but not round a corner before it was reached."""
+        corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
+        return self.point(min(way + look, corner))
+
+    def to_corner(self, way: float) -> float:
+        """Return the way to the next place where the robot must slow down: a corner, or the end."""
+        corner = next((vertex for vertex in self._corners if vertex > way + AT_CORNER), self.length)
+        return max(0.0, corner - way)
+
+    def _project(self, here: Point, number: int) -> float:
+        """Return the place on a piece that is nearest to a point."""
+        (x, y), (to_x, to_y) = self._points[number], self._points[number + 1]
+        low, high = self._ways[number], self._ways[number + 1]
+        along = ((here[0] - x) * (to_x - x) + (here[1] - y) * (to_y - y)) / (high - low)
+        return low + min(max(along, 0.0), high - low)
+
+    def _find_corners(self) -> tuple[float, ...]:
+        """Return the places of sharp turns."""
+        found = []
+        for number in range(1, len(self._points) - 1):
+            before, at, after = self._points[number - 1 : number + 2]
+            turn = _direction(at, after) - _direction(before, at)
+            if abs(math.remainder(turn, math.tau)) > CORNER:
+                found.append(self._ways[number])
+        return tuple(found)
+
+
+def _direction(one: Point, other: Point) -> float:
+    """Return the heading from one point to another."""
+    return math.atan2(other[1] - one[1], other[0] - one[0])

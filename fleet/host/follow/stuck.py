@@ -1,0 +1,46 @@
+"""Noticing that a robot is commanded and does not get on; pure."""
+
+from __future__ import annotations
+
+from fleet.model.geometry import Pose, Velocity, wrap_angle
+
+ASKED_SPEED = 0.04  # m/s
+ASKED_TURN = 0.15  # rad/s
+MOVED = 0.03  # m that count as getting on
+TURNED = 0.087  # rad
+STUCK_AFTER = 3.0  # s without either
+NEARER = 0.05  # m
+NOT_NEARER_AFTER = 5.0  # s on the way without getting nearer
+
+
+class Stuck:
+    """The watch over one action; ``now`` is monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._anchor: Pose | None = None
+        self._since = 0.0
+        self._nearest = float("inf")
+        self._nearer_at = 0.0
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._anchor = None
+        self._nearest = float("inf")
+
+    def look(self, pose: Pose, asked: Velocity, remaining: float, now: float) -> bool:
+        """Return True when the robot is stuck; ``remaining``: metres of the whole way."""
+        drives = asked.linear.horizontal() >= ASKED_SPEED
+        if not drives and abs(asked.yaw_rate) < ASKED_TURN:
+            self.reset()
+            return False
+        if self._anchor is None or _moved(self._anchor, pose):
+            self._anchor, self._since = pose, now
+        if not drives or remaining < self._nearest - NEARER:
+            self._nearest, self._nearer_at = min(remaining, self._nearest), now
+        return now - self._since > STUCK_AFTER or now - self._nearer_at > NOT_NEARER_AFTER
+
+
+def _moved(one: Pose, other: Pose) -> bool:
+    """Return True when a pose differs enough."""
+    turned = abs(wrap_angle(other.rotation.yaw - one.rotation.yaw))
+    return (other.position - one.position).horizontal() > MOVED or turned > TURNED

@@ -1,0 +1,154 @@
+"""RoboClaw motor controllers: a fourth kind of base, as one profile and one codec.
+
+Packet serial: address, command, big-endian arguments, CRC-16 (XMODEM) over all of it. What sets something is
+answered 0xFF; what asks is answered by the value and a CRC over question and value. Answers have no header:
+they are matched to the questions in order, and a wrong CRC throws away all that was waited for. The dead-man
+(command 14, steps of 100 ms) is off in a new controller: it is set and read back before the base is driven.
+Written from the protocol's description, not tried on a controller.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from collections import deque
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from fleet import Limits
+from fleet_ugv import UgvAdapter, UgvConfig
+from fleet_ugv.battery import THREE_LITHIUM
+from fleet_ugv.codecs.base import Codec
+from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Wheels
+from fleet_ugv.profiles import Profile, Setting
+
+ADDRESS = 0x80
+SET_TIMEOUT, GET_TIMEOUT, GET_VOLTS, SPEEDS, COUNTERS = 14, 15, 24, 37, 78
+ANSWERS = {GET_TIMEOUT: 3, GET_VOLTS: 4, COUNTERS: 10}  # bytes, CRC and all
+TAKEN = b"\xff"
+MOST_ASKED = 8  # questions that wait for an answer; more are a controller that is gone
+COUNTER = 2**32
+
+
+def packet(command: int, arguments: bytes = b"") -> bytes:
+    """Return a packet with its CRC."""
+    body = bytes((ADDRESS, command)) + arguments
+    return body + binascii.crc_hqx(body, 0).to_bytes(2)
+
+
+class RoboclawCodec(Codec):
+    """One controller; ``ticks`` a metre, ``timeout`` of its dead-man in s."""
+
+    stop: ClassVar[bytes] = packet(SPEEDS, bytes(8))
+    longest: ClassVar[int] = len(stop)
+
+    def __init__(self, *, ticks: float, timeout: float) -> None:
+        self.garbage = 0
+        self._ticks = ticks
+        self._steps = max(1, round(timeout * 10))
+        self._rest = b""
+        self._asked: deque[int] = deque(maxlen=MOST_ASKED)
+        self._volts: float | None = None
+
+    def feed(self, data: bytes) -> Sequence[Event]:
+        """Take what arrived; return what the whole answers say."""
+        self._rest = (self._rest + data)[-256:]
+        events: list[Event] = []
+        while self._rest and (not self._asked or len(self._rest) >= ANSWERS[self._asked[0]]):
+            said = self._next()
+            if said is not None:
+                events.append(said)
+        return events
+
+    def _next(self) -> Event | None:
+        """Take the answer to the oldest question, or what is none."""
+        if self._asked:
+            command = self._asked[0]
+            answer = self._rest[: ANSWERS[command]]
+            if self._is_good(command, answer):
+                self._asked.popleft()
+                self._rest = self._rest[len(answer) :]
+                return self._answer(command, answer)
+        if self._rest[:1] == TAKEN:
+            self._rest = self._rest[1:]
+            return None
+        self.garbage += 1
+        self._rest = b""
+        self._asked.clear()
+        return None
+
+    def _is_good(self, command: int, answer: bytes) -> bool:
+        """Return True for an answer whose CRC is right."""
+        asked = bytes((ADDRESS, command))
+        return binascii.crc_hqx(asked + answer[:-2], 0) == int.from_bytes(answer[-2:])
+
+    def _answer(self, command: int, answer: bytes) -> Event | None:
+        """Return what an answer says."""
+        if command == COUNTERS:
+            left, right = struct.unpack(">ii", answer[:8])
+            return Feedback(distances=(left / self._ticks, right / self._ticks), voltage=self._volts)
+        if command == GET_VOLTS:
+            self._volts = int.from_bytes(answer[:2]) / 10
+            return None
+        return Confirmed() if answer[0] == self._steps else None
+
+    def _ask(self, command: int) -> bytes:
+        """Return a question and remember it; a question has no CRC of its own."""
+        self._asked.append(command)
+        return bytes((ADDRESS, command))
+
+    def motion(self, motion: Motion) -> bytes:
+        """Return the speeds of both motors in ticks a second."""
+        assert isinstance(motion, Wheels)
+        ticks = (round(speed * self._ticks) for speed in (motion.left, motion.right))
+        return packet(SPEEDS, struct.pack(">ii", *(min(max(count, -(2**31)), 2**31 - 1) for count in ticks)))
+
+    def setup(self) -> bytes:
+        """Return the dead-man's time and the question whether it was taken."""
+        self._asked.clear()
+        return packet(SET_TIMEOUT, bytes((self._steps,))) + self._ask(GET_TIMEOUT)
+
+    def poll(self) -> bytes:
+        """Return the questions for volts and counters."""
+        return self._ask(GET_VOLTS) + self._ask(COUNTERS)
+
+
+def _codec(setting: Setting) -> Codec:
+    """Return the codec of a robot."""
+    return RoboclawCodec(ticks=setting.ticks, timeout=setting.timeout)
+
+
+ROBOCLAW = Profile(
+    codec=_codec,
+    baud=115200,
+    track=0.30,
+    diameter=0.12,
+    fastest=1.5,
+    limits=Limits(speed=1.0, yaw_rate=2.0),
+    timeout=0.5,
+    settable=True,
+    poll=0.05,
+    ticks=4000.0,
+    counter=COUNTER,
+    curve=THREE_LITHIUM,
+)
+
+
+class RoboclawConfig(UgvConfig):
+    """A base with a RoboClaw."""
+
+    adapter: Literal["roboclaw"]  # type: ignore[assignment]
+    profile: str = Field("roboclaw", description="What the base is: roboclaw.")
+
+    @classmethod
+    def profiles(cls) -> dict[str, Profile]:
+        """Return the one profile."""
+        return {"roboclaw": ROBOCLAW}
+
+
+class Roboclaw(UgvAdapter):
+    """Drives a base through a RoboClaw controller."""
+
+    Config = RoboclawConfig

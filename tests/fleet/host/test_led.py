@@ -1,0 +1,216 @@
+"""A robot that drives and tells its pose is led by the host, through the desk's clamp and dead-man."""
+
+import asyncio
+import math
+
+import pytest
+
+from fleet.adapter import Adapter
+from fleet.host.desk import Desk
+from fleet.host.make import capabilities
+from fleet.host.ticket import Ticket
+from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
+from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate
+from fleet.model.report import NavigationReport, PoseReport
+from fleet.robot_config import AdapterConfig, Limits
+from fleet.testing.clock import ManualClock
+
+TELE = Origin(Way.CLOUD, "tele", "anna")
+
+
+class CartConfig(AdapterConfig):
+    adapter: str = "cart"
+    link: str = "memory:cart"
+
+
+class Cart(Adapter[CartConfig]):
+    """A robot that does exactly what it is told."""
+
+    Config = CartConfig
+    limits = Limits(speed=0.5, yaw_rate=1.0)
+    combines_keys = True
+
+    def __init__(self, config):
+        super().__init__(config)
+        self.velocity = Velocity()
+        self.told = []
+
+    async def run(self, robot):
+        """Do nothing."""
+
+    def drive(self, velocity):
+        self.velocity = velocity
+        self.told.append(velocity)
+
+    async def stop(self, reason):
+        self.halt()
+
+    def halt(self):
+        self.velocity = Velocity()
+
+
+class World:
+    """A cart, its desk, and a loop that makes time pass without waiting."""
+
+    def __init__(self, monkeypatch):
+        self.clock = ManualClock()
+        self.reports = []
+        config = CartConfig(name="cart", twin="6f0c9a1e-0000-4000-8000-000000000001")
+        self.cart = Cart(config)
+        self.desk = Desk(
+            config,
+            capabilities(Cart),
+            publish=self.reports.append,
+            crashed=self._crashed,
+            restart=lambda: None,
+            clock=self.clock,
+        )
+        self.x = self.y = self.yaw = 0.0
+        self.expired = 0
+        self.tells = True
+        self.desk.attach(self.cart)
+        self.desk.found()
+        self._sleep = asyncio.sleep
+        monkeypatch.setattr("fleet.host.follow.leader.asyncio.sleep", self.pass_time)
+
+    def _crashed(self, error):
+        raise error
+
+    async def pass_time(self, seconds):
+        await self._sleep(0)
+        self.clock.advance(seconds)
+        if self.desk.deadman.expire(self.clock.monotonic()):
+            self.expired += 1
+            self.desk.halt()
+        velocity = self.cart.velocity
+        self.x += velocity.linear.x * math.cos(self.yaw) * seconds
+        self.y += velocity.linear.x * math.sin(self.yaw) * seconds
+        self.yaw += velocity.yaw_rate * seconds
+        self.see()
+
+    def see(self):
+        if self.tells:
+            stamp = self.clock.time()
+            self.desk.see(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
+
+    def ask(self, what):
+        answers = []
+        self.desk.receive(what, Ticket("it", answers.append))
+        return answers
+
+    def states(self):
+        return [str(report.state) for report in self.reports if isinstance(report, NavigationReport)]
+
+    async def until(self, condition):
+        for _ in range(20000):
+            if condition():
+                return
+            await self._sleep(0)
+        raise AssertionError(self.reports[-3:])
+
+
+@pytest.fixture
+async def world(monkeypatch):
+    return World(monkeypatch)
+
+
+def goal(x, y, yaw=None, action="a1", **more):
+    return Navigate(GoTo(Goal(Vector3(x, y), yaw=yaw), **more), action, TELE)
+
+
+async def test_it_goes_to_a_goal_and_says_so_once(world):
+    world.see()
+    (receipt,) = world.ask(goal(1.0, 1.0, yaw=0.0))
+    assert receipt.ok
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert (world.x, world.y, world.yaw) == pytest.approx((1.0, 1.0, 0.0), abs=0.1)
+    assert world.states()[:2] == ["queued", "running"]
+    assert world.states().count("completed") == 1
+    assert world.expired == 0
+
+
+async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):
+    (receipt,) = world.ask(goal(1.0, 1.0))
+    assert "has told no pose" in receipt.reason
+    assert world.states() == ["failed"]
+
+
+async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
+    world.see()
+    world.ask(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert max(velocity.linear.x for velocity in world.cart.told) == pytest.approx(0.5)
+    assert not world.desk.deadman.armed
+
+
+async def test_an_asker_may_slow_it_down(world):
+    world.see()
+    world.ask(goal(2.0, 0.0, constraints=Constraints(max_speed=0.2)))
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert max(velocity.linear.x for velocity in world.cart.told) <= 0.2 + 1e-9
+
+
+async def test_a_robot_that_tells_no_pose_any_more_is_stopped_and_the_action_fails(world):
+    world.see()
+    world.ask(goal(3.0, 0.0))
+    await world.until(lambda: world.x > 0.5)
+    world.tells = False
+    await world.until(lambda: world.states()[-1] == "failed")
+    assert "no pose" in world.reports[-1].message
+    assert world.cart.velocity.is_zero
+    assert world.x < 0.5 + 0.6 * 0.5
+
+
+async def test_teleoperation_takes_over(world):
+    world.see()
+    world.ask(goal(3.0, 0.0))
+    await world.until(lambda: world.x > 0.5)
+    world.ask(Setpoint(Velocity(yaw_rate=0.5), origin=TELE))
+    await world.until(lambda: world.states()[-1] == "cancelled")
+    assert world.cart.velocity == Velocity(yaw_rate=0.5)
+
+
+async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
+    world.see()
+    world.ask(goal(3.0, 0.0))
+    await world.until(lambda: world.x > 0.5)
+    world.desk.emergency("test")
+    told = len(world.cart.told)
+    world.ask(Command("emergency_stop", origin=TELE))
+    await world.until(lambda: world.states()[-1] == "cancelled")
+    assert [velocity for velocity in world.cart.told[told:] if not velocity.is_zero] == []
+
+
+async def test_a_newer_goal_takes_the_place_of_the_older(world):
+    world.see()
+    world.ask(goal(3.0, 0.0, action="a1"))
+    await world.until(lambda: world.x > 0.5)
+    world.ask(goal(0.0, 0.0, action="a2"))
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert world.states().count("cancelled") == 1
+    assert (world.x, world.y) == pytest.approx((0.0, 0.0), abs=0.1)
+
+
+async def test_a_paused_path_goes_on_with_what_is_left_of_it(world):
+    world.see()
+    path = FollowPath((Goal(Vector3(1.0)), Goal(Vector3(1.0, 1.0)), Goal(Vector3(0.0, 1.0))), loops=1)
+    world.ask(Navigate(path, "p1", TELE))
+    await world.until(lambda: world.y > 0.5)
+    world.ask(Navigate(Control.PAUSE, "", TELE))
+    await world.until(lambda: world.cart.velocity.is_zero)
+    told = len(world.cart.told)
+    world.ask(Navigate(Control.RESUME, "", TELE))
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert len(world.cart.told) > told
+    assert (world.x, world.y) == pytest.approx((0.0, 1.0), abs=0.1)
+
+
+async def test_keys_that_are_held_together_combine_and_a_stop_lifts_them(world):
+    world.ask(Setpoint(Velocity(Vector3(0.4)), "move_forward", origin=TELE))
+    world.ask(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
+    assert world.cart.velocity == Velocity(Vector3(0.4), 0.6)
+    world.ask(Command("stop", origin=TELE))
+    await world.until(lambda: world.cart.velocity.is_zero)
+    world.ask(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
+    assert world.cart.velocity == Velocity(yaw_rate=0.6)
