@@ -30,6 +30,7 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
         for joint in dog.all_joints
     )
     return f"""<mujoco>
+  <compiler angle="radian"/>
   <option timestep="{STEP}" integrator="implicitfast"/>
   <default><geom friction="{friction} 0.02 0.001" solref="0.01 1"/>
     <joint armature="0.01" damping="0.05" limited="true"/></default>
