@@ -1,1 +1,1 @@
-"""The body: kinematics, gait, odometry and postures, as functions of measured values and dt; no I/O, no clock."""
+"""The body: kinematics, gait, odometry, postures; functions of measured values and dt, no I/O."""

@@ -40,9 +40,7 @@ class Leg(NamedTuple):
         down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
         abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
         wanted = math.hypot(x, down)
-        length = max(
-            abs(self.thigh - self.calf) + 1e-3, min((self.thigh + self.calf) * _NEARLY, wanted)
-        )
+        length = max(abs(self.thigh - self.calf) + 1e-3, min((self.thigh + self.calf) * _NEARLY, wanted))
         bend = math.acos(_cosine(self.thigh, self.calf, length))
         lean = math.acos(_cosine(self.thigh, length, self.calf))
         return abad, math.atan2(-x, down) - self.knee * lean, self.knee * (math.pi - bend)

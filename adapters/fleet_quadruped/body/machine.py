@@ -203,7 +203,6 @@ class Body:
         self._tries += 1
         self._motion = rolling(self._dog, targets.angles, to_left=to_left)
 
-
     _ASKS: ClassVar[Mapping[Ask, Callable[[Body, float, Sense], str]]] = {
         Ask.STAND: _stand,
         Ask.SIT: _sit,
@@ -226,4 +225,3 @@ class Body:
 
 def _nothing(wish: Wish) -> Wanted:
     return Wanted(wish, Targets(ZEROS, ZEROS, ZEROS))
-

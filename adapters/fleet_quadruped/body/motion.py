@@ -15,7 +15,7 @@ _ROLL_TIME = 0.7  # s
 
 
 class Segment(NamedTuple):
-    """``seconds`` along a path whose argument goes from 0 to 1; without a path, a straight way to ``goal``."""
+    """``seconds`` along a path (argument 0 to 1); without one, a straight way to ``goal``."""
 
     seconds: float
     goal: Twelve

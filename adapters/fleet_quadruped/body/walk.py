@@ -68,7 +68,10 @@ class Walker:
         gait = self._dog.gait
         most = (gait.acceleration * dt, gait.acceleration * dt, gait.turn_acceleration * dt)
         self._ramped = Twist(
-            *(now + _within(goal - now, step) for now, goal, step in zip(self._ramped, wanted, most, strict=True))
+            *(
+                now + _within(goal - now, step)
+                for now, goal, step in zip(self._ramped, wanted, most, strict=True)
+            )
         )
 
     def _correct(self, dt: float) -> None:

@@ -137,11 +137,15 @@ class Controller:
                 order.errand.ask, order.errand.value, sense
             )
         if order.leave or now - order.alive > self.dog.safety.abandoned:
-            why = "told to leave" if order.leave else f"nothing heard from its host for {now - order.alive:.0f} s"
+            why = (
+                "told to leave"
+                if order.leave
+                else f"nothing heard from its host for {now - order.alive:.0f} s"
+            )
             self.body.trip(Trip(Stage.SIT, why))
 
     def _release(self, ask: Ask) -> None:
-        """A new command to get up ends an emergency stop (which the host has released), and only that."""
+        """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
         if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == _STOP_TRIP.cause:
             self.body.fault = ""
 
@@ -167,7 +171,9 @@ class Controller:
         """Do what the body wants of the drives, within the limits."""
         match wanted.wish:
             case Wish.HOLD:
-                safe = limit(wanted.targets, self._last, sense.angles, self.dog.all_joints, self.dog.safety, dt)
+                safe = limit(
+                    wanted.targets, self._last, sense.angles, self.dog.all_joints, self.dog.safety, dt=dt
+                )
                 self.clamped += safe.clamped
                 self._last = safe.targets.angles
                 self.drives.write(safe.targets)

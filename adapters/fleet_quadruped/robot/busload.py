@@ -18,7 +18,9 @@ def frame_bits(length: int, *, extended: bool = False) -> int:
     return stuffed + (stuffed - 1) // 4 + 13
 
 
-def bus_loads(drive: Drive, joints: Counter[str], sensors: list[Sensor], bitrates: dict[str, int]) -> dict[str, float]:
+def bus_loads(
+    drive: Drive, joints: Counter[str], sensors: list[Sensor], bitrates: dict[str, int]
+) -> dict[str, float]:
     """Return each bus's load as a share; ``joints`` counts the drives on each bus."""
     per_second = {bus: _drive_bits(drive, joints[bus]) if joints[bus] else 0.0 for bus in bitrates}
     for sensor in sensors:
@@ -33,5 +35,5 @@ def _drive_bits(drive: Drive, joints: int) -> float:
     full = frame_bits(8)
     if drive.protocol == "mit":
         return drive.cycle_hz * joints * 2 * full
-    cyclic = joints * (2 + 1 / SLOW_EVERY) * full + frame_bits(0)
-    return drive.cycle_hz * cyclic + (joints + 1) * frame_bits(1) / drive.heartbeat
+    cyclic = joints * (2 + 1 / SLOW_EVERY) * full + frame_bits(0) + frame_bits(1)
+    return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat

@@ -99,7 +99,9 @@ class Description(Section):
         """How full each bus is, as a share."""
         sensors = [sensor for sensor in (self.imu, self.battery) if sensor is not None]
         bitrates = {name: bus.bitrate for name, bus in self.buses.items()}
-        return bus_loads(self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, bitrates)
+        return bus_loads(
+            self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, bitrates
+        )
 
     def posture(self, left: Pose, right: Pose | None = None) -> Twelve:
         """Return the angles of all joints for a pose of the left legs (and another of the right)."""
@@ -111,9 +113,7 @@ class Description(Section):
     def stance(self, height: float) -> Twelve:
         """Return the angles that stand with the hips ``height`` metres above flat ground."""
         down = -(height - self.geometry.foot_radius)
-        return tuple(
-            angle for leg in self.legs for angle in leg.angles((0.0, leg.side * leg.offset, down))
-        )
+        return tuple(angle for leg in self.legs for angle in leg.angles((0.0, leg.side * leg.offset, down)))
 
     def _joint(self, name: str) -> Joint:
         part: Part = next(part for part in PARTS if name.endswith(part))
@@ -149,7 +149,9 @@ def _missing(dog: Description) -> list[str]:
     problems += [f"joints: there is no joint {name!r}" for name in dog.joints if name not in JOINTS]
     problems += [f"actuators: {part} is missing" for part in PARTS if part not in dog.actuators]
     users = {f"joints.{name}": wiring.bus for name, wiring in dog.joints.items()}
-    users |= {name: part.bus for name in ("imu", "battery", "led") if (part := getattr(dog, name)) is not None}
+    users |= {
+        name: part.bus for name in ("imu", "battery", "led") if (part := getattr(dog, name)) is not None
+    }
     problems += [f"{user}: there is no bus {bus!r}" for user, bus in users.items() if bus not in dog.buses]
     return problems
 

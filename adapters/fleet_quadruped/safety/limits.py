@@ -20,7 +20,7 @@ class Limited(NamedTuple):
 
 
 def limit(
-    wanted: Targets, last: Twelve, measured: Twelve, joints: Sequence[Joint], safety: Safety, dt: float
+    wanted: Targets, last: Twelve, measured: Twelve, joints: Sequence[Joint], safety: Safety, *, dt: float
 ) -> Limited:
     """Return targets within limits: position, step, speed, distance to the measured angle, torque.
 
@@ -32,7 +32,7 @@ def limit(
     torques: list[float] = []
     for number, joint in enumerate(joints):
         kind = joint.kind
-        angle = safe_angle(wanted.angles[number], last[number], measured[number], joint, safety, dt)
+        angle = safe_angle(wanted.angles[number], last[number], measured[number], joint, safety, dt=dt)
         speed = _within(wanted.speeds[number], kind.velocity)
         torque = _within(wanted.torques[number], kind.torque)
         clamped += not math.isclose(angle, wanted.angles[number], abs_tol=1e-9)
@@ -43,7 +43,7 @@ def limit(
 
 
 def safe_angle(
-    wanted: float, last: float, measured: float, joint: Joint, safety: Safety, dt: float
+    wanted: float, last: float, measured: float, joint: Joint, safety: Safety, *, dt: float
 ) -> float:
     """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
     angle = wanted if math.isfinite(wanted) else last

@@ -70,7 +70,8 @@ class Monitor:
         for joint, age in silent:
             if len(legs) > 1 or age > _ALONE * most:
                 yield Trip(
-                    Stage.DAMP, f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus} for {age:.2f} s"
+                    Stage.DAMP,
+                    f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus} for {age:.2f} s",
                 )
 
     def following(self, seen: Observed) -> Iterator[Trip]:
@@ -84,7 +85,9 @@ class Monitor:
             far = abs(wanted - actual) > safety.following * 0.98  # targets are kept within it
             self._far[number] = self._far[number] + seen.dt if far else 0.0
             if self._far[number] > safety.following_time:
-                yield Trip(Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}")
+                yield Trip(
+                    Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}"
+                )
 
     def places(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a joint that is measured where it cannot be."""
@@ -115,7 +118,10 @@ class Monitor:
         """Sit down for a hot joint."""
         for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
             if told.temperature is not None and told.temperature >= joint.kind.temperature_max:
-                yield Trip(Stage.SIT, f"{joint.name}: {told.temperature:.0f} C, {joint.kind.temperature_max:g} is its limit")
+                yield Trip(
+                    Stage.SIT,
+                    f"{joint.name}: {told.temperature:.0f} C, {joint.kind.temperature_max:g} is its limit",
+                )
 
     def battery(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for an empty battery."""

@@ -53,11 +53,7 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
             }
         ),
         Stage.DAMP: MappingProxyType(
-            {
-                mode: Mode.DAMPED
-                for mode in Mode
-                if mode not in {Mode.OFF, Mode.DAMPED}
-            }
+            {mode: Mode.DAMPED for mode in Mode if mode not in {Mode.OFF, Mode.DAMPED}}
         ),
     }
 )

@@ -142,7 +142,9 @@ class SimDrive:
     def _cycle(self) -> float:
         """Return the interpolation period, s."""
         exponent = self.sdo.objects[0x60C2, 2].value
-        return float(self.sdo.objects[0x60C2, 1].value * 10.0 ** (exponent - 256 if exponent > 127 else exponent))
+        return float(
+            self.sdo.objects[0x60C2, 1].value * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
+        )
 
     def _command(self, data: bytes) -> None:
         """Obey NMT."""
@@ -208,5 +210,5 @@ def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
     }
-    objects.update({(item.index, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
+    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
     return objects

@@ -49,11 +49,7 @@ class SimDog:
             for joint, motor in zip(dog.all_joints, world.motors, strict=True)
         ]
         self._on_bus = {
-            bus: [
-                drive
-                for drive, joint in zip(self.drives, dog.all_joints, strict=True)
-                if joint.bus == bus
-            ]
+            bus: [drive for drive, joint in zip(self.drives, dog.all_joints, strict=True) if joint.bus == bus]
             for bus in dog.buses
         }
 
@@ -138,7 +134,14 @@ def imu_values(imu: Imu) -> dict[str, float]:
     """Return an IMU's values by the names that frame maps use."""
     turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
     return {
-        **{"qw": turn.w, "qx": turn.x, "qy": turn.y, "qz": turn.z},
-        **{"gx": gyro.x, "gy": gyro.y, "gz": gyro.z},
-        **{"ax": accel.x, "ay": accel.y, "az": accel.z},
+        "qw": turn.w,
+        "qx": turn.x,
+        "qy": turn.y,
+        "qz": turn.z,
+        "gx": gyro.x,
+        "gy": gyro.y,
+        "gz": gyro.z,
+        "ax": accel.x,
+        "ay": accel.y,
+        "az": accel.z,
     }

@@ -1,4 +1,4 @@
-"""Faults of a simulated dog by name; the number is the joint's place in ``JOINTS``, 1 to 12, where it has one."""
+"""Faults of a simulated dog by name; a joint is told by its place in ``JOINTS``, 1 to 12."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class SimBus:
 def lockstep(
     dog: Description, world: World | None = None, *, real: Description | None = None, seed: int = 1
 ) -> tuple[SimDog, dict[str, SimBus]]:
-    """Return a simulated dog and its buses. ``real`` is how the machine is built, if the description is wrong."""
+    """Return a simulated dog and its buses; ``real`` is how it is built when ``dog`` is wrong."""
     buses = {name: SimBus(name) for name in dog.buses}
     built = real or dog
     sim = SimDog(built, world or KinematicWorld(built), lambda bus, frame: buses[bus].arrive(frame), seed)

@@ -23,7 +23,9 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
     """Return the MuJoCo model (MJCF) of a dog on flat ground."""
     mass = dog.robot.mass
     shape = dog.geometry
-    legs = "".join(_leg(dog, name, leg, mass * (1 - _TRUNK) / 4) for name, leg in zip(LEGS, dog.legs, strict=True))
+    legs = "".join(
+        _leg(dog, name, leg, mass * (1 - _TRUNK) / 4) for name, leg in zip(LEGS, dog.legs, strict=True)
+    )
     motors = "".join(
         f'<general name="{joint.name}" joint="{joint.name}" biastype="affine" gainprm="1" biasprm="0 0 0"'
         f' forcelimited="true" forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
@@ -50,18 +52,21 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
 def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
     """Return one leg: hip block, thigh, calf with a round foot."""
     joints = {joint.name: joint for joint in dog.all_joints}
-    ranges = {part: f"{joints[f'{name}_{part}'].low} {joints[f'{name}_{part}'].high}" for part in ("abad", "hip", "knee")}
+    ranges = {
+        part: f"{joints[f'{name}_{part}'].low} {joints[f'{name}_{part}'].high}"
+        for part in ("abad", "hip", "knee")
+    }
     limb = 'type="capsule" contype="0" conaffinity="1"'
     return f"""
       <body pos="{leg.x} {leg.y} 0">
-        <joint name="{name}_abad" axis="1 0 0" range="{ranges['abad']}"/>
+        <joint name="{name}_abad" axis="1 0 0" range="{ranges["abad"]}"/>
         <geom type="sphere" size="0.04" mass="{mass * 0.4}" pos="0 {leg.side * leg.offset / 2} 0"
               contype="0" conaffinity="1"/>
         <body pos="0 {leg.side * leg.offset} 0">
-          <joint name="{name}_hip" axis="0 1 0" range="{ranges['hip']}"/>
+          <joint name="{name}_hip" axis="0 1 0" range="{ranges["hip"]}"/>
           <geom {limb} size="0.018" fromto="0 0 0 0 0 {-leg.thigh}" mass="{mass * 0.42}"/>
           <body pos="0 0 {-leg.thigh}">
-            <joint name="{name}_knee" axis="0 1 0" range="{ranges['knee']}"/>
+            <joint name="{name}_knee" axis="0 1 0" range="{ranges["knee"]}"/>
             <geom {limb} size="0.012" fromto="0 0 0 0 0 {-leg.calf}" mass="{mass * 0.14}"/>
             <geom name="{name}_foot" type="sphere" size="{dog.geometry.foot_radius}" pos="0 0 {-leg.calf}"
                   mass="{mass * 0.04}" contype="0" conaffinity="1"/>
@@ -114,7 +119,11 @@ class MujocoWorld:
 
     def _store(self) -> None:
         """Take the measured joints out of the engine."""
-        angles, speeds, forces = self.data.qpos.tolist(), self.data.qvel.tolist(), self.data.actuator_force.tolist()
+        angles, speeds, forces = (
+            self.data.qpos.tolist(),
+            self.data.qvel.tolist(),
+            self.data.actuator_force.tolist(),
+        )
         for number, motor in enumerate(self.motors):
             motor.angle = angles[self._addresses[number]]
             motor.speed = speeds[self._speeds[number]]

@@ -41,7 +41,9 @@ class Motor:
 class World(Protocol):
     """A body with twelve motors."""
 
-    motors: Sequence[Motor]
+    @property
+    def motors(self) -> Sequence[Motor]:
+        """The motors in the order of ``JOINTS``."""
 
     def step(self, dt: float) -> None:
         """Let ``dt`` seconds pass."""

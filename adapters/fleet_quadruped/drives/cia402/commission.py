@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
-from canopen.sdo import SdoAbortedError, SdoCommunicationError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.can.frame import CanBus, Frame
@@ -42,7 +42,7 @@ _ABORTS = {
 }
 
 
-class Wire(canopen.Network):  # type: ignore[misc]
+class Wire(canopen.Network):
     """``canopen`` over a bus of ours: what it sends goes out, what a pump reads comes in."""
 
     def __init__(self, bus: CanBus) -> None:
@@ -92,12 +92,12 @@ def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> None:
 def _dictionary(drive: Drive) -> ObjectDictionary:
     """Return the drive's EDS; raises LinkRefused when an object that is needed is not in it."""
     if not drive.eds:
-        return ObjectDictionary()
+        return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
     try:
         dictionary = canopen.import_od(drive.eds)
     except (OSError, ValueError, KeyError) as error:
         raise LinkRefused(f"drive.eds: {drive.eds} cannot be read: {error}") from None
-    lacking = {item.index for item in all_objects(drive, 1)} - set(dictionary)
+    lacking = {item.place for item in all_objects(drive, 1)} - set(dictionary)
     if lacking:
         names = ", ".join(f"{index:04X}h" for index in sorted(lacking))
         raise LinkRefused(f"drive.eds: {drive.eds} has no {names}: this drive cannot be used")
@@ -112,7 +112,7 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
     for item in objects:
         _write(node, joint, item)
     for item in final_values(objects):
-        actual = _read(node, joint, item.index, item.sub)
+        actual = _read(node, joint, item.place, item.sub)
         if actual != item.value:
             raise LinkRefused(
                 f"{joint.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}"
@@ -123,10 +123,14 @@ def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
     """Refuse a device that is not the drive that the description means."""
     kind = _read(node, joint, *DEVICE_TYPE) & 0xFFFF
     if kind != PROFILE_402:
-        raise LinkRefused(f"{joint.name}: 1000h:0 says profile {kind}, wanted 402: another device has id {joint.id}")
+        raise LinkRefused(
+            f"{joint.name}: 1000h:0 says profile {kind}, wanted 402: another device has id {joint.id}"
+        )
     for sub, wanted in ((1, drive.vendor), (2, drive.product)):
         if wanted is not None and (actual := _read(node, joint, 0x1018, sub)) != wanted:
-            raise LinkRefused(f"{joint.name}: 1018h:{sub} is {actual:#x}, wanted {wanted:#x}: another make of drive")
+            raise LinkRefused(
+                f"{joint.name}: 1018h:{sub} is {actual:#x}, wanted {wanted:#x}: another make of drive"
+            )
     modes = _read(node, joint, *MODES)
     if not modes >> (CYCLIC_POSITION - 1) & 1:
         raise LinkRefused(f"{joint.name}: 6502h:0 is {modes:#x}: it has no cyclic synchronous position mode")
@@ -135,7 +139,7 @@ def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
 def _write(node: canopen.RemoteNode, joint: Joint, item: Object) -> None:
     """Write an object; what is read-only is left to the reading back."""
     try:
-        node.sdo.download(item.index, item.sub, item.value.to_bytes(item.size, "little"))
+        node.sdo.download(item.place, item.sub, item.value.to_bytes(item.size, "little"))
     except SdoAbortedError as error:
         if error.code != _READ_ONLY:
             raise _refused(joint, item.name, item.what, error) from None
@@ -160,4 +164,6 @@ def _refused(joint: Joint, name: str, what: str, error: SdoAbortedError) -> Link
 
 
 def _silent(joint: Joint) -> LinkLost:
-    return LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} does not answer; check power, wiring, id, bitrate")
+    return LinkLost(
+        f"{joint.name}: id {joint.id} on bus {joint.bus!r} does not answer; check power, wiring, id, bitrate"
+    )

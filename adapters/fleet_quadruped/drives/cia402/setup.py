@@ -20,7 +20,7 @@ _STAY_STOPPED = 6  # brake, then stay in quick stop: no torque-off while it fall
 class Object(NamedTuple):
     """One value of the object dictionary; ``size`` in bytes."""
 
-    index: int
+    place: int
     sub: int
     size: int
     value: int
@@ -29,7 +29,7 @@ class Object(NamedTuple):
     @property
     def name(self) -> str:
         """Index and subindex as people write them."""
-        return f"{self.index:04X}h:{self.sub}"
+        return f"{self.place:04X}h:{self.sub}"
 
 
 def heartbeat_objects(drive: Drive) -> list[Object]:
@@ -90,4 +90,4 @@ def all_objects(drive: Drive, node: int) -> list[Object]:
 
 def final_values(objects: list[Object]) -> list[Object]:
     """Return what must be read back at the end: the last value of each object."""
-    return list({(item.index, item.sub): item for item in objects}.values())
+    return list({(item.place, item.sub): item for item in objects}.values())

@@ -1,4 +1,4 @@
-"""Twelve MIT motors as a ``JointDrive``. A motor speaks only when it is spoken to: each command is a question."""
+"""Twelve MIT motors as a ``JointDrive``: a motor speaks only when it is spoken to."""
 
 from __future__ import annotations
 
@@ -58,23 +58,33 @@ class MitDrives:
     def configure(self) -> None:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
         if not self._profile.damiao:
-            log.warning("%s has no watchdog that can be set over CAN: check it in the maker's tool", self._dog.drive.profile)
-            self._ask_all(lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at is not None)
+            log.warning(
+                "%s has no watchdog that can be set over CAN: check it in the maker's tool",
+                self._dog.drive.profile,
+            )
+            self._ask_all(
+                lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at is not None
+            )
             return
         for register in wire.RANGE_REGISTERS:
             self._read(register)
         self._check_ranges()
         timeout = wire.timeout_value(self._dog.drive.timeout)
         self._ask_all(
-            lambda motor: (wire.REGISTERS, wire.write_register(motor.joint.id, wire.TIMEOUT_REGISTER, timeout)),
+            lambda motor: (
+                wire.REGISTERS,
+                wire.write_register(motor.joint.id, wire.TIMEOUT_REGISTER, timeout),
+            ),
             lambda motor: self._register(motor, wire.TIMEOUT_REGISTER) is not None,
         )
-        self._registers = {key: value for key, value in self._registers.items() if key[2] != wire.TIMEOUT_REGISTER}
+        self._registers = {
+            key: value for key, value in self._registers.items() if key[2] != wire.TIMEOUT_REGISTER
+        }
         self._read(wire.TIMEOUT_REGISTER)
         for motor in self._motors:
             actual = self._register(motor, wire.TIMEOUT_REGISTER)
             if actual != timeout:
-                raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, wanted {timeout!r}")
+                raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, not {timeout!r}")
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
@@ -113,7 +123,9 @@ class MitDrives:
         self._wanted = Power.ENABLED
         for motor in self._motors:
             if self._is_enabled(motor):
-                self._send(motor, wire.pack_command(MitCommand(motor.joint.motor(motor.angle)), self._profile))
+                self._send(
+                    motor, wire.pack_command(MitCommand(motor.joint.motor(motor.angle)), self._profile)
+                )
             else:
                 motor.enabled = True
                 motor.told_at = motor.told_at if self._profile.damiao else None
@@ -166,7 +178,7 @@ class MitDrives:
             return JointFeedback()
         fault = ""
         power = self._wanted if self._is_enabled(motor) else Power.DISABLED
-        if self._profile.damiao and motor.status in wire.STATUS:
+        if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
             power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
         elif self._profile.error_at is not None and motor.status:
             power, fault = Power.FAULT, f"error {motor.status} of the motor"
@@ -210,7 +222,9 @@ class MitDrives:
         for motor in self._motors:
             if not answered(motor):
                 joint = motor.joint
-                raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} does not answer; check power, wiring, id")
+                raise LinkLost(
+                    f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
+                )
 
     def _check_ranges(self) -> None:
         """Refuse motors whose frames mean other numbers than the profile says."""
@@ -229,5 +243,7 @@ def profile_of(dog: Description) -> Profile:
     """Return the dog's motor profile; raises LinkRefused for one that is not known."""
     profile = PROFILES.get(dog.drive.profile)
     if profile is None:
-        raise LinkRefused(f"drive.profile: there is no {dog.drive.profile!r}; there are {', '.join(sorted(PROFILES))}")
+        raise LinkRefused(
+            f"drive.profile: there is no {dog.drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
+        )
     return profile

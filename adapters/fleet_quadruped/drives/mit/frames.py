@@ -60,7 +60,7 @@ class MitReply(NamedTuple):
 
 
 def pack_command(command: MitCommand, profile: Profile) -> bytes:
-    """Return the eight bytes of a command; everything is clamped, and never all ones (that is a special frame)."""
+    """Return a command's eight bytes: clamped, and never all ones (those are special frames)."""
     whole = _raw(command.angle, -profile.angle, profile.angle, 16)
     for value, low, high in (
         (command.speed, -profile.speed, profile.speed),
