@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 _CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
-_RANGES: Mapping[str, tuple[int, int]] = {
+_RANGES: Mapping[str, tuple[float, float]] = {"f32": (-3.4e38, 3.4e38)} | {
     kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
     for kind, bits in (("u8", 8), ("i8", 8), ("u16", 16), ("i16", 16), ("u32", 32), ("i32", 32))
 }
@@ -99,11 +99,9 @@ def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:
     data = bytearray(frame.length)
     for name, field in frame.fields.items():
         raw = (values.get(name, field.offset) - field.offset) / field.scale
-        if not math.isfinite(raw):
-            raise ValueError(f"{name} is not a number: {raw}")
-        if field.type == "f32":
-            field.layout.pack_into(data, field.at, raw)
-            continue
+        if math.isnan(raw):
+            raise ValueError(f"{name} is not a number")
         low, high = _RANGES[field.type]
-        field.layout.pack_into(data, field.at, max(low, min(high, round(raw))))
+        within = max(low, min(high, raw))
+        field.layout.pack_into(data, field.at, within if field.type == "f32" else round(within))
     return bytes(data)

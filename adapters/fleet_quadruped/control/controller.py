@@ -39,6 +39,7 @@ class Controller:
         self._refusal = ""
         self._stops = 0
         self._lamp: bool | None = None
+        self._loads = dog.loads
 
     def begin(self, now: float) -> None:
         """Begin a cycle: the drives are asked where they are."""
@@ -92,7 +93,7 @@ class Controller:
             accel=(imu.accel.x, imu.accel.y, imu.accel.z) if imu else None,
             battery=dict(battery.values) if battery else {},
             battery_age=battery.age(now) if battery and battery.values else None,
-            loads=self.dog.loads,
+            loads=self._loads,
             timing=timing,
         )
 

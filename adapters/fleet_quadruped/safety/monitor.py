@@ -13,6 +13,7 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
 _ALONE = 3  # times the limit that a joint of one leg only may be silent
+_FASTER = 1.5  # times the highest speed that an angle may seem to change
 _BEYOND = 0.1  # rad a joint may be measured outside its limits
 
 
@@ -34,6 +35,8 @@ class Monitor:
     def __init__(self, dog: Description) -> None:
         self._dog = dog
         self._far = [0.0] * len(dog.all_joints)
+        self._angles = [0.0] * len(dog.all_joints)
+        self._quiet = [math.inf] * len(dog.all_joints)  # s since the angle was told
 
     def check(self, seen: Observed) -> Trip | None:
         """Return the hardest reason to stop; None when there is none."""
@@ -89,6 +92,21 @@ class Monitor:
                     Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}"
                 )
 
+    def jumps(self, seen: Observed) -> Iterator[Trip]:
+        """Stop for an angle that changes faster than the joint can turn."""
+        for number, (joint, told) in enumerate(zip(self._dog.all_joints, seen.joints, strict=True)):
+            self._quiet[number] += seen.dt
+            if told.age >= seen.dt:
+                continue
+            moved = abs(told.angle - self._angles[number])
+            fast = moved > _FASTER * joint.kind.velocity * self._quiet[number]
+            before, self._angles[number], self._quiet[number] = self._angles[number], told.angle, 0.0
+            if fast and seen.mode in POSITIONED:
+                yield Trip(
+                    Stage.DAMP,
+                    f"{joint.name}: its encoder jumped from {before:.2f} to {told.angle:.2f} rad",
+                )
+
     def places(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a joint that is measured where it cannot be."""
         if seen.mode not in POSITIONED and seen.mode is not Mode.ENABLING:
@@ -134,6 +152,7 @@ _RULES: tuple[Callable[[Monitor, Observed], Iterator[Trip]], ...] = (
     Monitor.drives,
     Monitor.feedback,
     Monitor.following,
+    Monitor.jumps,
     Monitor.places,
     Monitor.tilt,
     Monitor.heat,

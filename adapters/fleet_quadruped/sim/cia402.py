@@ -12,7 +12,7 @@ from fleet_quadruped.drives.cia402.setup import mapping_objects
 from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.sdo import SdoServer
+from fleet_quadruped.sim.sdo import REQUEST, SdoServer
 from fleet_quadruped.sim.world import Motor
 
 _STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
@@ -67,6 +67,12 @@ class SimDrive:
         self._master_at: float | None = None
         self._syncs = 0
         self.boot()
+
+    @property
+    def hears(self) -> frozenset[int]:
+        """NMT, SYNC, the master's heartbeat, its own RPDO and SDO."""
+        node = self.joint.id
+        return frozenset({0x000, wire.SYNC, wire.HEARTBEAT + wire.MASTER, wire.RPDO1 + node, REQUEST + node})
 
     def boot(self) -> None:
         """Start as after power-on."""

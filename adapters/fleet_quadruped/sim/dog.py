@@ -48,10 +48,10 @@ class SimDog:
             make(joint, motor, self._sender(joint.bus), dog.drive)
             for joint, motor in zip(dog.all_joints, world.motors, strict=True)
         ]
-        self._on_bus = {
-            bus: [drive for drive, joint in zip(self.drives, dog.all_joints, strict=True) if joint.bus == bus]
-            for bus in dog.buses
-        }
+        self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
+        for drive, joint in zip(self.drives, dog.all_joints, strict=True):
+            for identifier in drive.hears:
+                self._listeners.setdefault((joint.bus, identifier), []).append(drive)
 
     def fault(self, name: str, value: float = 1.0) -> None:
         """Begin a fault; raises ValueError for one that does not exist."""
@@ -76,8 +76,7 @@ class SimDog:
     def take(self, bus: str, frame: Frame) -> None:
         """Take a frame that was sent to the dog."""
         for arrived in self._carried(self._in[bus], [frame]):
-            for drive in self._on_bus[bus]:
-                drive.take(arrived)
+            self._deliver(bus, arrived)
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` seconds pass, and tell what the sensors see at their end."""
@@ -89,12 +88,15 @@ class SimDog:
         self.time += dt
         for bus in self.dog.buses:
             for frame in self._carried(self._in[bus], ()):
-                for drive in self._on_bus[bus]:
-                    drive.take(frame)
+                self._deliver(bus, frame)
         self._sense()
         for bus in self.dog.buses:
             for frame in self._carried(self._out[bus], ()):
                 self._heard(bus, frame)
+
+    def _deliver(self, bus: str, frame: Frame) -> None:
+        for drive in self._listeners.get((bus, frame.id), ()):
+            drive.take(frame)
 
     def _sense(self) -> None:
         """Send what the IMU and the battery measure."""

@@ -10,6 +10,10 @@ from fleet_quadruped.can.frame import Frame
 class AnyDrive(Protocol):
     """One simulated drive."""
 
+    @property
+    def hears(self) -> frozenset[int]:
+        """Identifiers of the frames that mean something to the drive."""
+
     def take(self, frame: Frame) -> None:
         """Take a frame from the bus."""
 

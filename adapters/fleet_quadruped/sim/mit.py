@@ -42,6 +42,11 @@ class SimMitDrive:
         self._jump = 0.0
         self._silence = 0.0
 
+    @property
+    def hears(self) -> frozenset[int]:
+        """Its own id, and the register's."""
+        return frozenset({self.joint.id, wire.REGISTERS})
+
     def boot(self) -> None:
         """Start as after power-on: disabled, registers as they were stored."""
         self.status = 0

@@ -97,6 +97,8 @@ def _score(dog: Description, trials: Sequence[Quaternion], enough: int) -> int:
     mastered = 0
     for number, turn in enumerate(trials):
         mastered += tries_needed(dog, turn, most=2) is not None
+        if not mastered:  # the first trial is the hardest: on its back
+            return 0
         if mastered + len(trials) - number - 1 <= enough:
             break
     return mastered

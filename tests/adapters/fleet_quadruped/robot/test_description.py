@@ -44,7 +44,7 @@ def test_a_bus_that_is_not_there_is_refused(write_dog):
 
 def test_a_bus_that_would_be_too_full_is_refused(write_dog):
     told = refused(write_dog(("cycle_hz: 100", "cycle_hz: 200")))
-    assert "buses: a would be 77% full, more than 60%" in told
+    assert "buses: a would be 79% full, more than 60%" in told
 
 
 def test_a_posture_outside_the_limits_is_refused(write_dog):
