@@ -18,6 +18,11 @@ class TestMavlink(AdapterContract):
     config = {"adapter": "mavlink", "link": "udpin:127.0.0.1:0"}
 
 
+class TestQuadruped(AdapterContract):
+    adapter = adapter("quadruped")
+    config = {"adapter": "quadruped", "link": "sim:kinematic"}
+
+
 def test_every_installed_adapter_is_held_to_the_contract():
     tested = {
         cls.config["adapter"]

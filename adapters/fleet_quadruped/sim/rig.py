@@ -18,7 +18,7 @@ from fleet_quadruped.sim.world import World
 
 
 class Rig:
-    """A simulated dog that is configured and off. ``order`` is what its host says; it stays alive by itself."""
+    """A simulated dog that is configured and off. ``order`` is what its host says, kept fresh."""
 
     def __init__(
         self, dog: Description, world: World | None = None, *, real: Description | None = None, seed: int = 1

@@ -29,7 +29,7 @@ WORLDS: Mapping[str, Callable[[Description], World]] = MappingProxyType(
 
 
 def make_world(name: str, dog: Description) -> World:
-    """Return a world; ``auto`` takes physics where MuJoCo is installed. Raises LinkRefused for another name."""
+    """Return a world; ``auto`` takes physics where MuJoCo is installed. Raises LinkRefused for others."""
     if name not in WORLDS:
         raise LinkRefused(f"there is no simulated world {name!r}; there are {', '.join(WORLDS)}")
     return WORLDS[name](dog)

@@ -17,7 +17,7 @@ def dog():
 
 @pytest.fixture(params=["cia402", "mit"])
 def any_dog(dog, request):
-    """The example dog with each kind of drives."""
+    """Return the example dog with each kind of drives."""
     return speaking(dog, request.param)
 
 
@@ -28,13 +28,13 @@ def mit_dog(dog):
 
 @pytest.fixture
 def rig(any_dog):
-    """A kinematic dog, off, with each kind of drives."""
+    """Return a kinematic dog, off, with each kind of drives."""
     return Rig(any_dog)
 
 
 @pytest.fixture
 def standing(rig):
-    """A kinematic dog that stands."""
+    """Return a kinematic dog that stands."""
     rig.stand()
     return rig
 

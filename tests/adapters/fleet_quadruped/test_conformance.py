@@ -43,7 +43,7 @@ def test_a_drive_that_cannot_be_configured_is_refused_by_name(any_dog):
 
 
 def test_a_silent_drive_is_told_by_name_and_id(any_dog):
-    with pytest.raises(LinkLost, match="^RL_hip: id 8 on bus 'a'"):
+    with pytest.raises(LinkLost, match=r"^RL_hip: id 8 on bus 'a'"):
         unconfigured(any_dog, "mute").drives.configure()
 
 

@@ -61,8 +61,9 @@ def test_limits_the_wrong_way_round_are_refused(write_dog):
 
 
 def test_half_of_a_roll_pose_is_refused(write_dog):
-    pose = "roll_near: {abad: 0, hip: 0.5, knee: -1}\n  rise_time"
-    assert "belong together" in refused(write_dog(("rise_time", pose)))
+    assert "belong together" in refused(
+        write_dog(("  roll_far: {abad: 0.288, hip: 3.245, knee: -0.955}\n", ""))
+    )
 
 
 def test_abduction_is_mirrored_on_the_right(dog):
