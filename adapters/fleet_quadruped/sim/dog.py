@@ -78,8 +78,8 @@ class SimDog:
         for arrived in self._carried(self._in[bus], [frame]):
             self._deliver(bus, arrived)
 
-    def advance(self, dt: float) -> None:
-        """Let ``dt`` seconds pass, and tell what the sensors see at their end."""
+    def advance(self, dt: float, *, sense: bool = True) -> None:
+        """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
         steps = max(1, round(dt / STEP))
         for _ in range(steps):
             for drive in self.drives:
@@ -89,7 +89,8 @@ class SimDog:
         for bus in self.dog.buses:
             for frame in self._carried(self._in[bus], ()):
                 self._deliver(bus, frame)
-        self._sense()
+        if sense:
+            self._sense()
         for bus in self.dog.buses:
             for frame in self._carried(self._out[bus], ()):
                 self._heard(bus, frame)

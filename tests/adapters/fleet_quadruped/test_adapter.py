@@ -1,7 +1,5 @@
 """The adapter with its body controller as a real process and a simulated dog in it."""
 
-import asyncio
-import contextlib
 import os
 import signal
 
@@ -19,59 +17,17 @@ from fleet import (
     Vector3,
     Velocity,
 )
-from fleet.clock import SystemClock
 from fleet.model.report import ImuReport, JointReport, MetricsReport
-from fleet.testing.robot import RecordingRobot
-from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
+from fleet_quadruped import QuadrupedConfig
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
-
-
-def config(**changes):
-    return QuadrupedConfig(
-        **{"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:kinematic"} | changes
-    )
-
-
-class LiveRobot(RecordingRobot):
-    """A robot whose wheel turns by itself in real time."""
-
-    def __init__(self):
-        super().__init__("rex")
-        self.clock = SystemClock()
-        self.tasks = []
-
-    def every(self, seconds, call):
-        async def turn():
-            while True:
-                await asyncio.sleep(seconds)
-                call()
-
-        self.tasks.append(asyncio.create_task(turn()))
-
-
-@contextlib.asynccontextmanager
-async def running(**changes):
-    adapter, robot = QuadrupedAdapter(config(**changes)), LiveRobot()
-    run = asyncio.create_task(adapter.run(robot))
-    try:
-        found = asyncio.create_task(robot.until(lambda: bool(robot.healths)))
-        await asyncio.wait({found, run}, return_when=asyncio.FIRST_COMPLETED)
-        found.cancel()
-        if run.done():
-            run.result()
-        yield adapter, robot, run
-    finally:
-        for task in [*robot.tasks, run]:
-            task.cancel()
-        await asyncio.gather(*robot.tasks, run, return_exceptions=True)
 
 
 async def all_of(command):
     return [progress async for progress in command]
 
 
-async def test_it_stands_walks_to_a_place_and_sits_down():
+async def test_it_stands_walks_to_a_place_and_sits_down(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
         await all_of(adapter.navigate(GoTo(Goal(Vector3(0.5, 0.2)))))
@@ -87,13 +43,13 @@ async def test_it_stands_walks_to_a_place_and_sits_down():
     assert len(joints.positions) == len(joints.velocities) == len(joints.efforts) == 12
 
 
-async def test_a_dog_that_lies_does_not_walk():
+async def test_a_dog_that_lies_does_not_walk(running):
     async with running() as (adapter, _, _):
         with pytest.raises(NotReady, match="stand_up first"):
             adapter.drive(Velocity(Vector3(0.3)))
 
 
-async def test_an_emergency_stop_is_seen_to_be_obeyed():
+async def test_an_emergency_stop_is_seen_to_be_obeyed(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
         adapter.drive(Velocity(Vector3(0.3)))
@@ -101,7 +57,7 @@ async def test_an_emergency_stop_is_seen_to_be_obeyed():
         await robot.until(lambda: robot.healths[-1].cause == "emergency stop")
 
 
-async def test_the_height_changes_only_while_it_stands():
+async def test_the_height_changes_only_while_it_stands(running):
     async with running() as (adapter, robot, _):
         with pytest.raises(Refused, match="stand up first"):
             await all_of(adapter.sit_down(delta_z=0.05))
@@ -110,20 +66,20 @@ async def test_the_height_changes_only_while_it_stands():
         await robot.until(lambda: adapter._state.height == pytest.approx(0.22))
 
 
-async def test_a_killed_body_controller_is_a_lost_link():
+async def test_a_killed_body_controller_is_a_lost_link(running):
     async with running() as (adapter, _, run):
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost, match="ended with status -9"):
             await run
 
 
-async def test_a_drive_that_is_another_device_is_told():
+async def test_a_drive_that_is_another_device_is_told(running):
     with pytest.raises(LinkRefused, match="RL_knee"):
         async with running(link="sim:kinematic?faults=stranger:9"):
             pass
 
 
-async def test_a_bus_that_cannot_be_opened_is_told():
+async def test_a_bus_that_cannot_be_opened_is_told(running):
     with pytest.raises((LinkLost, LinkRefused), match="nowhere"):
         async with running(link=None, buses={"a": "can:slcan:/dev/nowhere"}):
             pass
@@ -132,4 +88,6 @@ async def test_a_bus_that_cannot_be_opened_is_told():
 @pytest.mark.parametrize("changes", [{"link": None}, {"buses": {"a": "can:virtual:x"}}, {"link": "sim:moon"}])
 def test_a_dog_that_is_neither_real_nor_simulated_is_refused(changes):
     with pytest.raises(ValueError, match="sim:auto"):
-        config(**changes)
+        QuadrupedConfig(
+            **{"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:kinematic"} | changes
+        )
