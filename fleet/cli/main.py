@@ -27,6 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "stop": "fleet.cli.send:stop",
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
+    "can": "fleet_quadruped.cli:can",
 }
 SUMMARIES: Mapping[str, str] = {
     "init": "Write an example fleet.yaml to begin with.",
@@ -39,6 +40,7 @@ SUMMARIES: Mapping[str, str] = {
     "stop": "Stop robots at once.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
+    "can": "Look at a quadruped's CAN buses and drives; enables nothing.",
 }
 
 
@@ -54,7 +56,10 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, _, attribute = COMMANDS[cmd_name].partition(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
+        try:
+            command: click.Command = getattr(importlib.import_module(module), attribute)
+        except ModuleNotFoundError as error:
+            raise click.ClickException(f"fleet {cmd_name} needs {error.name}: install its extra") from None
         return command
 
     def resolve_command(
