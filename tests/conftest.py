@@ -1,6 +1,87 @@
-"""What all tests share: Hypothesis without clocks, because the tests run on busy machines."""
+"""What all tests share: MQTT brokers, and Hypothesis without clocks (the tests run on busy machines)."""
 
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+
+import pytest
 from hypothesis import HealthCheck, settings
+
+from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("fleet")
+
+MOSQUITTO = (
+    "user root",  # which only root reads; without it root's mosquitto may not open a test's certificates
+    "allow_anonymous true",
+    "set_tcp_nodelay true",
+    "connection_messages false",
+    "log_dest stderr",
+    "log_type error",
+    "log_type information",
+)
+
+
+class Mosquitto:
+    """A Mosquitto broker on 127.0.0.1 at ``port``, for as long as a ``with`` block lasts."""
+
+    def __init__(self, folder, *lines):
+        self._config = folder / "mosquitto.conf"
+        self._lines = lines
+        self._process = None
+        self.port = 0
+
+    def __enter__(self):
+        program = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/sbin")
+        assert program, "these tests need Mosquitto: apt-get install -y mosquitto"
+        while not self._starts(program):
+            self.stop()
+        return self
+
+    def __exit__(self, *_):
+        self.stop()
+
+    def stop(self):
+        """Kill the broker, as a power cut does; entering again starts it on another port."""
+        self._process.kill()
+        self._process.wait()
+        self._process.stderr.close()
+
+    def _starts(self, program):
+        """Start it on a port that is free, and tell whether it still was."""
+        with socket.create_server(("127.0.0.1", 0)) as probe:
+            self.port = probe.getsockname()[1]
+        self._config.write_text("\n".join((f"listener {self.port} 127.0.0.1", *MOSQUITTO, *self._lines)))
+        self._process = subprocess.Popen(
+            [program, "-c", self._config], stderr=subprocess.PIPE, text=True, encoding="utf-8"
+        )
+        said = []
+        for line in self._process.stderr:
+            if line.strip().endswith("running"):
+                return True
+            said.append(line)
+        assert "Address already in use" in "".join(said), said
+        return False
+
+
+@pytest.fixture
+def run_mosquitto(tmp_path):
+    """Start Mosquitto with more lines of configuration, until the test ends."""
+    with contextlib.ExitStack() as stack:
+        yield lambda *lines: stack.enter_context(Mosquitto(tmp_path, *lines))
+
+
+@pytest.fixture
+def mosquitto(run_mosquitto):
+    """Run Mosquitto, where everybody may come in."""
+    return run_mosquitto()
+
+
+@pytest.fixture
+def broker():
+    """Run the demo broker, where everybody may come in."""
+    with BrokerThread() as running:
+        yield running

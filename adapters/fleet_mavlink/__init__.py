@@ -1,5 +1,6 @@
 """Drones on MAVLink: ArduPilot and PX4."""
 
-from fleet_mavlink.adapter import MavlinkAdapter, MavlinkConfig
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_mavlink.config import MavlinkConfig
 
 __all__ = ["MavlinkAdapter", "MavlinkConfig"]

@@ -45,6 +45,8 @@ class Bridge:
         self._topics = topics
         self._ports = ports
         self._clock = clock
+        self._alive = alive
+        self._queued = False
         self._began = clock.monotonic()
         session = settings.client_id or client_id("fleet", simulated=False)
         subscriptions: dict[str, int] = {}
@@ -75,7 +77,9 @@ class Bridge:
     def turn(self) -> None:
         """Publish what is due; at the end of each turn of the wheel."""
         self.uplink.turn(self._clock.monotonic())
-        self.client.flush()
+        if self._queued:  # a wake-up of the cloud's thread costs more than a message
+            self._queued = False
+            self.client.flush()
 
     def beat(self, extra: Mapping[str, Any]) -> None:
         """Publish the heartbeat of every twin; ``extra``: host figures."""
@@ -95,7 +99,7 @@ class Bridge:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
         for port in self._ports.values():
             (topic, payload) = self._telemetry(port, "disconnected", {"reason": "the edge vanished"})
-            return Will(topic, payload)
+            return Will(topic, payload, qos=1)
         return None
 
     def _telemetry(self, port: Port, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
@@ -111,6 +115,7 @@ class Bridge:
 
     def _publish(self, topic: str, payload: bytes, qos: int) -> bool:
         """Queue for the next flush."""
+        self._queued = True
         return self.client.publish(topic, payload, qos=qos)
 
     def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
@@ -130,5 +135,14 @@ class Bridge:
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Tell how the connection stands; on the cloud's thread."""
-        level = logging.INFO if state in (CloudState.CONNECTED, CloudState.CONNECTING) else logging.WARNING
+        fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
+        level = logging.WARNING if fallen else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
+        if state is CloudState.CONNECTED and self.client.stats.connects > 1:
+            self._say_connected()
+
+    def _say_connected(self) -> None:
+        """Take back the will: the broker may have told everybody that we vanished."""
+        for port in self._ports.values():
+            if self._alive(port.name):
+                self._say(port, "connected", {})

@@ -25,7 +25,14 @@ KINDS: Mapping[str, Kind] = {
     "navigate/command": "navigate",
     "motion/command": "motion",
 }
-STREAMED = frozenset(VERBS) | {"move", "motion", "velocity_command", "locomotion_velocity"}
+STREAMED = frozenset(VERBS) | {
+    "move",
+    "motion",
+    "velocity_command",
+    "locomotion_velocity",
+    "set_linear_velocity",
+    "set_angular_velocity",
+}
 """Commands that come many times a second: their success is not worth a status message each."""
 SAME_REFUSAL_EVERY = 1.0  # s
 
@@ -91,7 +98,7 @@ class Downlink:
             if port is None:
                 continue
             if message.topic.endswith("/command") and not message.topic.endswith("navigate/command"):
-                port.look_for_emergency(message.payload)
+                _look_for_emergency(port, message.payload)
             wanted.append((port, message))
         if wanted:
             self._soon(lambda: self._take(wanted))
@@ -169,6 +176,14 @@ class Downlink:
             return False
         self._refusals[refusal] = now
         return True
+
+
+def _look_for_emergency(port: Port, payload: bytes) -> None:
+    """Let an emergency stop through; what fails in one robot must not keep the messages of all from it."""
+    try:
+        port.look_for_emergency(payload)
+    except Exception:  # the loop stops it once more, the orderly way
+        log.exception("%s: the emergency stop did not go through at once", port.name)
 
 
 def _no_answer(_reply: Reply) -> None:

@@ -22,7 +22,8 @@ log = logging.getLogger(__name__)
 
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 WAITING = 5000  # events that wait for a turn of the wheel; beyond it the oldest is dropped, counted
-
+STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
+TELL_EVERY = 10.0  # s between warnings of dropped events
 
 Publish = Callable[[str, bytes, int], object]
 """How the uplink publishes: topic, payload, QoS."""
@@ -42,11 +43,25 @@ class _Slot:
         self.twin = twin
         self.channel = channel
         self.durable = rule.traffic.durable
+        self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
         self.sample = b""
         self.fresh = False
         self.sent = float("-inf")
+        self.credit = 0.0  # events that may go now
+        self.refused = False  # the last sample could not be translated
+
+    def takes_event(self, now: float) -> bool:
+        """Return False for an event above the channel's rate; the events of one second may come at once."""
+        if not self.rate:
+            return True
+        self.credit = min(self.rate, self.credit + (now - self.sent) * self.rate)
+        self.sent = now
+        if self.credit < 1.0:
+            return False
+        self.credit -= 1.0
+        return True
 
 
 class Uplink:
@@ -72,9 +87,12 @@ class Uplink:
         self._alive = alive
         self._slots: dict[str, _Slot | None] = {}
         self._repeated: list[_Slot] = []
-        self._fresh: list[_Slot] = []
-        self._events: deque[tuple[_Slot, bytes]] = deque()
-        self._next_repeat = 0.0
+        # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
+        self._fresh: deque[_Slot] = deque()
+        self._events: deque[tuple[_Slot, bytes]] = deque(maxlen=WAITING)
+        self._next_repeat = float("-inf")
+        self._next_tell = float("-inf")
+        self._told = 0
         self._topic_cache: dict[tuple[str, str], tuple[str, int]] = {}
         self.received = 0
         self.conflated = 0
@@ -95,17 +113,20 @@ class Uplink:
                 slot.fresh = True
                 self._fresh.append(slot)
             return
-        if len(self._events) >= WAITING:
-            self._events.popleft()
+        if len(self._events) == WAITING:
             self.dropped += 1
         self._events.append((slot, sample))
 
     def turn(self, now: float) -> None:
         """Publish what is due at the monotonic time ``now``."""
-        while self._events:
-            self._send(*self._events.popleft())
-        fresh, self._fresh = self._fresh, []
-        for slot in fresh:
+        for _ in range(len(self._events)):
+            slot, sample = self._events.popleft()
+            if slot.takes_event(now):
+                self._send(slot, sample)
+            else:
+                self.dropped += 1
+        for _ in range(len(self._fresh)):
+            slot = self._fresh.popleft()
             if now - slot.sent >= slot.period:
                 slot.fresh = False
                 slot.sent = now
@@ -115,11 +136,19 @@ class Uplink:
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
             self._repeat(now)
+            self._tell_dropped(now)
+
+    def _tell_dropped(self, now: float) -> None:
+        """Warn of events that were lost since the last warning."""
+        lost = self.dropped - self._told
+        if lost and now >= self._next_tell:
+            self._told, self._next_tell = self.dropped, now + TELL_EVERY
+            log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
     def _repeat(self, now: float) -> None:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
-            due = slot.sample and now - slot.sent >= slot.repeat - REPEAT_LOOK / 2
+            due = slot.sample and not slot.refused and now - slot.sent >= slot.repeat - REPEAT_LOOK / 2
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
@@ -132,8 +161,13 @@ class Uplink:
             messages = to_mqtt(report, source_type=source_type, session=self._session)
         except WireError as error:
             self.refused += 1
-            log.warning("a %s sample of %s did not cross to the cloud: %s", slot.channel, slot.twin, error)
+            if not slot.refused:  # the first of a row is told, all are counted
+                slot.refused = True
+                log.warning(
+                    "a %s sample of %s did not cross to the cloud: %s", slot.channel, slot.twin, error
+                )
             return
+        slot.refused = False
         for leaf, payload in messages:
             topic, qos = self._topic_cache.get((slot.twin, leaf)) or self._topic(slot.twin, leaf)
             self._publish(topic, payload, qos)
@@ -149,10 +183,11 @@ class Uplink:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
         parsed = parse_data_key(key)
         rule = rule_of_channel(parsed.channel) if parsed else None
-        slot = None
-        if parsed is not None and rule is not None and parsed.twin in self._twins:
-            slot = _Slot(parsed.twin, parsed.channel, rule)
-            if slot.repeat:
-                self._repeated.append(slot)
-        self._slots[key] = slot
-        return slot
+        # What a worker learned with one of a robot's sensors is not the robot's own state.
+        if parsed is None or rule is None or parsed.sensor is not None or parsed.twin not in self._twins:
+            return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
+        slot = _Slot(parsed.twin, parsed.channel, rule)
+        kept = self._slots.setdefault(key, slot)
+        if kept is slot and slot.repeat:
+            self._repeated.append(slot)
+        return kept

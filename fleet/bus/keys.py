@@ -6,11 +6,11 @@ key                                    what
 ``fleet/{edge}``                       liveliness: the edge is there
 ``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
+``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
-``fleet/claims/{twin}``                liveliness: the edge that has this twin
 =====================================  ====================================================
 """
 
@@ -55,8 +55,3 @@ def health(edge_id: str) -> str:
 def stop(edge_id: str) -> str:
     """Return the key of an edge's emergency stop; ``*`` stops every edge."""
     return f"fleet/{edge_id}/stop"
-
-
-def claim(twin: str, edge_id: str) -> str:
-    """Return the liveliness key by which an edge claims a twin."""
-    return f"fleet/claims/{twin}/{edge_id}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
 import zenoh
@@ -44,7 +44,7 @@ class Question:
     def reply(self, payload: bytes, key: str | None = None) -> None:
         """Send one answer (on ``key``, where many are answered at once); the asker may be gone."""
         if self._query is not None:
-            self._query.reply(key or self.key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            self._query.reply(key or self.key, payload)
 
     def close(self) -> None:
         """Say that there are no more answers."""
@@ -57,11 +57,8 @@ class Lane:
     """An open session; ``settings`` are Zenoh's own, by path. Raises BusError when it cannot open."""
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        config = zenoh.Config()
         try:
-            for path, value in settings.items():
-                config.insert_json5(path, json.dumps(value))
-            self._session = zenoh.open(config)
+            self._session = zenoh.open(_config(settings))
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
         self._kept: list[Any] = []
@@ -113,19 +110,16 @@ class Lane:
         parameters: Mapping[str, str] | None = None,
         urgent: bool = False,
     ) -> Iterator[tuple[str, bytes]]:
-        """Ask and yield the answers (key, payload) as they come, until all are in or ``timeout`` s."""
-        selector = key + _parameters(parameters)
+        """Ask at once; what is returned yields the answers (key, payload) as they come, for ``timeout`` s."""
         replies = self._session.get(
-            selector,
+            key + _parameters(parameters),
             payload=payload,
             timeout=timeout,
             consolidation=zenoh.ConsolidationMode.NONE,
             priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.INTERACTIVE_HIGH,
             express=True,
         )
-        for reply in replies:
-            if reply.ok is not None:
-                yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
+        return _answers(replies)
 
     def ask_later(
         self,
@@ -145,7 +139,7 @@ class Lane:
 
         self._session.get(
             key + _parameters(parameters),
-            zenoh.handlers.Callback(answered, on_end, indirect=False),
+            _direct(answered, on_end),
             payload=payload,
             timeout=timeout,
             consolidation=zenoh.ConsolidationMode.NONE,
@@ -165,11 +159,6 @@ class Lane:
 
         return take_back
 
-    def tokens(self, key: str, *, timeout: float = 1.0) -> list[str]:
-        """Return the keys that are alive now."""
-        replies = self._session.liveliness().get(key, timeout=timeout)
-        return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-
     def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
         """Call with each key and whether it lives, for those there are and for every change."""
 
@@ -179,21 +168,44 @@ class Lane:
         self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
 
 
+def _config(settings: Mapping[str, Any]) -> zenoh.Config:
+    """Return Zenoh's configuration; raises BusError naming the setting that it does not take."""
+    config = zenoh.Config()
+    for path, value in settings.items():
+        try:
+            config.insert_json5(path, json.dumps(value))
+        except zenoh.ZError:
+            raise BusError(f"the bus cannot be opened: {path} cannot be {value!r}") from None
+    return config
+
+
 def keys_meet(one: str, other: str) -> bool:
     """Return True when two key expressions have a key in common."""
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
 
 
-def _direct(call: Callable[[Any], None]) -> Any:
-    """Return a handler without a thread of its own, whose failures are logged and not lost."""
+def _answers(replies: Iterable[zenoh.Reply]) -> Iterator[tuple[str, bytes]]:
+    """Yield key and payload of each answer that is no error."""
+    for reply in replies:
+        if reply.ok is not None:
+            yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
 
-    def guarded(value: Any) -> None:
+
+def _direct(call: Callable[[Any], None], end: Callable[[], None] | None = None) -> Any:
+    """Return a handler without a thread of its own."""
+    return zenoh.handlers.Callback(_guarded(call), end and _guarded(end), indirect=False)
+
+
+def _guarded(call: Callable[..., None]) -> Callable[..., None]:
+    """Return a callback whose failures are logged and not lost."""
+
+    def guarded(*arguments: Any) -> None:
         try:
-            call(value)
+            call(*arguments)
         except Exception:  # the bus must go on for the others
             log.exception("a bus callback failed")
 
-    return zenoh.handlers.Callback(guarded, indirect=False)
+    return guarded
 
 
 def _parameters(parameters: Mapping[str, str] | None) -> str:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 
 from fleet.bus.lane import Lane
 from fleet.bus.settings import (
     LOOPBACK_PORT,
     BusSettings,
+    is_running,
     loopback_is_free,
-    running_edges,
     socket_path,
+    users_file,
     zenoh_settings,
 )
 from fleet.errors import BusError
@@ -34,23 +36,29 @@ class Bus:
 
 def open_edge(settings: BusSettings, directory: Path) -> Bus:
     """Open the bus of an edge, listening; raises BusError (an edge of this id runs already, port taken)."""
+    if is_running(settings.edge, directory):
+        raise BusError(f"edge {settings.edge!r} runs already on this machine; stop it, or change edge.id")
+    users = users_file(settings, directory)
+    try:
+        return _open_lanes(settings, directory, users)
+    finally:
+        if users is not None:
+            users.unlink()
+
+
+def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
+    """Open both lanes of an edge; sockets of one that died are Zenoh's to clear away."""
     reports_socket = socket_path(settings.edge, "reports", directory)
     control_socket = socket_path(settings.edge, "control", directory)
-    _take_sockets(settings.edge, directory, control_socket)
-    mode = settings.mode
-    remote = settings.connect
-    given = settings.listen
-    if given is None:
-        given = (f"tcp/127.0.0.1:{LOOPBACK_PORT}",) if mode != "client" and loopback_is_free() else ()
-        if not given and mode != "client":
-            log.warning("port %d is taken: the bus is on its Unix socket only", LOOPBACK_PORT)
+    given = _given(settings)
     # A client cannot listen, so an edge that joins a router opens peers that connect to it.
     reports = Lane(
         zenoh_settings(
             settings,
-            mode="router" if mode == "router" else "peer",
+            mode="router" if settings.mode == "router" else "peer",
             listen=(reports_socket, *given),
-            connect=remote,
+            connect=settings.connect,
+            users=users,
         )
     )
     try:
@@ -58,8 +66,9 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
             zenoh_settings(
                 settings,
                 mode="peer",
-                listen=(control_socket, *(_any_port(endpoint) for endpoint in given)),
-                connect=(reports_socket, *remote),
+                listen=(control_socket, *(_beside(endpoint) for endpoint in given)),
+                connect=(reports_socket, *settings.connect),
+                users=users,
             )
         )
     except BusError:
@@ -68,18 +77,23 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
     return Bus(reports, control)
 
 
+def _given(settings: BusSettings) -> tuple[str, ...]:
+    """Return where the edge listens besides its sockets."""
+    if settings.listen is not None:
+        return settings.listen
+    if settings.mode == "client":
+        return ()
+    if loopback_is_free():
+        return (f"tcp/127.0.0.1:{LOOPBACK_PORT}",)
+    log.warning("port %d is taken: the bus is on its Unix socket only", LOOPBACK_PORT)
+    return ()
+
+
 def join(settings: BusSettings, directory: Path) -> Bus:
     """Join an edge's bus from another process of this machine, or over ``connect`` from anywhere."""
-    if settings.connect:
-        endpoints = (settings.connect, settings.connect)
-    else:
-        endpoints = (
-            (socket_path(settings.edge, "reports", directory),),
-            (socket_path(settings.edge, "control", directory),),
-        )
-    reports = Lane(zenoh_settings(settings, mode="client", listen=(), connect=endpoints[0]))
+    reports = _join(settings, "reports", directory)
     try:
-        control = Lane(zenoh_settings(settings, mode="client", listen=(), connect=endpoints[1]))
+        control = _join(settings, "control", directory)
     except BusError:
         reports.close()
         raise
@@ -88,25 +102,27 @@ def join(settings: BusSettings, directory: Path) -> Bus:
 
 def join_control(settings: BusSettings, directory: Path) -> Lane:
     """Join only the control lane (the command line does); raises BusError when no edge answers."""
-    endpoints = settings.connect or (socket_path(settings.edge, "control", directory),)
-    return Lane(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
+    return _join(settings, "control", directory)
 
 
-def _take_sockets(edge: str, directory: Path, control_socket: str) -> None:
-    """Clear away the sockets of an edge that died; refuse when it is alive."""
-    if edge not in running_edges(directory):
-        return
-    probe = zenoh_settings(BusSettings(edge), mode="client", listen=(), connect=(control_socket,))
+def _join(settings: BusSettings, lane: str, directory: Path) -> Lane:
+    """Join one lane: by the socket of an edge on this machine, which no network can take away, if any."""
+    here = is_running(settings.edge, directory)
+    if not here and not settings.connect:
+        raise BusError(f"edge {settings.edge!r} does not run here; start it, or set bus.connect to reach it")
+    endpoints = (socket_path(settings.edge, lane, directory),) if here else settings.connect
     try:
-        Lane(probe).close()
+        return Lane(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
     except BusError:
-        for path in directory.glob(f"{edge}.*.sock*"):
-            path.unlink(missing_ok=True)
-        return
-    raise BusError(f"edge {edge!r} is running already on this machine; stop it, or change edge.id")
+        raise BusError(
+            f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
+        ) from None
 
 
-def _any_port(endpoint: str) -> str:
-    """Return the endpoint with a port of the system's choice (gossip tells it to who asks)."""
-    head, _, _ = endpoint.rpartition(":")
-    return f"{head}:0"
+def _beside(endpoint: str) -> str:
+    """Return where the control lane listens beside a reports' endpoint (gossip tells it to who asks).
+
+    That is a port of the system's choice, or for an endpoint without ports another name.
+    """
+    found, places = re.subn(r":\d+(?=$|[?#])", ":0", endpoint)
+    return found if places else f"{endpoint}.control"

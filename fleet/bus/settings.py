@@ -8,8 +8,10 @@ join; nothing listens on the network unless fleet.yaml says so.
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
+import stat
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -48,17 +50,26 @@ class BusSettings(msgspec.Struct, frozen=True):
 
 
 def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the directory of the edges' sockets, made for this user alone."""
-    given = environ.get("FLEET_RUNTIME_DIR") or environ.get("XDG_RUNTIME_DIR")
-    root = Path(given) if given else Path(tempfile.gettempdir()) / f"fleet-{os.getuid()}"
-    path = root if environ.get("FLEET_RUNTIME_DIR") else root / "fleet"
+    """Return the directory of the edges' sockets, for this user alone: who can reach them can command."""
+    path = _runtime_path(environ)
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+        if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode):
+            raise BusError(f"{path} is not a directory of this user; set FLEET_RUNTIME_DIR to one that is")
+        path.chmod(0o700)
     except OSError as error:
         raise BusError(f"cannot make {path} for the bus's sockets: {error.strerror}") from None
-    if path.stat().st_uid != os.getuid():
-        raise BusError(f"{path} belongs to another user; set FLEET_RUNTIME_DIR")
     return path
+
+
+def _runtime_path(environ: Mapping[str, str]) -> Path:
+    """Return where the directory is, by the environment."""
+    if given := environ.get("FLEET_RUNTIME_DIR"):
+        return Path(given)
+    if given := environ.get("XDG_RUNTIME_DIR"):
+        return Path(given) / "fleet"
+    return Path(tempfile.gettempdir()) / f"fleet-{os.getuid()}"
 
 
 def socket_path(edge: str, lane: str, directory: Path) -> str:
@@ -70,8 +81,38 @@ def socket_path(edge: str, lane: str, directory: Path) -> str:
 
 
 def running_edges(directory: Path) -> list[str]:
-    """Return the ids of the edges that have a control socket here (they may have died)."""
-    return sorted(path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
+    """Return the ids of the edges that run here, those included that hang."""
+    names = (path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
+    return sorted(name for name in names if is_running(name, directory))
+
+
+def is_running(edge: str, directory: Path) -> bool:
+    """Return True when a process holds the edge's control socket, however busy, frozen or choosy it is."""
+    address = socket_path(edge, "control", directory).partition("/")[2]
+    with socket.socket(socket.AF_UNIX) as probe:
+        probe.setblocking(False)
+        # A queue of callers that is full (EAGAIN) has somebody behind it; a dead process refuses.
+        return probe.connect_ex(address) in (0, errno.EAGAIN)
+
+
+def users_file(settings: BusSettings, directory: Path) -> Path | None:
+    """Write the file from which Zenoh learns who may join, readable by us alone; None: everybody may."""
+    if settings.user is None:
+        return None
+    password = settings.password or ""
+    if ":" in settings.user or not all(map(_is_plain, (settings.user, password))):
+        raise BusError(
+            "bus user and password: neither may be empty, begin or end with a blank, or hold a line break, "
+            "nor the user a colon"
+        )
+    with tempfile.NamedTemporaryFile("w", dir=directory, prefix="users.", delete=False) as file:
+        file.write(f"{settings.user}:{password}\n")
+    return Path(file.name)
+
+
+def _is_plain(text: str) -> bool:
+    """Return True for text that survives as one field of one line."""
+    return text != "" and text == text.strip() and len(text.splitlines()) == 1
 
 
 def loopback_is_free() -> bool:
@@ -86,9 +127,14 @@ def loopback_is_free() -> bool:
 
 
 def zenoh_settings(
-    settings: BusSettings, *, mode: str, listen: tuple[str, ...], connect: tuple[str, ...]
+    settings: BusSettings,
+    *,
+    mode: str,
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    users: Path | None = None,
 ) -> dict[str, Any]:
-    """Return Zenoh's own configuration, by path, for one session."""
+    """Return Zenoh's own configuration, by path, for one session; ``users``: the file of who may join."""
     values: dict[str, Any] = {
         "mode": mode,
         "listen/endpoints": list(listen),
@@ -97,13 +143,20 @@ def zenoh_settings(
         "scouting/multicast/enabled": settings.scouting,
         "transport/link/tx/lease": LEASE_MS,
     }
-    if mode != "client":
-        values["connect/timeout_ms"] = 0
+    if mode == "client":
+        # Nobody waits long for an edge that is frozen.
+        values["transport/unicast/open_timeout"] = LEASE_MS
+    else:
+        # An edge opens at once and goes on trying to reach the others for as long as it lives.
+        values["connect/timeout_ms"] = -1
         values["connect/exit_on_failure"] = False
+        values["open/return_conditions/connect_scouted"] = False
     values |= _tls(settings.tls)
     if settings.user is not None:
         values["transport/auth/usrpwd/user"] = settings.user
         values["transport/auth/usrpwd/password"] = settings.password or ""
+    if users is not None:
+        values["transport/auth/usrpwd/dictionary_file"] = str(users)
     return values
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import os
-from collections.abc import Iterator, Mapping
-from typing import Self
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Self, TypeVar
 
 import msgspec
 
@@ -13,44 +15,54 @@ from fleet.bus import keys
 from fleet.bus.lane import Lane
 from fleet.bus.session import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dir
+from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
-from fleet.errors import BusError, FleetError
+from fleet.errors import BusError, Refused
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
 
+log = logging.getLogger(__name__)
+
 ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
+START = "start one with: fleet run fleet.yaml (or: fleet demo)"
+
+T = TypeVar("T")
 
 
-class NotRunning(FleetError):
-    """No edge answers."""
-
-
-class UnknownRobot(FleetError):
-    """No running edge has a robot, or a group, of this name."""
+class UnknownRobot(Refused):
+    """No running edge has a robot, or a group, of this name; or several have."""
 
 
 class Edges:
-    """The edges that can be reached: all that run on this machine, or those behind ``connect`` of a file."""
+    """The edges that can be reached: all that run on this machine, or the one of a fleet file.
 
-    def __init__(self, lanes: list[Lane]) -> None:
+    ``unreached`` says in words which of them run but let nobody in.
+    """
+
+    def __init__(self, lanes: list[Lane], unreached: list[str]) -> None:
+        self.unreached = unreached
         self._lanes = lanes
+        self._ways: dict[tuple[str, str], Lane] = {}
 
     @classmethod
     def reach(cls, file: str | None) -> Self:
-        """Join them; raises NotRunning when there is none."""
-        settings = (
-            [BusSettings(edge) for edge in running_edges(runtime_dir())] if file is None else [_of(file)]
-        )
-        lanes = []
-        for each in settings:
-            with contextlib.suppress(BusError):  # a socket that a killed edge left behind
-                lanes.append(join_control(each, runtime_dir()))
+        """Join them, all at once; raises NotRunning when there is none."""
+        directory = runtime_dir()
+        wanted = [_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
+        if not wanted:
+            raise NotRunning(f"no edge is running here; {START}")
+        with ThreadPoolExecutor(len(wanted)) as pool:
+            joined = list(pool.map(lambda settings: _joined(settings, directory), wanted))
+        lanes = [lane for lane in joined if isinstance(lane, Lane)]
+        unreached = [
+            f"edge {each.edge}: {lane}"
+            for each, lane in zip(wanted, joined, strict=True)
+            if lane not in lanes
+        ]
         if not lanes:
-            which = f"the edge of {file}" if file else "no edge"
-            raise NotRunning(
-                f"{which} is running here; start one with: fleet run fleet.yaml (or: fleet demo)"
-            )
-        return cls(lanes)
+            advice = "" if file else "; if it has a password, give its file: -f fleet.yaml"
+            raise NotRunning("; ".join(unreached) + advice)
+        return cls(lanes, unreached)
 
     def __enter__(self) -> Self:
         return self
@@ -60,57 +72,94 @@ class Edges:
             lane.close()
 
     def states(self) -> list[RobotState]:
-        """Return the robots' states, by name."""
-        found = [msgspec.json.decode(data, type=RobotState) for data in self._asked(keys.state("*", "*"))]
-        return sorted(found, key=lambda state: (state.edge, state.name))
+        """Return the robots' states, by edge and name; the newest where several speak for a robot."""
+        found: dict[tuple[str, str], RobotState] = {}
+        for lane, state in self._asked(keys.state("*", "*"), RobotState):
+            robot = (state.edge, state.name)
+            self._ways.setdefault(robot, lane)
+            if robot not in found or state.stamp > found[robot].stamp:
+                found[robot] = state
+        return [found[robot] for robot in sorted(found)]
 
     def edges(self) -> list[EdgeState]:
-        """Return the edges' own states."""
-        found = [msgspec.json.decode(data, type=EdgeState) for data in self._asked(keys.health("*"))]
-        if not found:
-            raise NotRunning("no edge answers; start one with: fleet run fleet.yaml (or: fleet demo)")
-        return found
+        """Return the edges' own states, by name."""
+        found = {state.edge: state for _, state in self._asked(keys.health("*"), EdgeState)}
+        return [found[edge] for edge in sorted(found)]
 
     def named(self, name: str) -> list[RobotState]:
-        """Return the robot of this name, or the robots of this group; raises UnknownRobot."""
-        states = self.states()
-        groups: dict[str, list[str]] = {}
-        for edge in self.edges():
-            groups |= edge.groups
-        wanted = groups.get(name, [name])
-        found = [state for state in states if state.name in wanted]
+        """Return the robot of this name, or the robots of this group; raises UnknownRobot.
+
+        ``edge/robot`` says which one is meant where several edges have a robot of this name.
+        """
+        states, edges = self.states(), self.edges()
+        found = [state for state in states if name in (state.name, f"{state.edge}/{state.name}")]
+        if len(found) > 1:
+            which = ", ".join(f"{state.edge}/{state.name}" for state in found)
+            raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")
+        found = found or _members(name, states, edges)
         if not found:
             known = [state.name for state in states]
-            near = nearest(name, [*known, *groups])
+            near = nearest(name, [*known, *(group for edge in edges for group in edge.groups)])
             raise UnknownRobot(
-                f"there is no robot {name!r}; {near or 'there are: ' + (', '.join(known) or 'none')}"
+                f"there is no robot {name!r}", hint=near or f"there are: {', '.join(known) or 'none'}"
             )
         return found
 
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
     ) -> Iterator[Reply]:
-        """Ask a robot; yields the receipt and, when waited for, the end."""
-        parameters: Mapping[str, str] = {"kind": kind, "wait": "1" if wait else "0"}
+        """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
+        lane = self._ways.get((robot.edge, robot.name))
+        if lane is None:
+            return iter(())
+        parameters = {"kind": kind, "wait": "1" if wait else "0"}
         key = keys.command(robot.edge, robot.name)
-        for lane in self._lanes:
-            for _, data in lane.ask(key, payload, timeout=timeout, parameters=parameters):
-                yield msgspec.json.decode(data, type=Reply)
+        return _decoded(lane.ask(key, payload, timeout=timeout, parameters=parameters), Reply)
 
     def stop(self, names: list[str]) -> list[str]:
         """Emergency-stop robots on every edge (no name: all); returns who was stopped."""
         payload = msgspec.json.encode(names)
-        stopped: list[str] = []
-        for lane in self._lanes:
-            for _, data in lane.ask(keys.stop("*"), payload, timeout=ANSWER_WITHIN, urgent=True):
-                stopped += msgspec.json.decode(data, type=list[str])
-        return sorted(set(stopped))
+        stopped: set[str] = set()
+        for _, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
+            stopped.update(found)
+        return sorted(stopped)
 
-    def _asked(self, key: str) -> Iterator[bytes]:
-        """Yield what everyone answers on a key."""
-        for lane in self._lanes:
-            for _, data in lane.ask(key, b"", timeout=ANSWER_WITHIN):
-                yield data
+    def _asked(
+        self, key: str, kind: type[T], payload: bytes = b"", *, urgent: bool = False
+    ) -> Iterator[tuple[Lane, T]]:
+        """Ask all at once; yield what everyone answers on a key, and by which lane."""
+        asked = [(lane, lane.ask(key, payload, timeout=ANSWER_WITHIN, urgent=urgent)) for lane in self._lanes]
+        for lane, answers in asked:
+            for answer in _decoded(answers, kind):
+                yield lane, answer
+
+
+def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[T]:
+    """Yield the answers that can be read; one that cannot must not hide the others."""
+    for key, data in answers:
+        try:
+            yield msgspec.json.decode(data, type=kind)
+        except msgspec.DecodeError as error:
+            log.warning("an answer on %s cannot be read: %s", key, error)
+
+
+def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> list[RobotState]:
+    """Return the robots of a group, those included that nobody speaks for."""
+    known = {(state.edge, state.name): state for state in states}
+    return [
+        known.get((edge.edge, name))
+        or RobotState(name, "", "", edge.edge, 0.0, cause=f"it does not run on {edge.edge}")
+        for edge in edges
+        for name in edge.groups.get(group, ())
+    ]
+
+
+def _joined(settings: BusSettings, directory: Path) -> Lane | BusError:
+    """Join an edge's control lane, or return why not."""
+    try:
+        return join_control(settings, directory)
+    except BusError as error:
+        return error
 
 
 def _of(file: str) -> BusSettings:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
 import socket
+import sys
 import tempfile
 import uuid
 from pathlib import Path
@@ -88,12 +90,20 @@ def _welcome(out: Output, host: str, port: int) -> None:
     out.note(f"MQTT broker       {host}:{port}")
     out.note(f"drone-1's topics  {topic}/+")
     out.note("try, in another terminal:")
-    out.note("  fleet ps")
-    out.note("  fleet send drone-1 takeoff altitude=5 --wait")
-    out.note("  fleet goto drone-1 10 0 5 --wait")
+    out.note(f"  {fleet_program()} ps")
+    out.note(f"  {fleet_program()} send drone-1 takeoff altitude=5 --wait")
+    out.note(f"  {fleet_program()} goto drone-1 10 0 5 --wait")
     out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")
     out.note(f"  mosquitto_pub -h {host} -p {port} -t {topic}/command -m '{takeoff}'")
     out.note("Ctrl-C ends it.")
+
+
+def fleet_program() -> str:
+    """Return how the user can call ``fleet`` from here: by its name, or by its path."""
+    if shutil.which("fleet"):
+        return "fleet"
+    path = Path(sys.executable).with_name("fleet")
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _port() -> int:

@@ -35,8 +35,13 @@ class ExitCode(enum.IntEnum):
     INTERRUPTED = 130  # ctrl-c
 
 
+class NotRunning(FleetError):
+    """No edge answers."""
+
+
 _EXIT_OF: Mapping[type[FleetError], ExitCode] = {
     ConfigError: ExitCode.CONFIG_INVALID,
+    NotRunning: ExitCode.NOT_RUNNING,
     TimedOut: ExitCode.TIMEOUT,
     CommandError: ExitCode.REJECTED,
 }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 import msgspec
 
 from fleet.cli.connect import Edges
-from fleet.cli.output import Output, with_output
+from fleet.cli.output import NotRunning, Output, with_output
 from fleet.model.state import EdgeState, RobotState
 
 file_option = click.option("-f", "--file", type=click.Path(), help="Reach the edge of this fleet file.")
@@ -22,7 +24,13 @@ def ps(out: Output, file: str | None) -> None:
     """
     with Edges.reach(file) as edges:
         found, states = edges.edges(), edges.states()
-    out.data({"edges": msgspec.to_builtins(found), "robots": msgspec.to_builtins(states)})
+    for problem in edges.unreached:
+        out.note(problem)
+    if not found:
+        raise NotRunning("an edge runs here but does not answer: its event loop hangs")
+    out.data(
+        {"edges": [for_programs(edge) for edge in found], "robots": [for_programs(one) for one in states]}
+    )
     out.table(
         ("robot", "health", "mode", "battery", "doing", "last command"), [_row(state) for state in states]
     )
@@ -31,6 +39,12 @@ def ps(out: Output, file: str | None) -> None:
             out.say(f"{state.name}: {state.cause}")
     for edge in found:
         out.say(edge_line(edge))
+
+
+def for_programs(value: msgspec.Struct) -> dict[str, Any]:
+    """Return a value with all its fields, also those that have their default."""
+    fields: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(value))
+    return fields
 
 
 def _row(state: RobotState) -> tuple[str, str, str, str, str, str]:

@@ -5,23 +5,38 @@ from __future__ import annotations
 import json
 import time
 import uuid
+from collections.abc import Iterator
 from typing import Any
 
 import click
-import msgspec
 
 from fleet.cli.connect import Edges
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option
+from fleet.cli.ps import file_option, for_programs
 from fleet.host.safety.latch import RELEASE
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
 RECEIPT_WITHIN = 15.0  # s
 
+LONGEST = 86_400.0  # s
+
+
+def _seconds(_context: click.Context, _option: click.Parameter, value: float) -> float:
+    """Check a number of seconds; NaN is none."""
+    if not 0.0 < value <= LONGEST:
+        raise click.BadParameter(f"{value:g} is not within 0 and {LONGEST:g} seconds")
+    return value
+
+
 wait_option = click.option("--wait", is_flag=True, help="Wait until the robot was seen to have done it.")
 timeout_option = click.option(
-    "--timeout", type=float, default=120.0, show_default=True, help="Seconds to wait at the most."
+    "--timeout",
+    type=float,
+    default=120.0,
+    show_default=True,
+    callback=_seconds,
+    help="Seconds to wait at the most.",
 )
 
 
@@ -32,8 +47,16 @@ def pair(text: str) -> tuple[str, Any]:
         raise click.BadParameter(f"{text!r} is not key=value (as in altitude=5)")
     try:
         return name, json.loads(value)
-    except ValueError:
+    except (ValueError, RecursionError):
         return name, value
+
+
+def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
+    """Return a command's data; a key that stands twice is a slip that must not move a robot."""
+    data = dict(pair(each) for each in pairs)
+    if len(data) != len(pairs):
+        raise click.BadParameter("a key stands twice")
+    return data
 
 
 @click.command()
@@ -58,7 +81,7 @@ def send(
 
     For example:  fleet send kestrel takeoff altitude=5 --wait
     """
-    message = {"command": command, "data": dict(pair(each) for each in data), "timestamp": time.time()}
+    message = {"command": command, "data": _data(data), "timestamp": time.time()}
     return _ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
 
 
@@ -69,7 +92,9 @@ def send(
 @click.argument("z", type=float, default=0.0)
 @click.option("--yaw", type=float, help="Heading at the end, radians counter-clockwise from east.")
 @click.option("--speed", type=float, help="Speed limit on the way, m/s.")
-@click.option("--geo", is_flag=True, help="X and Y are latitude and longitude, Z is metres above sea level.")
+@click.option(
+    "--geo", is_flag=True, help="X and Y are latitude and longitude, Z is metres above the take-off point."
+)
 @wait_option
 @timeout_option
 @file_option
@@ -118,26 +143,28 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
     with Edges.reach(file) as edges:
-        stopped = edges.stop(list(robots))
-        missing = [] if everything else [name for name in robots if not _covers(edges, name, stopped)]
+        stopped = edges.stop([name.rpartition("/")[2] for name in robots])
+        missing = [*edges.unreached, *_missing(edges, robots, stopped)]
     out.data({"stopped": stopped, "missing": missing})
     for name in stopped:
         out.say(f"{name}: stopped")
     if stopped:
         out.note(f"released with: fleet send ROBOT {RELEASE}")
     for name in missing:
-        out.note(f"{name}: nobody stopped; fleet ps shows the robots there are")
+        out.note(f"{name}: NOT STOPPED; fleet ps shows the robots there are")
     if not stopped:
         return ExitCode.REJECTED
     return ExitCode.SOME_FAILED if missing else ExitCode.OK
 
 
-def _covers(edges: Edges, name: str, stopped: list[str]) -> bool:
-    """Return True when a robot, or every robot of a group, was stopped."""
-    if name in stopped:
-        return True
-    members = [member for edge in edges.edges() for member in edge.groups.get(name, [])]
-    return bool(members) and set(members) <= set(stopped)
+def _missing(edges: Edges, names: tuple[str, ...], stopped: list[str]) -> list[str]:
+    """Return the robots and groups that were not, or not wholly, stopped."""
+    missing = [name for name in names if name.rpartition("/")[2] not in stopped]
+    if not missing:
+        return []
+    groups = [edge.groups for edge in edges.edges()]
+    members = {name: {member for group in groups for member in group.get(name, ())} for name in missing}
+    return [name for name in missing if not members[name] or not members[name] <= set(stopped)]
 
 
 def _ask(
@@ -150,30 +177,43 @@ def _ask(
     timeout: float,
     file: str | None,
 ) -> ExitCode:
-    """Ask a robot or a group; show every answer; return what they mean together."""
-    payload = json.dumps(message, allow_nan=False).encode()
+    """Ask a robot, or all of a group at once; show every answer; return what they mean together."""
+    try:
+        payload = json.dumps(message, allow_nan=False).encode()
+    except ValueError:
+        raise click.UsageError("a number in the command is not finite") from None
     within = timeout if wait else min(timeout, RECEIPT_WITHIN)
     with Edges.reach(file) as edges:
-        robots = edges.named(name)
-        answers = [_one(out, edges, robot, payload, kind=kind, wait=wait, timeout=within) for robot in robots]
-    out.data({"answers": answers})
-    codes = {_code(answer) for answer in answers}
-    if len(codes) == 1:
-        return codes.pop()
-    return ExitCode.SOME_FAILED
+        asked = [
+            (robot, edges.command(robot, payload, kind=kind, wait=wait, timeout=within))
+            for robot in edges.named(name)
+        ]
+        last = [(robot, _last(out, robot, replies, message["command"], within)) for robot, replies in asked]
+    if wait:
+        last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
+    out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
+    codes = {_code(reply) for _, reply in last}
+    return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
 
 
-def _one(
-    out: Output, edges: Edges, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
-) -> dict[str, Any]:
-    """Ask one robot; return its last answer, for programs."""
-    last = Reply(kind, ReplyStatus.TIMEOUT, f"no answer within {timeout:g} s")
-    for reply in edges.command(robot, payload, kind=kind, wait=wait, timeout=timeout):
-        last = reply
-        out.say(f"{robot.name}: {_sentence(reply)}")
-    if last.status is ReplyStatus.TIMEOUT and not last.device_result:
+def _last(out: Output, robot: RobotState, replies: Iterator[Reply], command: str, timeout: float) -> Reply:
+    """Show a robot's answers and return the last of them, or that there was none."""
+    last = None
+    for last in replies:
+        out.say(f"{robot.name}: {_sentence(last)}")
+    if last is None:
+        last = Reply(command, ReplyStatus.TIMEOUT, robot.cause or f"no answer within {timeout:g} s")
         out.note(f"{robot.name}: {_sentence(last)}")
-    return {"robot": robot.name, **msgspec.to_builtins(last)}
+    return last
+
+
+def _ended(out: Output, robot: RobotState, reply: Reply, timeout: float) -> Reply:
+    """Return how a command ended that was waited for; without an end nobody knows."""
+    if not reply.ok or reply.done is not None:
+        return reply
+    late = Reply(reply.command, ReplyStatus.TIMEOUT, f"taken, but not seen to be done within {timeout:g} s")
+    out.note(f"{robot.name}: {_sentence(late)}")
+    return late
 
 
 def _sentence(reply: Reply) -> str:
@@ -185,9 +225,8 @@ def _sentence(reply: Reply) -> str:
     return f"{text} ({reply.hint})" if reply.hint else text
 
 
-def _code(answer: dict[str, Any]) -> ExitCode:
+def _code(reply: Reply) -> ExitCode:
     """Return the exit code of one robot's answer."""
-    if answer["status"] == ReplyStatus.TIMEOUT.value:
+    if reply.status is ReplyStatus.TIMEOUT:
         return ExitCode.TIMEOUT
-    failed = answer["status"] != ReplyStatus.ACCEPTED.value or answer.get("done") is False
-    return ExitCode.REJECTED if failed else ExitCode.OK
+    return ExitCode.OK if reply.ok and reply.done is not False else ExitCode.REJECTED

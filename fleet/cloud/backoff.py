@@ -21,6 +21,10 @@ class Backoff:
         wait, self._next = self._next, min(self._next * 2, self._longest)
         return wait * random.uniform(0.5, 1.0)  # noqa: S311 - it spreads load and guards nothing
 
-    def reset(self) -> None:
-        """Begin with the first wait again."""
-        self._next = self._first
+    def note(self, lasted: float) -> None:
+        """Note how many seconds a success lasted; after one longer than the longest wait, begin again.
+
+        A shorter one does not count, so that a broker that lets in and throws out is not hammered.
+        """
+        if lasted > self._longest:
+            self._next = self._first

@@ -28,6 +28,7 @@ class CloudClient:
     """An MQTT client that reconnects by itself and never blocks who publishes.
 
     ``subscriptions`` maps filters to QoS; they are asked for again after every reconnect.
+    What the client publishes does not come back to it (MQTT 5; 3.1.1 cannot ask for that).
     ``on_message`` gets everything that one read brought, in order. All callbacks run on the cloud thread and
     must only hand over: while one runs, nothing is read, written or acknowledged.
     Raises ValueError for filters that overlap, CloudError for settings that are not safe or not usable.
@@ -73,6 +74,7 @@ class CloudClient:
         self._patience = timeout
         self._closing = True
         if not self._thread.is_alive():
+            self._outbox.close()
             return
         self._soon(self._stopping.set)
         if threading.current_thread() is not self._thread:
@@ -103,7 +105,7 @@ class CloudClient:
         message = Outgoing(
             check_topic(topic), payload, qos, urgent, deadline, correlation, content_type, on_done
         )
-        if self._closing or not self._outbox.put(message):
+        if not self._outbox.put(message):
             return False
         if urgent:
             self.flush()
@@ -161,7 +163,7 @@ class CloudClient:
         for task in work:
             task.cancel()
         await asyncio.gather(*work, return_exceptions=True)
-        self._outbox.clear()
+        self._outbox.close()
         self._write()
         self._set_state(CloudState.CLOSED, "closed")
 
@@ -216,12 +218,13 @@ class CloudClient:
         if connection.ready.done():
             began = self._clock.monotonic()
             self.stats.connects += 1
-            self._refusals.reset()
             self._outbox.go_online()
             self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
+            self._write()
             await asyncio.wait([connection.ended])
-            if self._clock.monotonic() - began > self._settings.backoff[1]:
-                self._network.reset()
+            lasted = self._clock.monotonic() - began
+            for backoff in (self._network, self._refusals):
+                backoff.note(lasted)
         reason = connection.ended.result()
         if isinstance(reason, SessionRefused):
             raise reason

@@ -47,7 +47,7 @@ class Connection(asyncio.Protocol):
     @property
     def patience(self) -> float:
         """Return how often, in seconds, ``watch`` wants to be called."""
-        return min(1.0, self._keepalive.interval / 10 or 1.0)
+        return min(1.0, self._keepalive.interval / 20 or 1.0)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Say CONNECT. asyncio has set TCP_NODELAY: without it replies wait 40 ms for one another's ack."""

@@ -37,14 +37,15 @@ def credentials(
 ) -> Credentials | None:
     """Return the credentials, None for an anonymous client (no token and no password).
 
-    A password that is not a token belongs to a plain broker account, whose user name stays as it is. In every
-    other case the broker demands a user name that hashes to the token.
+    A user name of one's own stays as it is; so does that of a plain broker account, whose password is no
+    token. Else the broker demands a user name that hashes to the token.
     """
     secret = password or token
     if not secret:
         return None
-    if password and not password.startswith(_TOKEN):
-        return Credentials(username, password)
+    plain_account = password and not password.startswith(_TOKEN)
+    if plain_account or username != PLACEHOLDER:
+        return Credentials(username, secret)
     return Credentials("cwh_" + hashlib.sha256(secret.encode()).hexdigest(), secret)
 
 

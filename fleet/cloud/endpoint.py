@@ -50,7 +50,8 @@ async def open_connection(
     except socket.gaierror as error:
         raise CloudError(f"the name {settings.host} cannot be looked up: {error.strerror}") from None
     except OSError as error:
-        raise CloudError(f"{place} cannot be reached: {error.strerror or error}") from None
+        why = error.strerror or str(error) or "it ended the TLS handshake"
+        raise CloudError(f"{place} cannot be reached: {why}") from None
     return connection
 
 

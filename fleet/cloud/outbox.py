@@ -33,11 +33,11 @@ class Outgoing(msgspec.Struct, eq=False):
     content_type: str | None = None
     on_done: Callable[[Outcome], None] | None = None
     again: bool = False
+    size: int = 0
 
-    @property
-    def size(self) -> int:
-        """Return what it costs in memory, in bytes."""
-        return len(self.payload) + OVERHEAD
+    def __post_init__(self) -> None:
+        """Note what it costs in memory, in bytes."""
+        self.size = len(self.payload) + OVERHEAD
 
 
 class Outbox:
@@ -54,6 +54,7 @@ class Outbox:
         self._bytes = 0
         self._dropped: list[Outgoing] = []
         self._online = False
+        self._closed = False
 
     def __len__(self) -> int:
         return self._stats.queued
@@ -106,9 +107,10 @@ class Outbox:
             for lane in (self._urgent, self._lasting, self._light):
                 self._keep(lane, lambda message: message.deadline is None or message.deadline > now)
 
-    def clear(self) -> None:
-        """Drop everything."""
+    def close(self) -> None:
+        """Drop everything and take nothing more."""
         with self._lock:
+            self._closed = True
             for lane in (self._urgent, self._lasting, self._light):
                 self._keep(lane, lambda _: False)
 
@@ -128,7 +130,7 @@ class Outbox:
 
     def _make_room(self, message: Outgoing) -> bool:
         """Tell whether there is room for a message, after pushing older ones out for it."""
-        if message.size > self._most_bytes or not (message.qos or self._online):
+        if self._closed or message.size > self._most_bytes or not (message.qos or self._online):
             return False
         while self._stats.queued >= self._most_messages or self._bytes + message.size > self._most_bytes:
             if not (message.qos and self._drop_oldest(urgent=message.urgent)):

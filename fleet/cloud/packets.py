@@ -42,6 +42,10 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
     raise WireError("a packet's length field is longer than four bytes")
 
 
+class PacketTooLarge(WireError):
+    """A packet is larger than was agreed."""
+
+
 class Decoder:
     """Cuts one byte stream into packets and remembers the piece that is not whole yet.
 
@@ -75,7 +79,7 @@ class Decoder:
             self._needed = 0
             return None
         if length > self._limit:
-            raise WireError(f"a packet of {length} bytes is larger than {self._limit}")
+            raise PacketTooLarge(f"a packet of {length} bytes, larger than {self._limit}")
         self._needed = length
         return start + length if start + length <= len(data) else None
 
@@ -89,8 +93,11 @@ class Decoder:
         if frame == _ONLY_OLDER:
             return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
         packet = _guarded(_read5, frame)
-        if getattr(packet, "packet_id", None) == 0 or "\0" in getattr(packet, "topic", ""):
-            raise WireError("a packet identifier is 0 or a topic holds a NUL")
+        topic = getattr(packet, "topic", "")
+        if "+" in topic or "#" in topic or "\0" in topic:
+            raise WireError("a message to a topic with a wildcard or a NUL in it")
+        if getattr(packet, "packet_id", None) == 0:
+            raise WireError("a packet with the identifier 0")
         return packet
 
 

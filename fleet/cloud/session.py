@@ -166,7 +166,7 @@ class Session:
         identifier = self._next_id() if message.qos else None
         try:
             data = self._encode(_publish_packet(message, identifier, now))
-        except ValueError as error:
+        except (ValueError, TypeError) as error:
             return self._refuse(message, str(error))
         if len(data) > self._packet_limit:
             return self._refuse(message, f"{len(data)} bytes; the broker takes {self._packet_limit}")

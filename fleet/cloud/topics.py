@@ -67,17 +67,16 @@ def _meets(node: _Tree, levels: list[str]) -> str | None:
     head, rest = levels[0], levels[1:]
     if head == "#":
         return _any_of(node)
-    children = [child for level, child in node.items() if level is not None and "+" in (head, level)]
-    if head != "+" and head in node:
-        children.append(node[head])
-    return next(filter(None, (_meets(child, rest) for child in children)), None)
+    wanted = [level for level in node if level is not None] if head == "+" else [head, "+"]
+    found = (_meets(node[level], rest) for level in wanted if level in node)
+    return next(filter(None, found), None)
 
 
 def _any_of(node: _Tree) -> str | None:
     """Return some filter at or below a node."""
-    while None not in node:
+    while node and None not in node:
         node = next(iter(node.values()))
-    return str(node[None])
+    return node.get(None)
 
 
 def _check_text(text: str, what: str) -> str:

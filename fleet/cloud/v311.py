@@ -188,7 +188,9 @@ def _read_subscribe(fields: _Fields) -> mqtt5.Packet:
     identifier = fields.identifier()
     filters = []
     while fields.left():
-        filters.append(mqtt5.TopicFilter(_pattern(fields), max_qos=mqtt5.QoS(fields.byte())))
+        filters.append(
+            mqtt5.TopicFilter(_pattern(fields), max_qos=mqtt5.QoS(fields.byte()), retain_as_published=False)
+        )
     return mqtt5.SubscribePacket(identifier, filters)
 
 

@@ -42,7 +42,7 @@ def _fill(cloud: dict[str, Any], document: Document, environ: Mapping[str, str])
         if field in cloud or variable is None:
             continue
         value = environ[variable]
-        if variable == "CYBERWAVE_ENVIRONMENT" and value == "production":
+        if variable == "CYBERWAVE_ENVIRONMENT" and value.strip().lower() == "production":
             continue
         path = ("cloud", field)
         cloud[field] = _BOOLEANS.get(value.lower(), value.lower()) if field == "tls" else value

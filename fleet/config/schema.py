@@ -182,6 +182,11 @@ class Sections(Model):
     plugins: tuple[ExistingFolder, ...] = Field(
         (), description="Folders of drop-in adapters; their code runs with all rights of this program."
     )
+    remote_workers: frozenset[Name] = Field(
+        frozenset(),
+        description="Workers that somebody starts on another computer, with python -m fleet.host.worker and "
+        "a copy of this file whose bus.connect is this edge; the edge itself starts only the others.",
+    )
     defaults: dict[str, Any] = Field(
         {}, description="Merged under every robot; what a robot says itself wins."
     )

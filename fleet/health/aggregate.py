@@ -19,9 +19,12 @@ def robots_by_health(states: Iterable[RobotState]) -> dict[str, int]:
 
 def edge_health(states: Iterable[RobotState], rests_on: Iterable[Health]) -> Health:
     """Return an edge's health: the worst cause there is, but a robot's alone only degrades the edge."""
-    robots = [
-        Health(min(LEVELS[state.health], Level.DEGRADED), f"{state.name} {state.health}: {state.cause}")
-        for state in states
-        if state.health != Level.OK.word
-    ]
-    return worst([*rests_on, *robots])
+    causes = [(health, health.level) for health in rests_on]
+    for state in states:
+        level = LEVELS[state.health]
+        if level is not Level.OK:
+            cause = f"{state.name} {state.health}: {state.cause}"
+            causes.append((Health(min(level, Level.DEGRADED), cause), level))
+    # Of what degrades the edge alike, what is worst in itself is told.
+    causes.sort(key=lambda cause: cause[1], reverse=True)
+    return worst(health for health, _ in causes)

@@ -41,7 +41,9 @@ def _memory() -> tuple[float, float] | None:
     except OSError:
         return None
     values = {
-        name: float(rest.split()[0]) for name, _, rest in (line.partition(":") for line in lines) if rest
+        name: float(rest.split()[0])
+        for name, _, rest in (line.partition(":") for line in lines)
+        if rest.strip()
     }
     total, available = values.get("MemTotal"), values.get("MemAvailable")
     if not total or available is None:

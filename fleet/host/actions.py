@@ -45,7 +45,7 @@ class Action:
         """Interrupt it; the task becomes what is left of it."""
         self.paused = True
         if isinstance(self.task, FollowPath):
-            left = (self.task.goals * self.task.loops)[self._reached :]
+            left = (self.task.goals * self.task.loops)[max(0, self._reached) :]
             self.task = msgspec.structs.replace(self.task, goals=left or self.task.goals[-1:], loops=1)
         self._reached = 0
         self.move(ActionState.RUNNING, message="paused")
@@ -63,6 +63,13 @@ class Action:
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._said >= REPEAT:
             self.move(state, percent, progress.message)
+
+    def complete(self) -> None:
+        """Say that it is done; one that was blocked has got on before it arrived."""
+        self.move(ActionState.COMPLETED)
+        if not self.over:
+            self.move(ActionState.RUNNING)
+            self.move(ActionState.COMPLETED)
 
     def move(self, state: ActionState, percent: float | None = None, message: str = "") -> None:
         """Go to a state and say so; what cannot follow the present state is dropped."""

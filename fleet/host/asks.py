@@ -23,10 +23,22 @@ def _within(limit: float | None) -> float:
 
 
 class Decoder:
-    """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read."""
+    """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read.
 
-    def __init__(self, config: AdapterConfig, limits: Limits, *, planar: bool) -> None:
+    ``home_altitude`` gives metres above sea level of the take-off point, from which geodetic goals count.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        limits: Limits,
+        *,
+        planar: bool,
+        home_altitude: Callable[[], float | None] = lambda: None,
+    ) -> None:
         self._order = config.rotation_order
+        self._origin = config.origin
+        self._home_altitude = home_altitude
         self._planar = planar
         self._defaults = MotionDefaults(
             forward=_within(limits.speed),
@@ -50,7 +62,16 @@ class Decoder:
 
     def _navigate(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
-        return decode_navigate(payload, way=way, rotation_order=self._order, planar=self._planar)
+        origin = self._origin
+        home = self._home_altitude()
+        return decode_navigate(
+            payload,
+            way=way,
+            rotation_order=self._order,
+            planar=self._planar,
+            home_altitude=origin.altitude if home is None and origin else home,
+            origin_heading=origin.heading if origin else 0.0,
+        )
 
     def _motion(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
         """Decode the ``motion/command`` topic's messages."""

@@ -9,13 +9,15 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError
-from fleet.host.executor import Executor
+from fleet.errors import CommandError, LinkError, TimedOut
+from fleet.host.bounded import bounded
+from fleet.host.executor import Executor, may_still_move
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
@@ -35,12 +37,15 @@ log = logging.getLogger(__name__)
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
 EMERGENCY = "emergency_stop"
+RESTART = "restart_adapter"
+"""The one command that the host itself carries out: end a quarantine, or begin the run anew."""
 
 
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter that raised what it may not.
+    ``publish`` takes reports; ``crashed`` hears of an adapter that raised what it may not; ``restart``
+    begins its run anew.
     """
 
     def __init__(
@@ -50,6 +55,7 @@ class Desk:
         *,
         publish: Callable[[Report], None],
         crashed: Callable[[Exception], None],
+        restart: Callable[[], None],
         clock: Clock,
     ) -> None:
         self.name = config.name
@@ -63,12 +69,16 @@ class Desk:
         self._crashed = crashed
         self._clock = clock
         self._admission = Admission(config, clock)
-        self._repeats = Repeats()
+        self._repeats: Repeats[Ticket] = Repeats()
+        self._own = {RELEASE: self._release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
         self._offline = "it has not been reached yet"
         self.in_control = False
-        self._executor = Executor(crashed=crashed)
-        self._navigator = Navigator(publish=publish, hold=self.hold, crashed=crashed, clock=clock)
+        self._stops: set[asyncio.Task[None]] = set()
+        self._executor = Executor(crashed=crashed, ready=self._standing)
+        self._navigator = Navigator(
+            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._standing
+        )
 
     @property
     def latched(self) -> bool:
@@ -101,8 +111,11 @@ class Desk:
         self._offline = ""
 
     def lost(self, why: str) -> None:
-        """Note that the robot does not answer; what was under way has failed and is never taken up again."""
-        if not self._offline:
+        """Note that the robot does not answer; what was under way has failed and is never taken up again.
+
+        A robot that somebody else moves is not touched.
+        """
+        if not self._offline and self.in_control:
             self.halt()
         self._offline = why
         self.deadman.clear()
@@ -130,34 +143,41 @@ class Desk:
     def emergency(self, why: str) -> None:
         """Latch and write the halt at once; from any thread. ``receive`` does the rest."""
         self._admission.latch.pull(why)
-        adapter = self._adapter
-        if adapter is not None:
-            adapter.halt()
+        self.halt()
 
     def halt(self) -> None:
-        """Write the halt at once; from any thread (the watchdog's)."""
-        adapter = self._adapter
-        if adapter is not None:
-            adapter.halt()
-
-    def lease_ran_out(self) -> None:
-        """Follow the watchdog's halt with the adapter's own zero velocity."""
-        log.warning("%s: no setpoint within its lease: stopped", self.name)
-        if self._adapter is not None and not self.deadman.armed:
-            self._zero(self._adapter)
-
-    async def hold(self, why: str) -> None:
-        """Bring the robot to a standstill; bounded in time; raises CommandError or LinkError."""
-        self.deadman.clear()
+        """Write the halt at once; from any thread (the watchdog's); never raises."""
         adapter = self._adapter
         if adapter is None:
             return
         try:
-            async with asyncio.timeout(STOP_TIMEOUT):
-                await adapter.stop(why)
-        except TimeoutError:
             adapter.halt()
+        except Exception:
+            log.exception("%s: its halt failed", self.name)
+
+    def lease_ran_out(self) -> None:
+        """Follow the watchdog's halt with the adapter's own zero velocity."""
+        log.warning("%s: no setpoint within its lease: stopped", self.name)
+        if self._adapter is not None and not self.in_motion:
+            self._zero(self._adapter)
+
+    async def hold(self, why: str) -> None:
+        """Bring the robot to a standstill; bounded in time; raises CommandError, LinkError or a crash.
+
+        An adapter that fails in its ``stop`` is halted.
+        """
+        self.deadman.clear()
+        if self._adapter is None:
+            return
+        try:
+            await bounded(self._adapter.stop(why), STOP_TIMEOUT)
+        except TimeoutError:
+            self.halt()
             log.error("%s: the adapter did not stop within %g s", self.name, STOP_TIMEOUT)  # noqa: TRY400
+            raise TimedOut(f"{self.name} did not stop within {STOP_TIMEOUT:g} s; it was halted") from None
+        except Exception:
+            self.halt()
+            raise
 
     # -- asking --------------------------------------------------------------------------------------
 
@@ -176,34 +196,47 @@ class Desk:
         if ask.name in STOPS:
             self._stop(ask, ticket)
             return
-        spec = self._can.commands.get(ask.name)
-        if spec is None and ask.name != RELEASE:
+        own = self._own.get(ask.name)
+        spec = None if own else self._can.commands.get(ask.name)
+        if own is None and spec is None:
             ticket.reject(f"{self.name} has no {ask.name!r}", hint=self._can.hint(ask.name))
+            return
+        first = self._repeats.first(ask.id, ticket, self._clock.monotonic())
+        if first is not None:
+            ticket.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (False, True)
         refusal = self._admission.command(ask, moves=moves, safe=safe)
-        if refusal is None and self._repeated(ask.id, ticket):
-            return
         if refusal is not None:
             ticket.reject(refusal)
-        elif spec is None:
-            self._admission.latch.release()
-            log.warning("%s: emergency stop released by %s", self.name, ask.origin.session or ask.origin.way)
+        elif own is not None:
+            log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            own()
             ticket.done()
-        else:
+        elif spec is not None:
             self._execute(spec, ask, ticket)
         self._answered(ask, ticket)
+
+    def _release(self) -> None:
+        """End the emergency stop."""
+        self._admission.latch.release()
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
         if self._adapter is None or self._offline:
             ticket.reject(self._absence())
             return
+        superseding = self.in_motion
         if spec.moves:
             self.in_control = True
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
-        self._executor.start(self._adapter, spec, ask, ticket)
+
+        def failed() -> None:
+            if may_still_move(spec, ticket, superseding=superseding):
+                self._executor.spawn(self._settle(f"{ask.name} failed"), name="stop")
+
+        self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 
     def _stop(self, ask: Command, ticket: Ticket) -> None:
         """End all motion; never refused, never a repeat."""
@@ -212,12 +245,20 @@ class Desk:
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self.deadman.clear()
+        self._admission.lease.let_go(ask.origin.session)
         if self._adapter is None or self._offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
-            self._executor.spawn(self._hold_for(ask.name, ticket), name=ask.name)
+            stop = self._executor.spawn(self._hold_for(ask.name, ticket), name=ask.name)
+            self._stops.add(stop)
+            stop.add_done_callback(self._stops.discard)
         self._answered(ask, ticket)
+
+    async def _standing(self) -> None:
+        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
+        while self._stops:
+            await asyncio.wait(set(self._stops))
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -231,6 +272,11 @@ class Desk:
         else:
             ticket.done()
 
+    async def _settle(self, why: str) -> None:
+        """Stop the robot for nobody in particular, after something failed."""
+        log.warning("%s: %s: it is brought to a standstill", self.name, why)
+        await self._hold_for(why, Ticket("stop", lambda _: None))
+
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
         refusal = None if self._can.drives else f"{self.name} takes no velocities"
@@ -240,7 +286,7 @@ class Desk:
         if refusal is not None or self._adapter is None or self._offline:
             ticket.reject(refusal or self._absence())
             return
-        self.in_control = True
+        superseding, self.in_control = self.in_motion, True
         self._navigator.cancel("teleoperation took over")
         velocity = clamp(ask.velocity, self._limits)
         self.deadman.feed(self._clock.monotonic(), ask.lease or self._config.setpoint_lease)
@@ -249,9 +295,13 @@ class Desk:
         try:
             self._adapter.drive(velocity)
         except (CommandError, LinkError) as error:
+            # What it did until now is not wanted any more, and what is wanted it does not do.
+            if superseding:
+                self.halt()
             self.deadman.clear()
             ticket.fail(error)
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+            self.halt()
             self.deadman.clear()
             ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
@@ -261,21 +311,21 @@ class Desk:
 
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
-        if ask.action_id and self._navigator.repeated(ask.action_id):
-            ticket.accept()
+        if isinstance(ask.ask, Control):
+            ticket.watch(partial(self._navigator.controlled, ask.action_id))
+            self._control(ask, ask.ask, ticket)
+            return
+        if self._navigator.repeated(ask.action_id, ticket):
             return
         refusal = self._admission.navigate(ask)
-        if isinstance(ask.ask, Control):
-            self._control(ask, ask.ask, refusal, ticket)
-            return
         if refusal is None and not self._can.navigates:
             refusal = f"{self.name} does not navigate"
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
         if refusal is not None or self._adapter is None or self._offline:
             refusal = refusal or self._absence()
-            self._navigator.refuse(ask.action_id, refusal)
             ticket.reject(refusal)
+            self._navigator.refuse(ask.action_id, refusal, ticket)
             return
         self._end_driving(self._adapter)
         self.in_control = True
@@ -297,32 +347,37 @@ class Desk:
             adapter.drive(ZERO_VELOCITY)
         except (CommandError, LinkError) as error:
             log.warning("%s: %s", self.name, error)
-            adapter.halt()
+            self.halt()
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
-            adapter.halt()
+            self.halt()
             self._crashed(error)
 
-    def _control(self, ask: Navigate, control: Control, refusal: str | None, ticket: Ticket) -> None:
-        """Stop, pause or resume the running action."""
+    def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
+        """Stop, pause or resume the running action; a stop and a pause are never a repeat."""
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin), ticket)
-            self._navigator.completed(ask.action_id)
-            return
-        if refusal is None and self._offline:
-            refusal = self._absence()
-        if refusal is None and control is Control.PAUSE:
-            if self._navigator.pause():
-                self._executor.spawn(self._hold_for("pause", ticket), name="pause")
-            else:
-                refusal = "there is no action to pause"
-        elif refusal is None and self._adapter is not None:
-            refusal = None if self._navigator.resume(self._adapter) else "there is no paused action"
-        if refusal is not None:
-            self._navigator.refuse(ask.action_id, refusal)
-            ticket.reject(refusal)
-            return
-        self._navigator.completed(ask.action_id)
-        ticket.accept()
+        elif control is Control.PAUSE and self._navigator.pause():
+            self._executor.spawn(self._hold_for("pause", ticket), name="pause")
+        elif control is Control.PAUSE:
+            ticket.reject("there is no action to pause")
+        else:
+            self._resume(ask, ticket)
+
+    def _resume(self, ask: Navigate, ticket: Ticket) -> None:
+        """Go on with the paused action, once for each message that asks it."""
+        if not self._navigator.knows(ask.action_id):
+            identity = ask.action_id and f"resume {ask.action_id}"
+            first = self._repeats.first(identity, ticket, self._clock.monotonic())
+            if first is not None:
+                ticket.follow(first)
+                return
+        refusal = self._admission.navigate(ask)
+        if refusal is not None or self._adapter is None or self._offline:
+            ticket.reject(refusal or self._absence())
+        elif self._navigator.resume(self._adapter):
+            ticket.done()
+        else:
+            ticket.reject("there is no paused action")
 
     def _absence(self) -> str:
         """Return why the robot cannot be asked."""
@@ -332,29 +387,10 @@ class Desk:
         """Note for people how the last command stands."""
         self.last_outcome = _outcome(reply)
 
-    # -- answering -----------------------------------------------------------------------------------
-
-    def _repeated(self, identity: str, ticket: Ticket) -> bool:
-        """Answer a repeat with its first answer; True when this was one."""
-        if not self._repeats.seen(identity, self._clock.monotonic()):
-            return False
-        first = self._repeats.answer(identity)
-        if first is None:
-            ticket.reject("a repeat of a command that is still under way")
-        else:
-            ticket.repeat(first)
-        return True
-
     def _answered(self, ask: Command, ticket: Ticket) -> None:
-        """Note the command for people and for its repeats."""
-
-        def remember(reply: Reply) -> None:
-            self._note(reply)
-            if ticket.receipt is not None:
-                self._repeats.answered(ask.id, ticket.receipt)
-
+        """Note the command for people."""
         self.last_command, self.last_outcome = ask.name, "under way"
-        ticket.watch(remember)
+        ticket.watch(self._note)
 
 
 def _outcome(reply: Reply) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,52 +48,61 @@ class Edge:
         self._clock = clock
         self._began = clock.monotonic()
         self.bus = open_edge(bus_settings(config), directory)
-        here = [(robot, plugin) for robot, plugin in loaded.robots if not worker_of(robot, plugin)]
-        away = [(robot, plugin) for robot, plugin in loaded.robots if worker_of(robot, plugin)]
-        self.process = RobotProcess(
-            config.edge.id,
-            self.bus,
-            [RobotSpec(robot, plugin.adapter, plugin.name) for robot, plugin in here],
-            clock=clock,
-        )
-        self.remote = {
+        with contextlib.ExitStack() as undo:
+            undo.callback(self.bus.close)
+            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), clock=clock)
+            self.remote = self._remote(loaded)
+            self._workers = [
+                self._worker(name, path, directory)
+                for name in names_of(robot.worker for robot in self.remote.values())
+                if name not in config.remote_workers
+            ]
+            self.bridge = self._bridge()
+            undo.pop_all()
+        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+
+    def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
+        """Build this side of the robots that run in workers."""
+        return {
             robot.name: RemoteRobot(
                 robot,
                 adapter=plugin.name,
-                edge=config.edge.id,
+                edge=self._config.edge.id,
                 control=self.bus.control,
-                clock=clock,
+                clock=self._clock,
                 soon=self._soon,
                 worker=worker_of(robot, plugin),
             )
-            for robot, plugin in away
+            for robot, plugin in loaded.robots
+            if worker_of(robot, plugin)
         }
-        self._workers = [
-            Worker(
-                name,
-                edge=config.edge.id,
-                config=path,
-                directory=directory,
-                control=self.bus.control,
-                clock=clock,
-                told=self._worker_is,
-            )
-            for name in names_of(robot.worker for robot in self.remote.values())
-        ]
-        self.bridge = self._bridge()
-        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+
+    def _worker(self, name: str, path: Path, directory: Path) -> Worker:
+        """Build what watches one worker process."""
+        return Worker(
+            name,
+            edge=self._config.edge.id,
+            config=path,
+            directory=directory,
+            control=self.bus.control,
+            clock=self._clock,
+            told=self._worker_is,
+            halt=self._halt_worker,
+        )
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
-        self._declare()
-        self.process.start()
-        if self.bridge is not None:
-            self.process.wheel.at_end(self.bridge.turn)
-            self.bridge.start()
-        workers = [
-            asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
-        ]
+        stop_logs = publish_robot_logs(self.process)
+        workers: list[asyncio.Task[None]] = []
         try:
+            self._declare()
+            self.process.start()
+            if self.bridge is not None:
+                self.process.wheel.at_end(self.bridge.turn)
+                self.bridge.start()
+            workers += [
+                asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
+            ]
             await ended.wait()
         finally:
             for task in workers:
@@ -102,6 +112,7 @@ class Edge:
             if self.bridge is not None:
                 self.bridge.turn()
                 await asyncio.to_thread(self.bridge.close)
+            stop_logs()
             self.bus.close()
 
     def states(self) -> list[RobotState]:
@@ -161,7 +172,6 @@ class Edge:
     def _declare(self) -> None:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
-        publish_robot_logs(self.process)
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
             self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
@@ -214,6 +224,21 @@ class Edge:
         for robot in self.remote.values():
             if robot.worker == worker:
                 robot.worker_is(cause)
+
+    def _halt_worker(self, worker: str) -> None:
+        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
+        stop = keys.stop(self._config.edge.id)
+        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
+
+
+def _here(loaded: Loaded) -> list[RobotSpec]:
+    """Return the robots that run in the edge's own process."""
+    return [
+        RobotSpec(robot, plugin.adapter, plugin.name)
+        for robot, plugin in loaded.robots
+        if not worker_of(robot, plugin)
+    ]
 
 
 def _log_failure(error: Exception) -> None:

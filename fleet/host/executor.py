@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, TimedOut
+from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command
+from fleet.model.command import Command, ReplyStatus
 
 log = logging.getLogger(__name__)
 
@@ -20,33 +21,61 @@ AT_ONCE = 8  # commands that do not move, under way together; more are refused
 
 
 class Executor:
-    """The running commands of one robot."""
+    """The running commands of one robot.
 
-    def __init__(self, *, crashed: Callable[[Exception], None]) -> None:
+    The asker is told at once when a command is ended or runs out of time; what its method does with its
+    cancellation is not waited for. ``ready`` waits until stops that were asked before have ended.
+    """
+
+    def __init__(
+        self, *, crashed: Callable[[Exception], None], ready: Callable[[], Awaitable[None]] = at_once
+    ) -> None:
         self._crashed = crashed
+        self._ready = ready
         self._tasks: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
-        self._why = ""
+        self._ticket: Ticket | None = None  # the mover's
         self.moving = ""
 
-    def start(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
-        """Run a command; a moving one takes the place of the moving one before it."""
+    def start(
+        self,
+        adapter: Adapter[Any],
+        spec: CommandSpec,
+        ask: Command,
+        ticket: Ticket,
+        *,
+        failed: Callable[[], None],
+    ) -> None:
+        """Run a command; a moving one takes the place of the moving one before it.
+
+        ``failed`` is called when it failed by itself: not for one that was ended, nor for a crash.
+        """
         if spec.moves:
             self.cancel(f"superseded by {ask.name}")
         elif len(self._tasks) >= AT_ONCE:
             ticket.reject(f"{AT_ONCE} commands are under way; try again")
             return
-        task = self.spawn(self._run(adapter, spec, ask, ticket), name=ask.name)
+        task = self.spawn(self._run(adapter, spec, ask, ticket, failed), name=ask.name)
         if spec.moves:
-            self._mover, self.moving = task, ask.name
-            task.add_done_callback(self._moved)
+            self._mover, self._ticket, self.moving = task, ticket, ask.name
+
+        def give_up() -> None:
+            self._moved(task)
+            ticket.fail(TimedOut(f"{ask.name} was not seen done within {spec.timeout:g} s"))
+            insist(task, "its time was over", self._crashed)
+            failed()
+
+        timer = asyncio.get_running_loop().call_later(spec.timeout, give_up)
+        task.add_done_callback(lambda _: timer.cancel())
+        task.add_done_callback(self._moved)
 
     def cancel(self, why: str) -> None:
         """End the moving command; its ticket is told why."""
-        if self._mover is not None:
-            self._why = why
-            self._mover.cancel(why)
-            self._mover, self.moving = None, ""
+        if self._mover is not None and self._ticket is not None:
+            mover, ticket = self._mover, self._ticket
+            self._moved(mover)
+            ticket.reject(why)
+            insist(mover, why, self._crashed)
 
     def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
         """Run something of this robot's, kept alive until it ends."""
@@ -58,25 +87,44 @@ class Executor:
     def _moved(self, task: asyncio.Task[None]) -> None:
         """Note that the moving command has ended."""
         if self._mover is task:
-            self._mover, self.moving = None, ""
+            self._mover, self._ticket, self.moving = None, None, ""
 
-    async def _run(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
+    async def _run(
+        self,
+        adapter: Adapter[Any],
+        spec: CommandSpec,
+        ask: Command,
+        ticket: Ticket,
+        failed: Callable[[], None],
+    ) -> None:
         """Run one command to its end and answer."""
         try:
-            async with asyncio.timeout(spec.timeout):
-                await self._call(adapter, spec, ask, ticket)
+            if spec.moves:
+                await self._ready()
+            await walled(lambda: self._call(adapter, spec, ask, ticket))
             ticket.done()
-        except TimeoutError:
-            ticket.fail(TimedOut(f"{ask.name} was not seen done within {spec.timeout:g} s"))
-        except (CommandError, LinkError) as error:
+        except asyncio.CancelledError:
+            if was_cancelled():
+                raise
+            self._ended_badly(RuntimeError("it was cancelled from within"), ask, ticket, failed)
+        except Exception as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
+            self._ended_badly(error, ask, ticket, failed)
+
+    def _ended_badly(
+        self, error: Exception, ask: Command, ticket: Ticket, failed: Callable[[], None]
+    ) -> None:
+        """Answer a command that raised; what was cancelled has been answered, and says nothing more."""
+        if isinstance(error, TimeoutError):
+            error = TimedOut(f"{ask.name}: the robot did not answer in time")
+        if isinstance(error, CommandError | LinkError):
+            was_ended = ticket.ended is not None
             ticket.fail(error)
-        except asyncio.CancelledError as cancelled:
-            ticket.reject(str(cancelled) or self._why)
-            raise
-        except Exception as error:
-            log.exception("the adapter failed in %s", ask.name)
-            ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
-            self._crashed(error)
+            if not was_ended:
+                failed()
+            return
+        log.error("the adapter failed in %s", ask.name, exc_info=error)
+        ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        self._crashed(error)
 
     async def _call(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Call the adapter's method; its first progress is the receipt."""
@@ -84,5 +132,19 @@ class Executor:
         if not spec.streams:
             await call
             return
-        async for _ in call:
-            ticket.accept()
+        async with closing(call) as steps:
+            async for _ in steps:
+                ticket.accept()
+
+
+def may_still_move(spec: CommandSpec, ticket: Ticket, *, superseding: bool) -> bool:
+    """Return True when the robot may be moving after a command that failed, and has to be held.
+
+    One that the robot refused leaves it at what it did before. One that it took, or did not answer to, may
+    still move it; but what only makes things safer (a landing) is not broken off.
+    """
+    refused = ticket.receipt is not None and ticket.receipt.status in (
+        ReplyStatus.REJECTED,
+        ReplyStatus.DENIED,
+    )
+    return spec.moves and (superseding if refused else not spec.safe)

@@ -60,7 +60,8 @@ class Handle:
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Call back about every ``seconds`` until the run ends."""
-        self._spokes.append(self._wheel.every(seconds, call, owner=self.name, failed=self._failed))
+        if not self._closed:
+            self._spokes.append(self._wheel.every(seconds, call, owner=self.name, failed=self._failed))
 
     def share(
         self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]

@@ -27,9 +27,6 @@ from fleet.model.report import Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 
-RESTART = "restart_adapter"
-"""The one command that the host itself carries out: end a quarantine, or begin the run anew."""
-
 
 def source_type(config: AdapterConfig) -> str:
     """Return the source type of a robot's own state."""
@@ -73,9 +70,14 @@ class LocalRobot:
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         can = capabilities(plugin)
         self._decoder = Decoder(
-            config, config.limits.over(can.limits), planar=can.limits.vertical_speed is None
+            config,
+            config.limits.over(can.limits),
+            planar=can.limits.vertical_speed is None,
+            home_altitude=lambda: self._seen.home_altitude,
         )
-        self.desk = Desk(config, can, publish=self.publish, crashed=self._crashed, clock=clock)
+        self.desk = Desk(
+            config, can, publish=self.publish, crashed=self._crashed, restart=self._restart, clock=clock
+        )
         self._changed = changed
         self.runner = Runner(
             self.desk,
@@ -106,11 +108,7 @@ class LocalRobot:
         if ask is None:
             return
         ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
-        if isinstance(ask, Command) and ask.name == RESTART:
-            self.runner.lift()
-            ticket.done()
-        else:
-            self._context.run(self.desk.receive, ask, ticket)
+        self._context.run(self.desk.receive, ask, ticket)
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
@@ -183,6 +181,10 @@ class LocalRobot:
     def _crashed(self, error: Exception) -> None:
         """Hand an adapter's failure to the runner."""
         self.runner.crashed(error)
+
+    def _restart(self) -> None:
+        """Begin the adapter's run anew."""
+        self.runner.restart()
 
     def _expired(self) -> None:
         """Follow the watchdog's halt on the loop."""

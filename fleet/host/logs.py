@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable
 
 from fleet.host.process import RobotProcess
 from fleet.model.report import LogReport
@@ -23,13 +24,19 @@ class _ToDriverlog(logging.Handler):
         robot = self._process.robots.get(record.name.removeprefix(ROBOT_LOGGER))
         if robot is None:
             return
-        report = LogReport(record.created, record.levelname, record.getMessage())
-        self._process.loop.call_soon_threadsafe(robot.publish, report)
+        try:
+            report = LogReport(record.created, record.levelname, record.getMessage())
+            self._process.loop.call_soon_threadsafe(robot.publish, report)
+        except (TypeError, ValueError, RuntimeError):  # a line that cannot be put together; a closed loop
+            self.handleError(record)
 
 
-def publish_robot_logs(process: RobotProcess) -> None:
-    """Send the robots' warnings to their twins from now on."""
-    logging.getLogger(ROBOT_LOGGER.rstrip(".")).addHandler(_ToDriverlog(process))
+def publish_robot_logs(process: RobotProcess) -> Callable[[], None]:
+    """Send the robots' warnings to their twins from now on; returns what ends it."""
+    handler = _ToDriverlog(process)
+    logger = logging.getLogger(ROBOT_LOGGER.rstrip("."))
+    logger.addHandler(handler)
+    return lambda: logger.removeHandler(handler)
 
 
 class _ToStderr(logging.Handler):

@@ -7,23 +7,35 @@ import logging
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import msgspec
+
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
+from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.ticket import Ticket
+from fleet.model.command import Reply
 from fleet.model.navigation import ActionState, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
 
-KEPT = 64  # finished actions remembered, to answer a repeated action id with its last status
+KEPT = 64  # actions remembered, to answer a repeated action id with its last status
+
+
+class _Known(msgspec.Struct):
+    """What was said last of an action id, and to whom."""
+
+    ticket: Ticket
+    status: NavigationReport
 
 
 class Navigator:
     """The actions of one robot.
 
-    ``hold`` brings the robot to a standstill; ``crashed`` hears of an adapter that raised what it may not.
+    ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
+    what it may not; ``ready`` waits until stops that were asked before have ended.
     """
 
     def __init__(
@@ -33,14 +45,16 @@ class Navigator:
         hold: Callable[[str], Awaitable[None]],
         crashed: Callable[[Exception], None],
         clock: Clock,
+        ready: Callable[[], Awaitable[None]] = at_once,
     ) -> None:
-        self._publish = publish
+        self._ready = ready
+        self._tell = publish
         self._hold = hold
         self._crashed = crashed
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
-        self._known: dict[str, Action] = {}
+        self._known: dict[str, _Known] = {}
         self.action: Action | None = None
 
     @property
@@ -48,12 +62,17 @@ class Navigator:
         """True while an action is running or paused."""
         return self.action is not None and not self.action.over
 
-    def repeated(self, action_id: str) -> bool:
-        """Say the last status again for an action id that was seen before; False for a new one."""
+    def knows(self, action_id: str) -> bool:
+        """Return True for the id of an action that was asked before."""
+        return action_id in self._known
+
+    def repeated(self, action_id: str, ticket: Ticket) -> bool:
+        """Say the last status and the answers again for an action id seen before; False for a new one."""
         known = self._known.get(action_id)
         if known is None:
             return False
-        self._publish(known.status)
+        self._tell(known.status)
+        ticket.follow(known.ticket)
         return True
 
     def start(self, adapter: Adapter[Any], task: Task, action_id: str, ticket: Ticket) -> None:
@@ -66,17 +85,21 @@ class Navigator:
             ended=lambda status: _answer(ticket, status),
             clock=self._clock,
         )
-        self._remember(self.action)
+        self._remember(self.action.status, ticket)
         self._begin(adapter, self.action)
 
-    def refuse(self, action_id: str, reason: str) -> None:
-        """Say that an action failed before it began."""
-        self._publish(NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, reason))
+    def refuse(self, action_id: str, reason: str, ticket: Ticket) -> None:
+        """Say that an action failed before it began; a repeat of it is refused like it."""
+        status = NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, reason)
+        self._tell(status)
+        self._remember(status, ticket)
 
-    def completed(self, action_id: str) -> None:
-        """Say that a control message that carries an action id of its own has been obeyed."""
-        if action_id:
-            self._publish(NavigationReport(self._clock.time(), action_id, ActionState.COMPLETED, 100.0))
+    def controlled(self, action_id: str, reply: Reply) -> None:
+        """Say how a control message ended, when it has an action id of its own and has ended."""
+        if reply.done is None or not action_id or self.knows(action_id):
+            return
+        state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
+        self._tell(NavigationReport(self._clock.time(), action_id, state, percent, reply.reason))
 
     def cancel(self, why: str) -> None:
         """End what is under way with ``cancelled``; the robot is not stopped here."""
@@ -121,29 +144,59 @@ class Navigator:
     def _interrupt(self) -> None:
         """Cancel the work, which then says nothing more."""
         if self._work is not None:
-            self._work.cancel()
+            insist(self._work, "the action was ended", self._crashed)
             self._work = None
 
     async def _run(self, adapter: Adapter[Any], action: Action) -> None:
         """Drive the adapter's own iteration and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            async for progress in adapter.navigate(action.task):
-                action.progress(progress)
-            action.move(ActionState.COMPLETED)
+            await self._ready()
+            await walled(lambda: self._follow(adapter, action))
+            if self._is_current():
+                action.complete()
         except (CommandError, LinkError) as error:
-            action.move(ActionState.FAILED, message=str(error))
-            await self._hold(f"navigation failed: {error}")
+            await self._fail(action, str(error))
+        except asyncio.CancelledError:
+            if was_cancelled():
+                raise
+            await self._fail(action, "the adapter cancelled it")
         except Exception as error:
             log.exception("the adapter failed in navigate")
-            action.move(ActionState.FAILED, message=f"{type(error).__name__}: {error}")
+            if self._is_current():
+                action.move(ActionState.FAILED, message=f"{type(error).__name__}: {error}")
             self._crashed(error)
 
-    def _remember(self, action: Action) -> None:
+    def _is_current(self) -> bool:
+        """Return False for work that was cancelled and goes on all the same: it has no say any more."""
+        return self._work is asyncio.current_task()
+
+    async def _follow(self, adapter: Adapter[Any], action: Action) -> None:
+        """Take the adapter's progress for as long as somebody wants it."""
+        async with closing(adapter.navigate(action.task)) as steps:
+            async for progress in steps:
+                if not self._is_current():
+                    return
+                action.progress(progress)
+
+    async def _fail(self, action: Action, why: str) -> None:
+        """Say that the work failed, and hold the robot."""
+        if self._is_current():
+            action.move(ActionState.FAILED, message=why)
+            await self._hold(f"navigation failed: {why}")
+
+    def _publish(self, status: NavigationReport) -> None:
+        """Say a status, and keep it for repeats of its id."""
+        known = self._known.get(status.action_id)
+        if known is not None:
+            known.status = status
+        self._tell(status)
+
+    def _remember(self, status: NavigationReport, ticket: Ticket) -> None:
         """Keep an action for repeats of its id."""
-        if not action.id:
+        if not status.action_id:
             return
-        self._known[action.id] = action
+        self._known[status.action_id] = _Known(ticket, status)
         while len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
 

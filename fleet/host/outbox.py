@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable, Mapping
 
 from fleet.bus.lane import Lane, Publisher, Question, keys_meet
-from fleet.errors import WireError
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
 from fleet.wire.databus import encode_report
 from fleet.wire.topics import data_key
@@ -15,7 +14,7 @@ from fleet.wire.topics import data_key
 log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
-WAITING = 1000  # events of one turn; a robot that reports more loses its newest, counted
+WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
 
 class Outbox:
@@ -26,7 +25,8 @@ class Outbox:
         self._publishers: dict[str, Publisher] = {}
         self._sequences: dict[str, int] = {}
         self._latest: dict[tuple[str, str], Report] = {}
-        self._events: list[tuple[str, Report]] = []
+        self._events: dict[str, list[Report]] = {}
+        self._refused: set[str] = set()
         self._last: dict[str, bytes] = {}
         self._lock = threading.Lock()  # the last samples are read on the bus's thread
         self.dropped = 0
@@ -36,8 +36,10 @@ class Outbox:
         """Take a report; it leaves with the next ``flush``."""
         if not isinstance(report, EVENTS):
             self._latest[(twin, report.channel)] = report
-        elif len(self._events) < WAITING:
-            self._events.append((twin, report))
+            return
+        events = self._events.setdefault(twin, [])
+        if len(events) < WAITING:
+            events.append(report)
         else:
             self.dropped += 1
 
@@ -51,23 +53,27 @@ class Outbox:
 
     def flush(self) -> None:
         """Put everything that waits."""
-        events, self._events = self._events, []
+        events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
-        for twin, report in events:
-            self._send(twin, report)
+        for twin, reports in events.items():
+            for report in reports:
+                self._send(twin, report)
         for (twin, _), report in latest.items():
             self._send(twin, report)
 
     def _send(self, twin: str, report: Report) -> None:
-        """Encode and put one report; one that cannot be said is dropped, told and counted."""
+        """Encode and put one report; what cannot be said is dropped and counted, the first of a row told."""
         key = data_key(twin, report.channel)
         sequence = self._sequences.get(key, 0)
         try:
             sample = encode_report(report, sequence)
-        except WireError as error:
+        except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
-            log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+            if key not in self._refused:
+                self._refused.add(key)
+                log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
             return
+        self._refused.discard(key)
         publisher = self._publishers.get(key)
         if publisher is None:
             publisher = self._publishers[key] = self._lane.publisher(key)

@@ -8,11 +8,8 @@ import logging
 import os
 import sys
 import threading
-import traceback
-import weakref
-from collections.abc import Callable, Coroutine, Iterable
-from pathlib import Path
-from types import FrameType
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, cast
 
 import msgspec
@@ -21,13 +18,15 @@ from fleet.bus import keys
 from fleet.bus.lane import Publisher, Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
+from fleet.host.aside import aside
 from fleet.host.asks import Kind
+from fleet.host.blame import LoopThread
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
-from fleet.host.watchdog import LoopWatch, Watchdog
-from fleet.host.wheel import OWNER, Wheel
+from fleet.host.watchdog import HALT_WAIT, LoopWatch, Watchdog
+from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
@@ -36,6 +35,7 @@ log = logging.getLogger(__name__)
 
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
+LAST_WORDS = 1.0  # s for the log line of a process that ends itself
 KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
 
 
@@ -60,8 +60,7 @@ class RobotProcess:
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop)
         self.outbox = Outbox(bus.reports)
-        self._owners: weakref.WeakKeyDictionary[asyncio.Task[Any], str] = weakref.WeakKeyDictionary()
-        self._main_thread = threading.get_ident()
+        self._thread = LoopThread(threading.get_ident())
         self._shared = Shared()
         self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -69,7 +68,11 @@ class RobotProcess:
         self.watchdog = Watchdog(
             clock,
             LoopWatch(
-                beat=lambda: self.wheel.beat, running=self._running, blocked=self._blocked, stuck=self._stuck
+                beat=lambda: self.wheel.beat,
+                cpu=self._thread.cpu,
+                running=self._running,
+                blocked=self._blocked,
+                stuck=self._stuck,
             ),
         )
         self.robots: dict[str, LocalRobot] = {
@@ -95,7 +98,6 @@ class RobotProcess:
         """Start every robot; those that fail are tried again by their own runners."""
         # A thread that wants to stop a robot must not wait long for the interpreter.
         sys.setswitchinterval(0.0005)
-        self.loop.set_task_factory(cast("Any", self._new_task))
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
@@ -115,13 +117,17 @@ class RobotProcess:
                 log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
         self.outbox.flush()
         self.wheel.stop()
-        self.watchdog.stop()
+        if any(robot.runner.leftover for robot in self.robots.values()):
+            log.error("an adapter's run does not end: the watchdog ends this process if it never does")
+        else:
+            self.watchdog.stop()
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         stopped = [name for name in self.robots if not names or name in names]
         for name in stopped:
-            self.robots[name].emergency(why)
+            # One whose halt is held up must not keep the next one moving.
+            aside(partial(self.robots[name].emergency, why), wait=HALT_WAIT)
         return stopped
 
     def publish_state(self, name: str) -> None:
@@ -202,50 +208,25 @@ class RobotProcess:
             request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
         )
 
-    def _new_task(
-        self, loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, Any], **options: Any
-    ) -> asyncio.Task[Any]:
-        """Make a task and remember whose it is."""
-        task = asyncio.Task(work, loop=loop, **options)
-        context = options.get("context")
-        owner = context.get(OWNER, "") if context is not None else OWNER.get()
-        if owner:
-            self._owners[task] = owner
-        return task
-
     # -- who blocks the loop -------------------------------------------------------------------------
 
     def _running(self) -> str:
         """Return which robot the loop is busy with; on the watchdog's thread."""
-        if self.wheel.owner:
-            return self.wheel.owner
-        task = asyncio.current_task(self.loop)
-        return self._owners.get(task, "") if task is not None else ""
+        return self.wheel.owner or self._thread.owner()
 
     def _blocked(self, name: str, seconds: float) -> None:
-        """Say who blocks the loop and where, and count it; on the watchdog's thread."""
-        where = _where(sys._current_frames().get(self._main_thread))  # noqa: SLF001 - there is no public way
-        log.error("%s blocks the event loop at %s", name, where)
+        """Say who blocks the loop and where, and count it; on a thread of the watchdog's."""
+        where = self._thread.place()
         robot = self.robots.get(name)
         if robot is not None:
             self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
+        log.error("%s blocks the event loop at %s", name, where)
 
     def _stuck(self, name: str) -> None:
         """Give the process up: it is restarted by who watches it; every robot has been halted."""
-        log.critical("the event loop is stuck in %s: this process ends now", name)
+        text = "the event loop is stuck in %s: this process ends now"
+        aside(lambda: log.critical(text, name), wait=LAST_WORDS)
         os._exit(70)
-
-
-def _where(frame: FrameType | None) -> str:
-    """Return the innermost place outside the standard library, as file:line in function."""
-    if frame is None:
-        return "an unknown place"
-    stack = traceback.extract_stack(frame)
-    own = [
-        entry for entry in stack if "/asyncio/" not in entry.filename and "/lib/python3" not in entry.filename
-    ]
-    last = own[-1] if own else stack[-1]
-    return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
 
 
 def _unheard(_reply: Reply) -> None:

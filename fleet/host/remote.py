@@ -8,11 +8,14 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.bus import keys
-from fleet.bus.lane import Lane
+from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
-from fleet.host.asks import Kind
+from fleet.errors import WireError
+from fleet.health.aggregate import LEVELS
+from fleet.host.asks import Decoder, Kind
+from fleet.host.desk import EMERGENCY
 from fleet.host.local import source_type
-from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.command import Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
@@ -57,15 +60,26 @@ class RemoteRobot:
             simulated=config.simulated,
             worker=self.worker,
         )
+        # Only to see what is asked: the worker decodes with the robot's own limits.
+        self._decoder = Decoder(config, config.limits, planar=False)
         control.subscribe(keys.state(edge, self.name), self._state_arrived)
+        control.answer(keys.state(edge, self.name), self._state_asked)
+        control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
     def look_for_emergency(self, payload: bytes) -> None:
-        """Stop at once over the stop lane when a message may be an emergency stop; from any thread."""
-        if b"emergency_stop" in payload:
+        """Stop at once over the stop lane when a message is an emergency stop; from any thread."""
+        if b"stop" not in payload:
+            return
+        try:
+            ask = self._decoder.decode("command", payload, way=Way.BUS)
+        except WireError:
+            return
+        if isinstance(ask, Command) and ask.name == EMERGENCY:
             self.emergency("asked over the cloud")
 
     def emergency(self, _why: str) -> None:
         """Stop and latch; from any thread."""
+        self._state = msgspec.structs.replace(self._state, emergency_stop=True)
         self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
 
     def receive(
@@ -78,19 +92,21 @@ class RemoteRobot:
         request_id: str = "",
     ) -> None:
         """Hand a message to the worker; what it answers goes back, or that nobody answered."""
+        name = self._name_of(kind, payload)
+        if name is None:
+            return
         answered: list[Reply] = []
 
         def on_answer(data: bytes) -> None:
             reply = msgspec.json.decode(data, type=Reply)
-            answered.append(reply)
-            self._soon(lambda: answer(reply))
+            if not answered:
+                answered.append(reply)
+                self._soon(lambda: answer(reply))
 
         def on_end() -> None:
             if not answered:
-                silence = Reply(
-                    kind, ReplyStatus.TIMEOUT, f"worker {self.worker} did not answer: {self._cause}"
-                )
-                self._soon(lambda: answer(silence))
+                reason = f"worker {self.worker} did not answer: {self._cause}"
+                self._soon(lambda: answer(Reply(name, ReplyStatus.TIMEOUT, reason)))
 
         parameters = {"kind": kind, "way": way.value}
         if request_id:
@@ -103,6 +119,14 @@ class RemoteRobot:
             on_answer=on_answer,
             on_end=on_end,
         )
+
+    def _name_of(self, kind: Kind, payload: bytes) -> str | None:
+        """Return the name of what a message asks, None when it asks nothing (a reply on its way back)."""
+        try:
+            ask = self._decoder.decode(kind, payload, way=Way.BUS)
+        except WireError as error:  # the worker refuses it, with the reason
+            return getattr(error, "command", "") or kind
+        return None if ask is None else getattr(ask, "name", "navigate")
 
     def worker_is(self, cause: str) -> None:
         """Note what is wrong with the worker; empty when it runs."""
@@ -121,8 +145,23 @@ class RemoteRobot:
     def _state_arrived(self, _key: str, payload: bytes) -> None:
         """Take the worker's word; on the bus's thread."""
         try:
-            self._state = msgspec.json.decode(payload, type=RobotState)
+            state = msgspec.json.decode(payload, type=RobotState)
         except msgspec.DecodeError as error:
             log.warning("%s: a state that cannot be read: %s", self.name, error)
             return
+        if state.health not in LEVELS:
+            log.warning("%s: a state with the unknown health %a", self.name, state.health[:40])
+            return
+        self._state = state
         self._heard = self._clock.monotonic()
+
+    def _state_asked(self, question: Question) -> None:
+        """Answer with the state, beside the worker: it may be gone. On the bus's thread."""
+        question.reply(msgspec.json.encode(self.state()))
+        question.close()
+
+    def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        """Set an emergency stop again in a worker that was started anew: only a release ends it."""
+        if alive and self._state.emergency_stop:
+            log.warning("%s: its worker is back: the emergency stop is set again", self.name)
+            self.emergency("set before its worker ended")

@@ -15,12 +15,15 @@ import asyncio
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
+
+import msgspec
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
-from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
+from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
+from fleet.host.bounded import result_of, take_note, walled
 from fleet.host.desk import Desk
 from fleet.host.handle import Handle
 from fleet.model.health import Health, Level
@@ -28,6 +31,28 @@ from fleet.model.health import Health, Level
 STRIKES = 3
 STRIKE_WINDOW = 60.0  # s
 SLOW_RETRY = 30.0  # s between tries of what only a person can mend
+LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
+
+
+class _Restart(Exception):
+    """Somebody asked for the run to begin anew."""
+
+
+class _End(msgspec.Struct, frozen=True):
+    """What the end of a run means; ``slow``: only a person can mend it."""
+
+    health: Health
+    slow: bool = False
+
+
+_ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
+    (LinkLost, Level.OFFLINE, False),
+    (NotReady, Level.OFFLINE, False),
+    (_Restart, Level.OFFLINE, False),
+    (LinkRefused, Level.FAULT, True),
+    (Fault, Level.FAULT, True),
+)
+"""What an error means; whatever is not here is a failure of the adapter itself."""
 
 
 class Runner:
@@ -45,6 +70,7 @@ class Runner:
     ) -> None:
         self.desk = desk
         self.health = Health(Level.OFFLINE, "starting")
+        self.leftover: asyncio.Future[None] | None = None  # a run that does not end when it is cancelled
         self._make = make
         self._handle = handle
         self._new_waits = waits
@@ -54,23 +80,25 @@ class Runner:
         self._crash: asyncio.Future[None] | None = None
         self._strikes: deque[float] = deque(maxlen=STRIKES)
         self._lifted = asyncio.Event()
-        self._told = ""
+        self._leaving = False
+        self._told = Level.OK
 
     async def run(self) -> None:
         """Serve the robot until cancelled; then bring it to a standstill."""
         waits = self._new_waits()
         while True:
+            self._lifted.clear()
             began = self._clock.monotonic()
-            health = await self._once()
+            end = await self._once()
             if self._clock.monotonic() - began > SLOW_RETRY:
                 waits = self._new_waits()
-            self._set(health)
+            self._set(end.health)
+            await self._outlive()
             if self._struck_out():
-                await self._quarantine(health)
+                await self._quarantine(end.health)
                 waits = self._new_waits()
-                continue
-            slow = health.level is Level.FAULT and not self._strikes
-            await asyncio.sleep(SLOW_RETRY if slow else next(waits))
+            else:
+                await self._rest(SLOW_RETRY if end.slow else next(waits))
 
     def crashed(self, error: Exception) -> None:
         """End the run because the adapter raised what it may not; on the loop."""
@@ -78,66 +106,90 @@ class Runner:
             self._crash.set_exception(error)
 
     def blocked(self, where: str, seconds: float) -> None:
-        """Count a block of the event loop against this robot."""
-        self._log.error("blocked the event loop for %.2f s at %s", seconds, where)
+        """Count a block of the event loop, longer than ``seconds``, against this robot."""
+        self._log.error("blocked the event loop for more than %.2f s at %s", seconds, where)
         self._strike()
-        self._set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
+        if self.health.level < Level.OFFLINE:
+            self._set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
         if self._struck_out():
             advice = f"give {self.desk.name} a worker of its own (worker: {self.desk.name})"
-            self.crashed(RuntimeError(f"blocked the event loop {STRIKES} times; {advice}"))
+            self.crashed(
+                RuntimeError(f"blocked the event loop {STRIKES} times, the last at {where}; {advice}")
+            )
 
-    def lift(self) -> None:
-        """End a quarantine."""
+    def restart(self) -> None:
+        """End a quarantine or a wait at once; a run that is under way ends and begins anew."""
         self._lifted.set()
+        self.crashed(_Restart("it is being restarted, as somebody asked"))
 
-    async def _once(self) -> Health:
-        """Run the adapter once; return the health that its end means."""
+    async def _once(self) -> _End:
+        """Run the adapter once; return what its end means."""
+        self._leaving = False
         self._crash = asyncio.get_running_loop().create_future()
         handle = self._handle(self)
-        adapter: Adapter[Any] | None = None
+        end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
             adapter = self._make()
             self.desk.attach(adapter)
             await self._serve(adapter, handle)
-        except LinkLost as error:
-            return Health(Level.OFFLINE, str(error))
-        except (LinkRefused, Fault) as error:
-            return Health(Level.FAULT, str(error))
-        except NotReady as error:
-            return Health(Level.OFFLINE, str(error))
         except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's
-            self._log.exception("the adapter failed")
-            self._strike()
-            return Health(Level.FAULT, f"{type(error).__name__}: {error}")
-        else:
-            return Health(Level.OFFLINE, "the adapter ended by itself")
+            end = self._judged(error)
         finally:
             handle.close()
             self._crash.cancel()
-            self.desk.detach(self.health.cause or "its adapter ended")
+            take_note(self._crash)
+            self.desk.detach(end.health.cause)
+        return end
+
+    def _judged(self, error: Exception) -> _End:
+        """Return what an error means; count it when it is a failure of the adapter itself."""
+        cause = _cause(error)
+        for kind, level, slow in _ENDS:
+            if isinstance(cause, kind):
+                return _End(Health(level, str(cause)), slow)
+        self._log.error("the adapter failed", exc_info=error)
+        self._strike()
+        return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
 
     async def _serve(self, adapter: Adapter[Any], handle: Handle) -> None:
         """Run until the adapter ends, crashes elsewhere, or we are cancelled; then stop the robot."""
         assert self._crash is not None
-        work = asyncio.ensure_future(adapter.run(handle))
+        work = asyncio.ensure_future(walled(lambda: adapter.run(handle)))
+        why = "the host lets go of the robot"
         try:
             await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)
             if self._crash.done():
                 self._crash.result()
-            await work
+            result_of(work)
+        except Exception as error:
+            why = str(_cause(error))
+            raise
         finally:
-            await self._leave(adapter, work)
+            await _uninterrupted(self._leave(work, why))
 
-    async def _leave(self, adapter: Adapter[Any], work: asyncio.Future[None]) -> None:
+    async def _leave(self, work: asyncio.Future[None], why: str) -> None:
         """Stop a robot that we were moving, while its link may still be open, and end the run."""
-        if self.desk.in_control:
-            adapter.halt()
+        self._leaving = True
+        in_control = self.desk.in_control
+        self.desk.lost(why)
+        if in_control:
+            self.desk.halt()
             with contextlib.suppress(Exception):  # the run is over; what matters was the halt
-                await self.desk.hold("the host lets go of the robot")
+                await self.desk.hold(why)
         work.cancel()
-        await asyncio.wait({work})
-        if not work.cancelled():
-            work.exception()
+        work.add_done_callback(take_note)
+        _, pending = await asyncio.wait({work}, timeout=LEAVE_WITHIN)
+        self.leftover = work if pending else None
+
+    async def _outlive(self) -> None:
+        """Wait for a run that goes on though it was cancelled: two of them must never have one robot."""
+        if self.leftover is None:
+            return
+        self._set(
+            Health(Level.FAULT, "its adapter does not end; restart the edge, and give it a worker of its own")
+        )
+        await asyncio.wait({self.leftover})
+        self.leftover = None
 
     async def _quarantine(self, health: Health) -> None:
         """Leave the robot alone until a person lifts it."""
@@ -151,6 +203,12 @@ class Runner:
         self._lifted.clear()
         await self._lifted.wait()
         self._strikes.clear()
+        self._set(Health(Level.OFFLINE, "starting again"))
+
+    async def _rest(self, seconds: float) -> None:
+        """Wait before the next try, or until a person asks for it."""
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._lifted.wait(), seconds)
 
     def _strike(self) -> None:
         """Count a failure."""
@@ -162,6 +220,8 @@ class Runner:
 
     def healthy(self, health: Health) -> None:
         """Take the adapter's own word of how the way to the robot is."""
+        if self._leaving:
+            return
         if health.level >= Level.OFFLINE:
             self.desk.lost(health.cause)
         else:
@@ -169,12 +229,12 @@ class Runner:
         self._set(health)
 
     def _set(self, health: Health) -> None:
-        """Note a health; the first of a kind is told aloud, repeats quietly."""
+        """Note a health; the first of a level is told aloud, what follows on it quietly."""
         if health == self.health:
             return
         self.health = health
-        loud = health.level >= Level.DEGRADED and health.cause != self._told
-        self._told = health.cause if health.level >= Level.DEGRADED else ""
+        loud = health.level >= Level.DEGRADED and health.level is not self._told
+        self._told = health.level
         self._log.log(
             logging.WARNING if loud else logging.INFO,
             "%s%s",
@@ -182,3 +242,26 @@ class Runner:
             f": {health.cause}" * bool(health.cause),
         )
         self._changed()
+
+
+def _cause(error: BaseException) -> BaseException:
+    """Return what went wrong; of a task group's errors one that is not the link's, where there is one."""
+    leaves = [error]
+    while groups := [leaf for leaf in leaves if isinstance(leaf, BaseExceptionGroup)]:
+        leaves = [leaf for leaf in leaves if leaf not in groups]
+        leaves += [inner for group in groups for inner in group.exceptions]
+    return next((leaf for leaf in leaves if not isinstance(leaf, LinkError)), leaves[0])
+
+
+async def _uninterrupted(work: Coroutine[Any, Any, None]) -> None:
+    """Await to the end what is bounded in time, though we be cancelled meanwhile; then pass that on."""
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait({task})
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled
+    task.result()

@@ -76,5 +76,6 @@ def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
 
 
 def topics(cloud: CloudConfig, environ: Mapping[str, str] = os.environ) -> Topics:
-    """Return the topics with the prefix of the file, or of the environment."""
-    return Topics(prefix_from(cloud.prefix or None, environ))
+    """Return the topics with the prefix of the file, be it empty, or of the environment."""
+    given = cloud.prefix if "prefix" in cloud.model_fields_set else None
+    return Topics(prefix_from(given, environ))

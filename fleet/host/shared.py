@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, TypeVar
+
+from fleet.host.wheel import OWNER
 
 log = logging.getLogger(__name__)
 
@@ -19,15 +22,19 @@ class _Held:
     def __init__(self, key: str, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
         self.users = 0
         self.ready: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        self._released = asyncio.Event()
-        self._task = asyncio.create_task(self._hold(make), name=f"shared:{key}")
+        self.released = asyncio.Event()
+        # What runs for all of its users must not be blamed on the one that came first.
+        context = contextvars.copy_context()
+        context.run(OWNER.set, "")
+        loop = asyncio.get_running_loop()
+        self.task = loop.create_task(self._hold(make), name=f"shared:{key}", context=context)
 
     async def _hold(self, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
         """Enter, hand the value to whoever waits, and leave when the last user has gone."""
         try:
             async with make() as value:
                 self.ready.set_result(value)
-                await self._released.wait()
+                await self.released.wait()
         except Exception as error:
             if self.ready.done():
                 log.exception("a shared resource failed while it was in use")
@@ -35,11 +42,11 @@ class _Held:
                 self.ready.set_exception(error)
 
     async def release(self) -> None:
-        """Leave the resource and wait until it is closed."""
-        self._released.set()
+        """Leave the resource and wait until it is closed; whoever waits may be cancelled, the closing not."""
+        self.released.set()
         if not self.ready.done():
-            self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
+            self.task.cancel()
+        await asyncio.wait({self.task})
 
 
 class Shared:
@@ -53,15 +60,20 @@ class Shared:
         self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
     ) -> AsyncIterator[SharedT]:
         """Enter what ``make`` gives, or what is already open under ``key``."""
-        held = self._held.get(key)
-        if held is None:
-            held = self._held[key] = _Held(key, make)
+        held = await self._open(key, make)
         held.users += 1
         try:
             yield await asyncio.shield(held.ready)
         finally:
             held.users -= 1
             if held.users == 0:
-                if self._held.get(key) is held:
-                    del self._held[key]
                 await held.release()
+
+    async def _open(self, key: str, make: Callable[[], AbstractAsyncContextManager[Any]]) -> _Held:
+        """Return what is open under ``key``; what is being closed is waited for, then opened anew."""
+        while (held := self._held.get(key)) is not None and held.released.is_set():
+            await asyncio.wait({held.task})
+        if held is None:
+            held = self._held[key] = _Held(key, make)
+            held.task.add_done_callback(lambda _: self._held.pop(key))
+        return held

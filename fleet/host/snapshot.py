@@ -7,13 +7,14 @@ from fleet.model.report import BatteryReport, FlightControllerReport, FlightStat
 
 
 class Snapshot:
-    """The last mode, arming, battery and position of one robot."""
+    """The last mode, arming, battery, position and home (m AMSL) of one robot."""
 
     def __init__(self) -> None:
         self.mode = ""
         self.armed: bool | None = None
         self.battery: float | None = None
         self.position: Vector3 | None = None
+        self.home_altitude: float | None = None
 
     def take(self, report: Report) -> None:
         """Note what a report says."""
@@ -24,6 +25,7 @@ class Snapshot:
                 self.battery = report.percent
             case FlightControllerReport():
                 self.mode, self.armed = report.mode, report.armed
+                self.home_altitude = report.home.altitude if report.home else None
             case FlightStateReport():
                 self.mode = report.flight_mode or self.mode
             case _:

@@ -22,7 +22,6 @@ def take_stops(process: RobotProcess, bus: Bus, groups: dict[str, list[str]]) ->
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)
-        # Each process answers on a key of its own, so that the answers of several are all kept.
         question.reply(msgspec.json.encode(stopped))
         question.close()
 
@@ -43,7 +42,5 @@ def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
         given = msgspec.json.decode(payload, type=list[str]) if payload else []
     except msgspec.DecodeError:
         return ()
-    names: list[str] = []
-    for name in given:
-        names += groups.get(name, [name])
-    return tuple(names)
+    # A name stays beside its members: an empty group must not come to mean everything.
+    return tuple(name for one in given for name in (one, *groups.get(one, ())))

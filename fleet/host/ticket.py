@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
 from fleet.model.command import Reply, ReplyStatus
+
+log = logging.getLogger(__name__)
 
 Answer = Callable[[Reply], None]
 
@@ -25,13 +28,13 @@ class Ticket:
         self.command = command
         self._answer = answer
         self._waits = waits
-        self._watch: Callable[[Reply], None] | None = None
+        self._watchers: list[Callable[[Reply], None]] = []
         self.receipt: Reply | None = None
         self.ended: Reply | None = None
 
     def watch(self, seen: Callable[[Reply], None]) -> None:
         """Also tell ``seen`` the receipt and the end, those that are out already at once."""
-        self._watch = seen
+        self._watchers.append(seen)
         for reply in (self.receipt, self.ended):
             if reply is not None:
                 seen(reply)
@@ -40,10 +43,9 @@ class Ticket:
         """Say that the robot took it; saying it again changes nothing."""
         self._receive(Reply(self.command, ReplyStatus.ACCEPTED))
 
-    def repeat(self, reply: Reply) -> None:
-        """Give the answer that the first of its repeats got."""
-        self._receive(reply)
-        self._end(reply)
+    def follow(self, first: Ticket) -> None:
+        """Give the answers that the first of its repeats got, and those that it is still to get."""
+        first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
     def done(self) -> None:
         """Say that the robot was seen to have done it."""
@@ -73,7 +75,7 @@ class Ticket:
         if self.receipt is None:
             self.receipt = reply
             self._tell(reply)
-            self._answer(reply)
+            self._send(reply)
 
     def _end(self, reply: Reply) -> None:
         """Send the end, once, to whoever waits; a refused receipt was the end already."""
@@ -82,12 +84,19 @@ class Ticket:
         self.ended = reply
         self._tell(reply)
         if self._waits and self.receipt is not None and self.receipt.ok:
+            self._send(reply)
+
+    def _send(self, reply: Reply) -> None:
+        """Answer the asker; that he cannot be reached is no fault of the robot's."""
+        try:
             self._answer(reply)
+        except Exception:
+            log.exception("the answer to %s could not be given", self.command)
 
     def _tell(self, reply: Reply) -> None:
-        """Tell the watcher."""
-        if self._watch is not None:
-            self._watch(reply)
+        """Tell the watchers."""
+        for seen in self._watchers:
+            seen(reply)
 
 
 _FIELDS = tuple(name for name in Reply.__struct_fields__ if name != "done")

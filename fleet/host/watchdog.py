@@ -1,6 +1,8 @@
 """The watchdog thread: ends velocities whose lease ran out, and names whoever blocks the event loop.
 
-It shares nothing with the loop but the leases, so it works while the loop is stuck.
+It shares nothing with the loop but the leases, so it works while the loop is stuck. It waits for nothing
+for long: each halt, and what there is to tell, has a thread of its own, because a robot's halt or the log may
+be what the loop is stuck in.
 """
 
 from __future__ import annotations
@@ -12,12 +14,14 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
+from fleet.host.aside import aside
 from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
 
 PERIOD = 0.02  # s between looks; the most that a stop can be late
 BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
+HALT_WAIT = 0.1  # s that one robot's halt may keep the watchdog from the next robot
 STUCK = 10.0  # s after which the process is given up
 
 
@@ -30,15 +34,42 @@ class Watched(msgspec.Struct, frozen=True):
 
 
 class LoopWatch(msgspec.Struct, frozen=True):
-    """How the watchdog sees the loop: its last beat (monotonic s), who runs now, and what to do.
+    """How the watchdog sees the loop, and what it does about it.
 
-    ``blocked`` gets the name and the seconds, once per block; ``stuck`` is the last resort.
+    ``beat``: its last turn (monotonic s); ``cpu``: the processor seconds that its thread has used;
+    ``running``: on whose behalf it runs. ``blocked`` gets the name and the seconds, once per block;
+    ``stuck`` is the last resort.
     """
 
     beat: Callable[[], float]
+    cpu: Callable[[], float]
     running: Callable[[], str]
     blocked: Callable[[str, float], None]
     stuck: Callable[[str], None]
+
+
+class _Silence:
+    """How long the loop has been silent through its own fault.
+
+    A process that does not get the processor is silent too. Then this thread is late as well, so only the
+    time counts in which it was awake, or in which the loop's thread itself used the processor (a call that
+    keeps the interpreter to itself makes this thread late, too).
+    """
+
+    def __init__(self) -> None:
+        self._beat = 0.0
+        self._awake = 0.0
+        self._looked = 0.0
+        self._cpu = 0.0
+
+    def look(self, now: float, beat: float, cpu: float) -> float:
+        """Return the seconds of silence that count, at ``now``."""
+        if beat != self._beat:
+            self._beat, self._cpu = beat, cpu
+            self._awake, self._looked = 0.0, now
+        self._awake += min(now - self._looked, 2 * PERIOD)
+        self._looked = now
+        return min(now - beat, max(self._awake, cpu - self._cpu))
 
 
 class Watchdog:
@@ -49,6 +80,7 @@ class Watchdog:
         self._loop = loop
         self._robots: dict[str, Watched] = {}
         self._ended = threading.Event()
+        self._silence = _Silence()
         self._named = ""
         self._thread = threading.Thread(target=self._run, name="fleet-watchdog", daemon=True)
 
@@ -59,7 +91,8 @@ class Watchdog:
     def stop(self) -> None:
         """End; returns when the thread has ended."""
         self._ended.set()
-        self._thread.join(timeout=1.0)
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
 
     def add(self, name: str, watched: Watched) -> None:
         """Watch a robot."""
@@ -75,23 +108,46 @@ class Watchdog:
             self.look(self._clock.monotonic())
 
     def look(self, now: float) -> None:
-        """Look once, at the monotonic time ``now``."""
+        """Look once, at the monotonic time ``now``; never raises."""
         for watched in self._robots.values():
             if watched.deadman.expire(now):
-                watched.halt()
-                watched.expired()
-        self._look_at_loop(now)
+                aside(_expiry(watched), wait=HALT_WAIT)
+        _safely(lambda: self._look_at_loop(now))
 
     def _look_at_loop(self, now: float) -> None:
         """Name who blocks the loop, once; give the process up when it never comes back."""
-        silent = now - self._loop.beat()
+        silent = self._silence.look(now, self._loop.beat(), self._loop.cpu())
         if silent < BLOCKED:
             self._named = ""
             return
         if not self._named:
-            self._named = self._loop.running() or "the host"
-            self._loop.blocked(self._named, silent)
+            name = self._named = self._loop.running() or "the host"
+            aside(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
             for watched in self._robots.values():
-                watched.halt()
+                aside(_halting(watched), wait=HALT_WAIT)
             self._loop.stuck(self._named)
+
+
+def _halting(watched: Watched) -> Callable[[], None]:
+    """Return what halts a robot."""
+    return lambda: _safely(watched.halt)
+
+
+def _expiry(watched: Watched) -> Callable[[], None]:
+    """Return what is done when a robot's lease has run out."""
+
+    def expire() -> None:
+        _safely(watched.halt)
+        _safely(watched.expired)
+
+    return expire
+
+
+def _safely(call: Callable[[], None]) -> None:
+    """Make a call of which nothing must keep the watchdog from the next."""
+    try:
+        call()
+    except Exception as error:  # noqa: BLE001 - told aside; the watchdog goes on
+        failure = error
+        aside(lambda: log.error("the watchdog goes on", exc_info=failure))  # noqa: TRY400

@@ -32,6 +32,7 @@ class Spoke:
         self.call = call
         self.failed = failed
         self.cancelled = False
+        self.context = contextvars.copy_context()
 
     def cancel(self) -> None:
         """End it; harmless when it has ended."""
@@ -68,6 +69,7 @@ class Wheel:
 
     def start(self) -> None:
         """Begin to turn."""
+        self.beat = self._loop.time()
         self._handle = self._loop.call_later(TICK, self._turn)
 
     def stop(self) -> None:
@@ -84,18 +86,31 @@ class Wheel:
             if spoke.cancelled:
                 continue
             self._call(spoke)
-            # A late wheel skips turns; it never makes up for them in a burst.
-            next_due = max(due + spoke.period, now)
-            heapq.heappush(self._due, (next_due, next(self._order), spoke))
+            if not spoke.cancelled:
+                heapq.heappush(self._due, (_next_due(due, spoke.period, now), next(self._order), spoke))
         self.owner = ""
         for end in self._ends:
-            end()
+            _walled(end)
 
     def _call(self, spoke: Spoke) -> None:
         """Make one call, walled off."""
         self.owner = spoke.owner
         try:
-            spoke.call()
+            spoke.context.run(spoke.call)
         except Exception as error:  # noqa: BLE001 - the wall: one robot's fault must not stop the wheel
             spoke.cancel()
             spoke.failed(error)
+
+
+def _next_due(due: float, period: float, now: float) -> float:
+    """Return when a call that was due is due again: in step, after ``now``, without those it missed."""
+    after = due + period * ((now - due) // period + 1)
+    return after if after > now else after + period
+
+
+def _walled(end: Callable[[], None]) -> None:
+    """Make one call of a turn's end; the others are made whatever it raises."""
+    try:
+        end()
+    except Exception:
+        log.exception("the end of a turn failed")

@@ -31,8 +31,8 @@ log = logging.getLogger(__name__)
 BEAT = 0.25  # s between signs that the event loop turns
 
 
-async def run(name: str, config: Path, directory: Path) -> None:
-    """Run one worker until SIGTERM, or until the edge that started it is gone."""
+async def run(name: str, config: Path, directory: Path, parent: int | None) -> None:
+    """Run one worker until SIGTERM, or until ``parent``, the edge that started it, is gone."""
     loaded = load(config, os.environ, partial=True)
     bus = join(bus_settings(loaded.config), directory)
     specs = [
@@ -45,24 +45,25 @@ async def run(name: str, config: Path, directory: Path) -> None:
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
-    publish_robot_logs(process)
+    stop_logs = publish_robot_logs(process)
     take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
-    process.start()
+    # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))
-    parent = os.getppid()
 
     def show_life() -> None:
         beat.put(b"")
-        if os.getppid() != parent:
+        if parent is not None and os.getppid() != parent:
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
     process.wheel.every(BEAT, show_life, owner="", failed=lambda _: ended.set())
+    process.start()
     try:
         await ended.wait()
     finally:
         await process.stop()
+        stop_logs()
         bus.close()
 
 
@@ -72,10 +73,11 @@ def main() -> int:
     parser.add_argument("--name", required=True, help="the worker's name, as the robots give it")
     parser.add_argument("--config", required=True, type=Path, help="fleet.yaml")
     parser.add_argument("--directory", type=Path, help="where the edge's sockets are")
+    parser.add_argument("--parent", type=int, help="end when this process, the edge, is gone")
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        asyncio.run(run(given.name, given.config, given.directory or runtime_dir()))
+        asyncio.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

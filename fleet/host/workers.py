@@ -1,7 +1,9 @@
 """The edge's worker processes: started, watched, and started again when they die or hang.
 
-A worker that was killed drops its liveliness token within milliseconds, a frozen one within the lease (1 s);
-one whose event loop hangs stops beating. Its robots' own fail-safes stop them meanwhile.
+A worker that was killed is noticed by its exit, a frozen one by its liveliness token, which falls after the
+lease (1 s), and one whose event loop hangs because it stops beating. Such a one is told to stop its robots
+on the stop key, which its bus threads still hear, before it is killed; if they do not, the robots' own
+fail-safes stop them.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -23,12 +26,17 @@ log = logging.getLogger(__name__)
 START_WITHIN = 20.0  # s from the start of the process to its first beat
 SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
 LOOK = 0.25  # s between looks
+HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed
 LEAVE_WITHIN = 10.0  # s that a worker gets to stop its robots and end
 STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 
 
 class Worker:
-    """One worker process. ``told`` hears what is wrong with it, and an empty text when it runs."""
+    """One worker process.
+
+    ``told`` hears what is wrong with it, and an empty text when it runs; ``halt`` stops its robots over the
+    bus.
+    """
 
     def __init__(
         self,
@@ -40,6 +48,7 @@ class Worker:
         control: Lane,
         clock: Clock,
         told: Callable[[str, str], None],
+        halt: Callable[[str], None],
     ) -> None:
         self.name = name
         self._command = (
@@ -47,9 +56,11 @@ class Worker:
             "-m",
             "fleet.host.worker",
             *("--name", name, "--config", str(config), "--directory", str(directory)),
+            *("--parent", str(os.getpid())),
         )
         self._clock = clock
         self._told = told
+        self._halt = halt
         self._beat = 0.0
         self._gone = asyncio.Event()
         self._loop = asyncio.get_running_loop()
@@ -62,8 +73,7 @@ class Worker:
         while True:
             began = self._clock.monotonic()
             cause = await self._once()
-            log.error("worker %s: %s; its robots are offline until it is back", self.name, cause)
-            self._told(self.name, f"worker {self.name}: {cause}")
+            log.error("worker %s: %s; it is started again", self.name, cause)
             if self._clock.monotonic() - began > STABLE_AFTER:
                 waits = backoff(first=0.2, longest=5.0)
             await asyncio.sleep(next(waits))
@@ -72,44 +82,66 @@ class Worker:
         """Run the process once; return why it ended."""
         self._beat = 0.0
         self._gone.clear()
-        process = await asyncio.create_subprocess_exec(*self._command, stdin=asyncio.subprocess.DEVNULL)
+        try:
+            # Its own session: a Ctrl-C on the terminal is for the edge, which ends its workers in order.
+            process = await asyncio.create_subprocess_exec(
+                *self._command, stdin=asyncio.subprocess.DEVNULL, start_new_session=True
+            )
+        except OSError as error:
+            return self._tell(f"cannot be started: {error.strerror}")
         exited = asyncio.ensure_future(process.wait())
         try:
-            cause = await self._watch(exited)
+            cause = self._tell(await self._watch(exited))
+            await self._give_up(process, exited)
         except asyncio.CancelledError:
             await self._end(process, exited)
             raise
-        if not exited.done():
-            process.kill()
-            await exited
+        return cause
+
+    def _tell(self, cause: str) -> str:
+        """Say what is wrong, and return it."""
+        self._told(self.name, f"worker {self.name}: {cause}")
         return cause
 
     async def _watch(self, exited: asyncio.Future[int]) -> str:
         """Wait until the process ends or hangs; return which."""
-        deadline = self._clock.monotonic() + START_WITHIN
+        looked = self._clock.monotonic()
+        deadline = looked + START_WITHIN
         running = False
         while True:
-            with contextlib.suppress(TimeoutError):
-                code = await asyncio.wait_for(asyncio.shield(exited), LOOK)
-                return f"ended with exit code {code}"
+            done, _ = await asyncio.wait({exited}, timeout=LOOK)
+            if done:
+                return f"ended with exit code {exited.result()}"
             now = self._clock.monotonic()
             if self._beat and not running:
                 running = True
                 self._told(self.name, "")
+            if now - looked > 2 * LOOK:
+                # We were asleep ourselves; what came meanwhile may not have been taken in yet.
+                deadline += now - looked
+                self._beat = now if running else self._beat
+            looked = now
             if self._gone.is_set() and running:
                 return "vanished from the bus (frozen or killed)"
             if (running and now - self._beat > SILENT_AFTER) or (not running and now > deadline):
                 return "hangs: its event loop does not turn" if running else "did not start in time"
 
+    async def _give_up(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
+        """Have the robots of a process that hangs halted, and kill it."""
+        if exited.done():
+            return
+        self._halt(self.name)
+        await asyncio.wait({exited}, timeout=HALT_WITHIN)
+        _signal(process.kill)
+        await exited
+
     async def _end(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
         """End the process in an orderly way, or by force."""
-        if not exited.done():
-            process.terminate()
-        try:
-            await asyncio.wait_for(asyncio.shield(exited), LEAVE_WITHIN)
-        except TimeoutError:
-            log.error("worker %s did not end within %g s: killed", self.name, LEAVE_WITHIN)  # noqa: TRY400
-            process.kill()
+        _signal(process.terminate)
+        done, _ = await asyncio.wait({exited}, timeout=LEAVE_WITHIN)
+        if not done:
+            log.error("worker %s did not end within %g s: killed", self.name, LEAVE_WITHIN)
+            _signal(process.kill)
             await exited
 
     def _beaten(self, _key: str, _payload: bytes) -> None:
@@ -117,8 +149,16 @@ class Worker:
         self._beat = self._clock.monotonic()
 
     def _token_changed(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
-        """Note that the worker came or went; on the bus's thread."""
+        """Note that the worker came, which is its first sign of life, or went; on the bus's thread."""
+        if alive:
+            self._beat = self._clock.monotonic()
         self._loop.call_soon_threadsafe(self._gone.clear if alive else self._gone.set)
+
+
+def _signal(send: Callable[[], None]) -> None:
+    """Send a process a signal; it may have ended by itself."""
+    with contextlib.suppress(ProcessLookupError):
+        send()
 
 
 def names_of(workers: Iterable[str]) -> list[str]:

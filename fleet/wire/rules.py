@@ -54,7 +54,7 @@ _TABLE = (
     Rule("command", "", Traffic.REPLY, 1, 0, 0, "legacy status of a command without Response Topic"),
     Rule("navigate/status", "navigate_status", Traffic.STATUS, 1, 0, 0, "status of an action"),
     Rule("telemetry", "telemetry", Traffic.EVENT, 1, 0, 0, "connected, vehicle_state, authority_lost"),
-    Rule("driverlog", "driverlog", Traffic.EVENT, 1, 0, 0, "log lines"),
+    Rule("driverlog", "driverlog", Traffic.EVENT, 1, 10, 0, "log lines"),
     Rule("flight_controller", "flight_controller", Traffic.LATEST, 0, 5, 0.2, "the autopilot's state"),
     Rule("flight_state", "flight_state", Traffic.LATEST, 0, 2, 1, "whether an aircraft flies"),
     Rule("battery/status", "battery", Traffic.LATEST, 0, 1, 0.1, "the main battery"),

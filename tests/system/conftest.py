@@ -174,15 +174,15 @@ class Pilot:
                 f"{error}; last heard {self.of(leaf)[-2:]}, {self.of('driverlog')[-5:]}"
             ) from None
 
-    def answers(self) -> list[dict[str, Any]]:
-        """Return the legacy answers on the command topic."""
-        return [each for each in self.of("command") if "status" in each]
+    def answers(self, name: str) -> list[dict[str, Any]]:
+        """Return the legacy answers to a command on the command topic."""
+        return [each for each in self.of("command") if "status" in each and each["command"] == name]
 
     def command(self, name: str, **data: Any) -> dict[str, Any]:
         """Send a command and return its answer."""
-        before = len(self.answers())
+        before = len(self.answers(name))
         self.say("command", command=name, data=data)
-        return wait_until(f"an answer to {name}", lambda: self.answers()[before:])[-1]
+        return wait_until(f"an answer to {name}", lambda: self.answers(name)[before:])[-1]
 
     def insist(self, name: str, **data: Any) -> None:
         """Send a command until it is taken, as a person does with a drone that is not ready yet."""

@@ -28,7 +28,7 @@ def test_a_drone_takes_off_moves_navigates_and_lands_from_plain_mqtt(pilot):
     goal = {"x": 3.0, "y": 2.0, "z": 4.0}
     pilot.say("navigate/command", command="navigate_to_pose", action_id=action, position=goal)
     done = pilot.heard("navigate/status", "completed", lambda each: ended(each, action))
-    assert done["status"] == "completed"
+    assert done["status"] == "completed", done
     assert apart(pilot.position(), goal) < 1.0
 
     pilot.insist("land")

@@ -14,7 +14,7 @@ import msgspec
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.control import answer
 from fleet_mavlink.sim.faults import FAULTS
-from fleet_mavlink.sim.server import Address, SimServer
+from fleet_mavlink.sim.server import Address, SimServer, Station
 from fleet_mavlink.sim.spec import ZURICH, SimSpec, parse_home, parse_ready, spec_of
 
 
@@ -77,7 +77,7 @@ async def _add_all(server: SimServer, options: argparse.Namespace) -> None:
     target = _address(options.to) if options.to else None
     for place, spec in enumerate(_specs(options)):
         if options.tcp is not None:
-            station = await server.add_tcp(spec, options.tcp + place if options.tcp else 0)
+            station: Station = await server.add_tcp(spec, options.tcp + place if options.tcp else 0)
         else:
             station = await server.add_udp(spec, target, options.port + place if options.port else 0)
         _tell(msgspec.json.encode({"added": {"system_id": spec.system_id, "port": station.port}}) + b"\n")
@@ -102,12 +102,12 @@ async def _obey_stdin(server: SimServer) -> None:
 
 async def _serve(options: argparse.Namespace) -> None:
     """Run until a signal, or until stdin closes when it is obeyed."""
-    server = SimServer()
-    await _add_all(server, options)
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
+    server = SimServer()
+    await _add_all(server, options)
     tasks = [loop.create_task(server.run()), loop.create_task(ended.wait())]
     if options.stdin:
         tasks.append(loop.create_task(_obey_stdin(server)))

@@ -13,6 +13,7 @@ from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 
 _BODY_FRAMES = frozenset({8, 9})
@@ -36,6 +37,7 @@ class ArduPilot(Autopilot):
     default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     real_ready: ClassVar[float] = 42.6
     fix_type: ClassVar[int] = 6
+    speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
@@ -103,48 +105,7 @@ class ArduPilot(Autopilot):
             return int(mav.MAV_STATE_CRITICAL)
         return int(mav.MAV_STATE_ACTIVE if self.armed and self.flying else mav.MAV_STATE_STANDBY)
 
-    # speeds
-
-    @property
-    def cruise_speed(self) -> float:
-        """WPNAV_SPEED, or what DO_CHANGE_SPEED asked for: it stays in force."""
-        return self.asked_speed or self.params["WPNAV_SPEED"] / 100
-
-    @property
-    def top_speed(self) -> float:
-        """The same limit holds for velocities."""
-        return self.cruise_speed
-
-    @property
-    def climb_speed(self) -> float:
-        """WPNAV_SPEED_UP."""
-        return self.params["WPNAV_SPEED_UP"] / 100
-
-    @property
-    def sink_speed(self) -> float:
-        """WPNAV_SPEED_DN."""
-        return self.params["WPNAV_SPEED_DN"] / 100
-
-    @property
-    def takeoff_speed(self) -> float:
-        """As fast as any climb."""
-        return self.climb_speed
-
-    @property
-    def landing(self) -> tuple[float, float, float]:
-        """WPNAV_SPEED_DN above 10 m, LAND_SPEED below."""
-        return self.sink_speed, self.params["LAND_SPEED"] / 100, 10.0
-
-    @property
-    def nose_follows(self) -> bool:
-        """WP_YAW_BEHAVIOR other than 0 turns the nose into the direction of travel."""
-        return self.params["WP_YAW_BEHAVIOR"] != 0
-
     # modes
-
-    def mission_mode(self) -> Mode:
-        """AUTO."""
-        return MODES["AUTO"]
 
     def refusal_of(self, mode: Mode) -> str:
         """Return why a mode cannot be entered now, empty when it can."""

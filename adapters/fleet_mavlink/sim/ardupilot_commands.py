@@ -138,12 +138,12 @@ def _speed(pilot: ArduPilot, ask: Ask) -> int:
     """Stays in force for later moves."""
     if not ask.p2 > 0.0:
         return FAILED
-    pilot.asked_speed = ask.p2
+    pilot.speeds.asked = ask.p2
     return ACCEPTED
 
 
 def _home(pilot: ArduPilot, ask: Ask) -> int:
-    """Here (param 1 = 1), or at a place."""
+    """Set home here (param 1 = 1), or at a place."""
     if not pilot.origin_set:
         return FAILED
     if ask.p1 == 1.0:
@@ -157,12 +157,12 @@ def _home(pilot: ArduPilot, ask: Ask) -> int:
 
 
 def _terminate(pilot: ArduPilot, ask: Ask) -> int:
-    """The same as a forced disarm."""
+    """Do the same as a forced disarm."""
     return _disarm(pilot, force=True) if ask.p1 >= 1.0 else FAILED
 
 
 def _auxiliary(pilot: ArduPilot, ask: Ask) -> int:
-    """The motor emergency stop stays armed: releasing it starts the motors again."""
+    """Stop the motors but stay armed: releasing it starts them again."""
     if ask.p1 != _MOTOR_STOP:
         return FAILED
     if ask.p2 == 2.0 and pilot.motors_stopped is None:
@@ -197,7 +197,7 @@ def _interval(pilot: ArduPilot, ask: Ask) -> int:
 
 
 def _request(pilot: ArduPilot, ask: Ask) -> int:
-    """Accepted also while the message cannot be built yet: then nothing comes."""
+    """Accept also while the message cannot be built yet: then nothing comes."""
     build = BUILDERS.get(whole(ask.p1))
     if build is None:
         return FAILED

@@ -25,6 +25,7 @@ from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.speeds import Speeds
 from fleet_mavlink.sim.streams import Streams, home_position
 
 Geo = tuple[float, float, float]  # degrees, degrees, metres above mean sea level
@@ -60,6 +61,7 @@ class Autopilot(ABC):
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
     fix_type: ClassVar[int]
+    speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
     agility: ClassVar[Agility] = Agility(2.5, 2.5, 1.6)
     ends_text: ClassVar[str] = ""
@@ -75,6 +77,7 @@ class Autopilot(ABC):
         self.body = boot.body
         self.battery = boot.battery
         self.params = boot.params
+        self.speeds = self.speeds_type(boot.params)
         self.missions = boot.missions
         self.random = boot.random
         self.faults = boot.faults
@@ -102,7 +105,6 @@ class Autopilot(ABC):
         self.gps_lost_at: float | None = None
         self.pilot_flies = False
         self.reboot_asked = False
-        self.asked_speed: float | None = None  # m/s, from DO_CHANGE_SPEED
 
     # time
 
@@ -133,11 +135,7 @@ class Autopilot(ABC):
 
     def geo(self) -> Geo:
         """Return where the vehicle is."""
-        return self.geo_of(self.body.north, self.body.east, self.body.down)
-
-    def geo_of(self, north: float, east: float, down: float) -> Geo:
-        """Return the place on Earth of a local position."""
-        point = geo_from_world(self._origin, Vector3(east, north, -down))
+        point = geo_from_world(self._origin, Vector3(self.body.east, self.body.north, -self.body.down))
         return point.latitude, point.longitude, point.altitude
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
@@ -194,43 +192,6 @@ class Autopilot(ABC):
     @abstractmethod
     def system_status(self) -> int:
         """Return HEARTBEAT's MAV_STATE."""
-
-    # speeds, m/s
-
-    @property
-    @abstractmethod
-    def cruise_speed(self) -> float:
-        """Speed towards a place."""
-
-    @property
-    @abstractmethod
-    def top_speed(self) -> float:
-        """Speed that a velocity setpoint is cut to."""
-
-    @property
-    @abstractmethod
-    def climb_speed(self) -> float:
-        """Fastest climb."""
-
-    @property
-    @abstractmethod
-    def sink_speed(self) -> float:
-        """Fastest descent."""
-
-    @property
-    @abstractmethod
-    def takeoff_speed(self) -> float:
-        """Climb during a take-off."""
-
-    @property
-    @abstractmethod
-    def landing(self) -> tuple[float, float, float]:
-        """Landing speed high, landing speed low, and the height (m) between the two."""
-
-    @property
-    def nose_follows(self) -> bool:
-        """True when the nose turns into the direction of travel."""
-        return False
 
     # telling
 
@@ -306,10 +267,6 @@ class Autopilot(ABC):
     def runs_mission(self) -> bool:
         """True in the mode that flies the mission."""
         return self.mode.name in {"AUTO", "MISSION"}
-
-    @abstractmethod
-    def mission_mode(self) -> Mode:
-        """Return the mode that flies the mission."""
 
     @abstractmethod
     def refusals(self, *, force: bool) -> list[str]:
@@ -389,7 +346,7 @@ class Autopilot(ABC):
             self.touched_at = self.time
             self.touched_ground()
 
-    def touched_ground(self) -> None:
+    def touched_ground(self) -> None:  # noqa: B027 - only PX4 has something to say
         """Say what there is to say at the touch-down."""
 
     def pilot_takes_over(self, mode: Mode) -> None:

@@ -3,8 +3,8 @@
     {"add": {"flavour": "px4", "system_id": 1}}            -> {"added": {"system_id": 1, "port": 40001}}
     {"fault": {"system_id": 1, "name": "loss", "value": 0.05}}  -> {"fault": {"name": "loss", "vehicles": 1}}
 
-A fault's ``value`` null ends it; ``port`` in place of ``system_id`` names one vehicle. What cannot be done is answered
-by ``{"error": "why"}``.
+A fault's ``value`` null ends it; ``port`` in place of ``system_id`` names one vehicle. What cannot be
+done is answered by ``{"error": "why"}``.
 """
 
 from __future__ import annotations

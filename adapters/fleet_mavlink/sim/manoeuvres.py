@@ -10,6 +10,7 @@ from fleet_mavlink.sim.physics import Aim, approach
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
+_NOSE_RATE = 0.9  # rad/s at which the nose turns into the direction of travel
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
 
 
@@ -26,7 +27,6 @@ class Manoeuvre:
 
     in_air_state = IN_AIR
     done = False  # the manoeuvre has reached what it was for
-    arrival: float | None = None  # heading to keep, None: as it comes
 
     def aim(self, pilot: Autopilot) -> Aim:  # noqa: ARG002 - for overriders
         """Return the motion wanted now; called once for every step of the physics."""
@@ -43,7 +43,7 @@ def aim_at(pilot: Autopilot, place: Place, speed: float, heading: float | None) 
     dn, de, dd = place.north - body.north, place.east - body.east, place.down - body.down
     distance = math.hypot(dn, de)
     pace = approach(distance, speed, pilot.agility.across) / distance if distance > 1e-6 else 0.0
-    vd = max(-pilot.climb_speed, min(pilot.sink_speed, dd))
+    vd = max(-pilot.speeds.climb, min(pilot.speeds.sink, dd))
     return Aim(dn * pace, de * pace, vd, heading)
 
 
@@ -71,9 +71,9 @@ class GoTo(Manoeuvre):
         flat = math.hypot(self.north - body.north, self.east - body.east)
         self.done = flat < 0.5 and abs(self.down - body.down) < 0.4
         heading = self.heading
-        if heading is None and flat > 2.0 and pilot.nose_follows:
+        if heading is None and flat > 2.0 and pilot.speeds.nose_follows:
             heading = math.atan2(self.east - body.east, self.north - body.north)
-        return aim_at(pilot, self, self.speed or pilot.cruise_speed, heading)
+        return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
 
 
 def braked(pilot: Autopilot) -> GoTo:
@@ -107,11 +107,11 @@ class Takeoff(Manoeuvre):
         """Return the aim: nothing while the motors spin up, then upwards."""
         if pilot.time < self._lift_at:
             return Aim(thrust=False)
-        wanted = aim_at(pilot, self, pilot.cruise_speed, self.heading)
+        wanted = aim_at(pilot, self, pilot.speeds.cruise, self.heading)
         self.done = abs(self.down - pilot.body.down) < 0.2
         if self.done:
             self.in_air_state = IN_AIR
-        return Aim(wanted.vn, wanted.ve, max(-pilot.takeoff_speed, wanted.vd), self.heading)
+        return Aim(wanted.vn, wanted.ve, max(-pilot.speeds.takeoff, wanted.vd), self.heading)
 
 
 class Drive(Manoeuvre):
@@ -136,12 +136,13 @@ class Drive(Manoeuvre):
             return Aim()
         vn, ve, vd = self.velocity
         speed = math.hypot(vn, ve)
-        share = min(1.0, pilot.top_speed / speed) if speed > 0.0 else 1.0
-        heading = self.heading
-        if heading is None and self.turn_rate is None and pilot.nose_follows and speed > 0.3:
-            heading = math.atan2(ve, vn)
-        vd = max(-pilot.climb_speed, min(pilot.sink_speed, vd))
-        return Aim(vn * share, ve * share, vd, heading, self.turn_rate or 0.0)
+        share = min(1.0, pilot.speeds.top / speed) if speed > 0.0 else 1.0
+        rate = self.turn_rate
+        if self.heading is None and rate is None and pilot.speeds.nose_follows and speed > 0.3:
+            left = math.remainder(math.atan2(ve, vn) - pilot.body.heading, math.tau)
+            rate = max(-_NOSE_RATE, min(_NOSE_RATE, 2.0 * left))
+        vd = max(-pilot.speeds.climb, min(pilot.speeds.sink, vd))
+        return Aim(vn * share, ve * share, vd, self.heading, rate or 0.0)
 
 
 class Turn(Manoeuvre):
@@ -191,8 +192,8 @@ class Land(Manoeuvre):
         if pilot.body.grounded:
             self.done = True
             return Aim(thrust=False)
-        fast, slow, slow_below = pilot.landing
-        flat = aim_at(pilot, self, pilot.cruise_speed, None) if pilot.has_position else Aim()
+        fast, slow, slow_below = pilot.speeds.landing
+        flat = aim_at(pilot, self, pilot.speeds.cruise, None) if pilot.has_position else Aim()
         vd = slow if pilot.body.height < slow_below else fast
         return Aim(flat.vn, flat.ve, vd, self.heading)
 

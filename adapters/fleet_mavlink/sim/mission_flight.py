@@ -111,7 +111,7 @@ class FlyMission(Manoeuvre):
     def _do(self, pilot: Autopilot, item: Item) -> None:
         """Carry out an item that moves nothing: it is done at once."""
         if item.command == mav.MAV_CMD_DO_CHANGE_SPEED and item.p2 > 0.0:
-            pilot.asked_speed = item.p2
+            pilot.speeds.asked = item.p2
         self._reached(pilot)
 
     def _waited(self, pilot: Autopilot) -> bool:

@@ -6,7 +6,7 @@ home (ArduPilot), and in how they take a repeated item.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -43,11 +43,18 @@ class Habits:
     repeat: float  # seconds after which a request is repeated
     home_is_first: bool
     tells_duplicates: bool
+    frames_told: Mapping[int, int]  # frames that come back as another one
 
 
-ARDUPILOT_HABITS = Habits(mav.MAVLink_mission_request_message, 1.0, home_is_first=True, tells_duplicates=True)
+ARDUPILOT_HABITS = Habits(
+    mav.MAVLink_mission_request_message,
+    1.0,
+    home_is_first=True,
+    tells_duplicates=True,
+    frames_told={5: 0, 6: 3},
+)
 PX4_HABITS = Habits(
-    mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False
+    mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False, frames_told={}
 )
 
 
@@ -182,7 +189,8 @@ class Missions:
         if seq == 0 and self.habits.home_is_first and kind == _MISSION and home is not None:
             item = Item(0, 16, 1, 0.0, 0.0, 0.0, 0.0, int(home[0] * 1e7), int(home[1] * 1e7), home[2])
         now_flown = int(kind == _MISSION and seq == self.current)
-        numbers = (seq, item.frame, item.command, now_flown, item.autocontinue)
+        frame = self.habits.frames_told.get(item.frame, item.frame)
+        numbers = (seq, frame, item.command, now_flown, item.autocontinue)
         params = (item.p1, item.p2, item.p3, item.p4)
         if message.get_type() == "MISSION_REQUEST":
             place = (item.x / 1e7, item.y / 1e7, item.z)

@@ -124,10 +124,6 @@ class Params:
         """Forget the list that is being sent."""
         self._queue.clear()
 
-    def set(self, name: str, value: float) -> None:
-        """Store a value under a known name; raises KeyError for an unknown one."""
-        self._values[name] = (self._values[name][0], value)
-
     def pending(self) -> list[Any]:
         """Return the next PARAM_VALUE messages of a list that was asked for."""
         batch, self._queue = self._queue[:_LIST_PACE], self._queue[_LIST_PACE:]

@@ -14,12 +14,12 @@ from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
 
 _BODY_NED = 8
 _LOCAL_NED = 1
 _RELATIVE_FRAMES = frozenset({3, 6})
 _AMSL_FRAMES = frozenset({0, 5})
-_ENOUGH_STREAM = 0.2  # seconds of setpoints before OFFBOARD can be entered
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GPS_GRACE = 5.5
@@ -55,6 +55,7 @@ class Px4(Autopilot):
     }
     real_ready: ClassVar[float] = 4.6
     fix_type: ClassVar[int] = 3
+    speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
     ends_text: ClassVar[str] = "\t"
     text_id_always: ClassVar[bool] = True
@@ -132,38 +133,6 @@ class Px4(Autopilot):
             return int(mav.MAV_STATE_CRITICAL)
         return int(mav.MAV_STATE_ACTIVE if self.armed else mav.MAV_STATE_STANDBY)
 
-    # speeds
-
-    @property
-    def cruise_speed(self) -> float:
-        """MPC_XY_CRUISE, or what DO_CHANGE_SPEED asked for."""
-        return self.asked_speed or self.params["MPC_XY_CRUISE"]
-
-    @property
-    def top_speed(self) -> float:
-        """MPC_XY_VEL_MAX."""
-        return self.params["MPC_XY_VEL_MAX"]
-
-    @property
-    def climb_speed(self) -> float:
-        """MPC_Z_VEL_MAX_UP."""
-        return self.params["MPC_Z_VEL_MAX_UP"]
-
-    @property
-    def sink_speed(self) -> float:
-        """MPC_Z_VEL_MAX_DN."""
-        return self.params["MPC_Z_VEL_MAX_DN"]
-
-    @property
-    def takeoff_speed(self) -> float:
-        """MPC_TKO_SPEED."""
-        return self.params["MPC_TKO_SPEED"]
-
-    @property
-    def landing(self) -> tuple[float, float, float]:
-        """MPC_Z_VEL_MAX_DN above MPC_LAND_ALT1, MPC_LAND_SPEED below."""
-        return self.sink_speed, self.params["MPC_LAND_SPEED"], self.params["MPC_LAND_ALT1"]
-
     # telling
 
     def say(self, severity: int, text: str) -> None:
@@ -186,10 +155,6 @@ class Px4(Autopilot):
             self._then = None
 
     # modes
-
-    def mission_mode(self) -> Mode:
-        """AUTO.MISSION."""
-        return MODES["MISSION"]
 
     def refusal_of(self, mode: Mode) -> str:
         """Return why a mode cannot run now, empty when it can."""
@@ -263,10 +228,8 @@ class Px4(Autopilot):
 
     @property
     def stream_alive(self) -> bool:
-        """True while setpoints come in often enough, and have for a moment."""
-        if self._setpoint_at is None or self.time - self._setpoint_at > self.params["COM_OF_LOSS_T"]:
-            return False
-        return self._setpoint_at - self._stream_since >= _ENOUGH_STREAM
+        """True while the last setpoint is younger than COM_OF_LOSS_T."""
+        return self._setpoint_at is not None and self.time - self._setpoint_at <= self.params["COM_OF_LOSS_T"]
 
     def setpoint(self, message: Any) -> None:
         """Take a setpoint: it keeps the stream alive, and is obeyed in OFFBOARD."""
@@ -275,8 +238,7 @@ class Px4(Autopilot):
         if refusal:
             self.say(CRITICAL, refusal)
             return
-        last = self._setpoint_at
-        if last is None or self.time - last > self.params["COM_OF_LOSS_T"]:
+        if not self.stream_alive:
             self._stream_since = self.time
         self._setpoint_at = self.time
         if self.failsafe == "offboard" and self.time - self._stream_since >= _BACK_TO_OFFBOARD:

@@ -17,7 +17,7 @@ from fleet_mavlink.sim.ask import (
     Ask,
     whole,
 )
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Handler, accept
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Geo, Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
     get_message_interval,
@@ -99,7 +99,7 @@ def _return(pilot: Px4, _ask: Ask) -> int:
 
 
 def _land(pilot: Px4, _ask: Ask) -> int:
-    """Accepted also without a position."""
+    """Accept also without a position."""
     result = pilot.change_mode(MODES["LAND"])
     if result == ACCEPTED:
         pilot.say(INFO, "Landing at current position")
@@ -124,25 +124,22 @@ def _reposition(pilot: Px4, ask: Ask) -> int:
     """Altitude above sea level whatever the frame; NaN keeps; heading in radians."""
     if not whole(ask.p2) & 1:
         return UNSUPPORTED
-    return _go(pilot, ask.latitude, ask.longitude, ask.altitude, ask.p4, ask.p1)
+    place = (ask.latitude, ask.longitude, ask.altitude)
+    return _go(pilot, place, heading=ask.p4, speed=ask.p1)
 
 
 def _altitude(pilot: Px4, ask: Ask) -> int:
     """DO_CHANGE_ALTITUDE: above sea level."""
-    return _go(pilot, math.nan, math.nan, ask.p1, math.nan, -1.0)
+    return _go(pilot, (math.nan, math.nan, ask.p1), heading=math.nan, speed=-1.0)
 
 
-def _go(pilot: Px4, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> int:
+def _go(pilot: Px4, place: Geo, *, heading: float, speed: float) -> int:
     """Go over into LOITER at a place; what is NaN stays as it is."""
     result = pilot.change_mode(MODES["LOITER"])
     if result != ACCEPTED or not pilot.flying or not pilot.armed:
         return result
-    here = pilot.geo()
-    north, east, down = pilot.ned_of(
-        latitude if math.isfinite(latitude) else here[0],
-        longitude if math.isfinite(longitude) else here[1],
-        altitude if math.isfinite(altitude) else here[2],
-    )
+    wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
+    north, east, down = pilot.ned_of(*wanted)
     keep = heading if math.isfinite(heading) else pilot.body.heading
     pilot.manoeuvre = GoTo(north, east, down, heading=keep, speed=speed if speed > 0.0 else None)
     return ACCEPTED
@@ -151,12 +148,12 @@ def _go(pilot: Px4, latitude: float, longitude: float, altitude: float, heading:
 def _speed(pilot: Px4, ask: Ask) -> int:
     """Metres per second; -1 leaves it."""
     if ask.p2 > 0.0:
-        pilot.asked_speed = ask.p2
+        pilot.speeds.asked = ask.p2
     return ACCEPTED
 
 
 def _home(pilot: Px4, ask: Ask) -> int:
-    """Here (param 1 = 1), or at a place."""
+    """Set home here (param 1 = 1), or at a place."""
     place = (ask.latitude, ask.longitude, ask.altitude)
     if ask.p1 == 1.0:
         pilot.set_home()
@@ -168,7 +165,7 @@ def _home(pilot: Px4, ask: Ask) -> int:
 
 
 def _terminate(pilot: Px4, ask: Ask) -> int:
-    """The motors stop while the heartbeat stays armed; only a reboot ends it."""
+    """Stop the motors while the heartbeat stays armed; only a reboot ends it."""
     if not ask.p1 > 1.5 and ask.p1 != 1.0:
         return DENIED
     pilot.terminated = True

@@ -32,7 +32,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
-    """The mode without the command climbs MIS_TAKEOFF_ALT."""
+    """Climb MIS_TAKEOFF_ALT when no command said how far."""
     return Takeoff(pilot, pilot.body.down - pilot.params["MIS_TAKEOFF_ALT"])
 
 

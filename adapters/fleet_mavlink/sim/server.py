@@ -93,7 +93,6 @@ class TcpStation(Station):
         super().__init__(spec, None)
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
-        self._tasks: set[asyncio.Task[Any]] = set()
 
     async def listen(self, host: str, port: int) -> None:
         """Open the port; raises OSError."""

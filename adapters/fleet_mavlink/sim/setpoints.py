@@ -36,7 +36,7 @@ class Setpoint:
 
 
 def setpoint_of(message: Any) -> Setpoint:
-    """Return the setpoint in a message of either kind; a global position is (latitude, longitude, altitude)."""
+    """Return the setpoint in a message of either kind; a global place is latitude, longitude, altitude."""
     mask = message.type_mask
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         position = (message.lat_int / 1e7, message.lon_int / 1e7, message.alt)

@@ -113,6 +113,9 @@ def parse_ready(text: str) -> float | None:
 
 def _number(name: str, text: str) -> float:
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        raise ValueError(f"{name}: {text!r} is not a number") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{name}: {text!r} is not a number")
+    return number

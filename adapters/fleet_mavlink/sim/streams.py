@@ -239,15 +239,13 @@ BUILDERS: Mapping[int, Builder] = {
 }
 # REQUEST_DATA_STREAM (ArduPilot): what one stream id switches
 DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
-    1: (27, 29, 116, 129),  # raw sensors: not simulated, switched in vain
     2: (1, 24, 42, 74, 193),  # extended status
-    3: (35,),  # RC channels
     6: (32, 33),  # position
     10: (30,),  # extra 1
     11: (74,),  # extra 2
     12: (2, 147, 193),  # extra 3
 }
-ALL_STREAMS = tuple(sorted({message for group in DATA_STREAMS.values() for message in group} - {35}))
+ALL_STREAMS = tuple(sorted({message for group in DATA_STREAMS.values() for message in group}))
 
 
 class Streams:

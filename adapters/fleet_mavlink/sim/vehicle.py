@@ -151,7 +151,9 @@ class SimVehicle:
         if system is None or message.get_type() in {"TIMESYNC", "PING"}:
             return True
         broadcast = system == 0 and (self.pilot.obeys_broadcast or "COMMAND" not in message.get_type())
-        component = message.target_component in {0, _COMPONENT} or self.pilot.obeys_other_components
+        component = (
+            getattr(message, "target_component", 0) in {0, _COMPONENT} or self.pilot.obeys_other_components
+        )
         return (system == self.system_id or broadcast) and component
 
 
@@ -186,8 +188,7 @@ def _data_stream(pilot: Autopilot, message: Any) -> None:
     wanted = ALL_STREAMS if message.req_stream_id == 0 else DATA_STREAMS.get(message.req_stream_id, ())
     rate = message.req_message_rate if message.start_stop else 0
     for message_id in wanted:
-        if message_id in BUILDERS:
-            pilot.streams.set(message_id, 1.0 / rate if rate else 0.0, pilot.time)
+        pilot.streams.set(message_id, 1.0 / rate if rate else 0.0, pilot.time)
 
 
 def _timesync(pilot: Autopilot, message: Any) -> Iterable[Any]:
@@ -195,7 +196,7 @@ def _timesync(pilot: Autopilot, message: Any) -> Iterable[Any]:
     return [] if message.tc1 else [mav.MAVLink_timesync_message(pilot.boot_us * 1000, message.ts1)]
 
 
-def _ping(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _ping(_pilot: Autopilot, message: Any) -> Iterable[Any]:
     """Answer a ping that asks all, to who asked."""
     if message.target_system or message.target_component:
         return []
@@ -215,7 +216,7 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
     return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
 
 
-def _no_files(pilot: Autopilot, message: Any) -> Iterable[Any]:
+def _no_files(_pilot: Autopilot, message: Any) -> Iterable[Any]:
     """Answer any file transfer: there is no such file (NAK 128+1, error 10)."""
     payload = bytes(message.payload)
     sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF

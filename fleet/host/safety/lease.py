@@ -26,6 +26,11 @@ class ControlLease:
         self._holder = session
         self._until = now + self._seconds
 
+    def let_go(self, session: str) -> None:
+        """End the lease of this session, if it is the holder: it has stopped what it moved."""
+        if session == self._holder:
+            self.free()
+
     def free(self) -> None:
         """End the lease at once."""
         self._until = float("-inf")

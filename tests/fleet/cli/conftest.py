@@ -1,9 +1,23 @@
+import contextlib
 import json
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import pytest
 
+from fleet.bus import keys
+from fleet.bus.session import open_edge
+from fleet.bus.settings import BusSettings
 from fleet.cli.main import main
+from fleet.model.state import EdgeState, RobotState
+from fleet.testing.waiting import DEADLINE
 
 TOY = """
 from typing import Literal
@@ -70,3 +84,143 @@ def fleet(place, capsys):
         return Result(code, *capsys.readouterr())
 
     return fleet
+
+
+@pytest.fixture
+def runtime(monkeypatch):
+    """Make a folder for the sockets of edges, and let commands look there."""
+    path = Path(tempfile.mkdtemp(prefix="fc"))
+    monkeypatch.setenv("FLEET_RUNTIME_DIR", str(path))
+    yield path
+    shutil.rmtree(path)
+
+
+@pytest.fixture
+def port():
+    """Find a port that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class PlayedEdge:
+    """An edge as commands see it: its bus, and robots that answer as the test says."""
+
+    def __init__(self, runtime, edge, robots, groups, settings):
+        self.edge = edge
+        self.stops = []
+        self._silent = False
+        self._groups = groups
+        self._robots = list(robots)
+        self.bus = open_edge(BusSettings(edge, listen=settings.pop("listen", ()), **settings), runtime)
+        self._control = self.bus.control
+        for name, fields in robots.items():
+            self.also_speaks(name, **fields)
+        health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups)
+        self._control.answer(keys.health(edge), self._teller(msgspec.json.encode(health)))
+        self._control.answer(keys.stop(edge), self._stopped)
+        self._control.token(keys.edge(edge))
+
+    def also_speaks(self, name, **fields):
+        """Tell a robot's state."""
+        state = RobotState(name, "", "toy", self.edge, fields.pop("stamp", 1.0), **fields)
+        self._control.answer(keys.state(self.edge, name), self._teller(msgspec.json.encode(state)))
+
+    def garbles(self, name):
+        """Answer for a robot with what is no state."""
+        self._control.answer(keys.state(self.edge, name), self._teller(b"garbage"))
+
+    def sees(self, other):
+        """Wait until another edge is seen."""
+        seen = threading.Event()
+        self._control.watch_tokens(keys.edge(other), lambda _key, alive: alive and seen.set())
+        assert seen.wait(DEADLINE), f"{other} was not seen"
+
+    def falls_silent(self):
+        """Answer nothing from now on but stops."""
+        self._silent = True
+
+    def answers(self, name, *replies):
+        """Let a robot answer what it is asked; returns what it was."""
+        asked = []
+
+        def answer(question):
+            asked.append(question)
+            for reply in replies:
+                question.reply(msgspec.json.encode(reply))
+            question.close()
+
+        self._control.answer(keys.command(self.edge, name), answer)
+        return asked
+
+    def answers_together(self, replies):
+        """Let robots answer once all of them were asked; returns what they were."""
+        asked, lock = [], threading.Lock()
+
+        def answer(question):
+            with lock:
+                asked.append(question)
+                if len(asked) < len(replies):
+                    return
+            for one in asked:
+                one.reply(msgspec.json.encode(replies[one.key.split("/")[3]]))
+                one.close()
+
+        for name in replies:
+            self._control.answer(keys.command(self.edge, name), answer)
+        return asked
+
+    def _teller(self, answer):
+        def tell(question):
+            if not self._silent:
+                question.reply(answer)
+            question.close()
+
+        return tell
+
+    def _stopped(self, question):
+        names = json.loads(question.payload)
+        self.stops.append(names)
+        meant = {robot for name in names for robot in (name, *self._groups.get(name, ()))}
+        question.reply(json.dumps([name for name in self._robots if not names or name in meant]).encode())
+        question.close()
+
+
+@pytest.fixture
+def play_edge(runtime):
+    """Play an edge, as many as needed."""
+    with contextlib.ExitStack() as stack:
+
+        def play_edge(edge, *, robots=None, groups=None, **settings):
+            played = PlayedEdge(runtime, edge, robots or {}, groups or {}, settings)
+            stack.callback(played.bus.close)
+            return played
+
+        yield play_edge
+
+
+@pytest.fixture
+def spawn_edge(runtime):
+    """Start a process whose bus is that of an edge, and that answers nothing."""
+    script = (
+        "import sys; from pathlib import Path; from fleet.bus.session import open_edge; "
+        "from fleet.bus.settings import BusSettings; "
+        "bus = open_edge(BusSettings(sys.argv[2], listen=()), Path(sys.argv[1])); "
+        "print('up', flush=True); sys.stdin.read()"
+    )
+    with contextlib.ExitStack() as stack:
+
+        def spawn_edge(edge):
+            process = stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-c", script, str(runtime), edge],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    text=True,
+                )
+            )
+            stack.callback(process.kill)
+            assert process.stdout.readline() == "up\n"
+            return process
+
+        yield spawn_edge

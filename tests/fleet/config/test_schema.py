@@ -56,6 +56,7 @@ def test_without_a_cloud_section_the_environment_makes_none(section):
     [
         ({}, ""),
         ({"CYBERWAVE_ENVIRONMENT": "production"}, ""),
+        ({"CYBERWAVE_ENVIRONMENT": " Production "}, ""),
         ({"CYBERWAVE_ENVIRONMENT": "staging"}, "staging"),
         ({"CYBERWAVE_ENVIRONMENT": "staging", "CYBERWAVE_TOPIC_PREFIX": "b"}, "b"),
         ({"CYBERWAVE_TOPIC_PREFIX": "b", "CYBERWAVE_MQTT_TOPIC_PREFIX": "a"}, "a"),

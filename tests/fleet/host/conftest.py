@@ -1,15 +1,27 @@
 """A robot in memory, and a desk in front of it, with a clock that tests turn."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+import contextlib
+import json
+import shutil
+import tempfile
+import uuid
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 
 from fleet.adapter import Adapter, AdapterConfig
+from fleet.bus.lane import Lane
+from fleet.bus.session import join_control
+from fleet.bus.settings import BusSettings
+from fleet.clock import SystemClock
 from fleet.commands import command
+from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.host.desk import Desk
+from fleet.host.edge import Edge
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Reply, Setpoint, Way
@@ -36,7 +48,9 @@ class Puppet(Adapter[PuppetConfig]):
         super().__init__(config)
         self.told: list[Any] = []
         self.go = asyncio.Event()
-        self.raises: Exception | None = None
+        self.raises: Exception | None = None  # in drive, navigate and takeoff
+        self.halts: Exception | None = None  # what a halt raises
+        self.stops: Exception | str = ""  # what a stop raises, or "never": it does not return
 
     async def run(self, robot):
         robot.health_ok()
@@ -47,9 +61,16 @@ class Puppet(Adapter[PuppetConfig]):
 
     async def stop(self, reason):
         self.told.append("stop")
+        while self.stops == "never" and not self.go.is_set():
+            with contextlib.suppress(asyncio.CancelledError):
+                await self.go.wait()
+        if isinstance(self.stops, Exception):
+            raise self.stops
 
     def halt(self):
         self.told.append("halt")
+        if self.halts is not None:
+            raise self.halts
 
     async def navigate(self, task) -> AsyncIterator[Progress]:
         self.told.append(task)
@@ -65,6 +86,7 @@ class Puppet(Adapter[PuppetConfig]):
         self.told.append(("takeoff", altitude))
         yield Progress(0)
         await self.go.wait()
+        self._maybe_raise()
 
     @command("land", safe=True, timeout=5)
     async def land(self):
@@ -93,12 +115,14 @@ class Bench:
         self.clock = ManualClock()
         self.reports: list[Any] = []
         self.crashes: list[Exception] = []
+        self.restarts: list[int] = []
         self.config = PuppetConfig(name="rex", twin=TWIN, **config)
         self.desk = Desk(
             self.config,
             capabilities(Puppet),
             publish=self.reports.append,
             crashed=self.crashes.append,
+            restart=lambda: self.restarts.append(1),
             clock=self.clock,
         )
         self.puppet = Puppet(self.config)
@@ -135,6 +159,13 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
+async def until(condition: Callable[[], Any], within: float = 20.0) -> None:
+    """Wait until something holds; raises TimeoutError."""
+    async with asyncio.timeout(within):
+        while not condition():  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.005)
+
+
 @pytest.fixture
 async def bench() -> Bench:
     return Bench()
@@ -154,5 +185,127 @@ def asks() -> Any:
         setpoint = staticmethod(a_setpoint)
         goal = staticmethod(a_goal)
         settle = staticmethod(settle)
+        until = staticmethod(until)
 
     return Asks
+
+
+TOY = '''
+"""A robot that writes down what it is told, with the process and the time."""
+import asyncio, os, signal, time
+from typing import Literal
+import fleet
+
+
+class ToyConfig(fleet.AdapterConfig):
+    adapter: Literal["toy"]
+    journal: str
+
+
+class Toy(fleet.Adapter[ToyConfig]):
+    Config = ToyConfig
+    limits = fleet.Limits(speed=2.0, yaw_rate=1.0)
+
+    def note(self, word):
+        with open(self.config.journal, "a") as journal:
+            journal.write(f"{os.getpid()} {time.monotonic()} {self.config.name} {word}\\n")
+
+    async def run(self, robot):
+        self.note("run")
+        robot.health(fleet.Health())
+        await asyncio.Event().wait()
+
+    def drive(self, velocity):
+        self.note(f"drive:{velocity.linear.x:g}")
+
+    async def stop(self, reason):
+        self.note("stop")
+
+    def halt(self):
+        self.note("halt")
+
+    async def navigate(self, task):
+        self.note("navigate")
+        yield fleet.Progress(1)
+        await asyncio.Event().wait()
+
+    @fleet.command("hang", moves=False)
+    async def hang(self):
+        self.note("hang")
+        time.sleep(600)
+
+    @fleet.command("freeze", moves=False)
+    async def freeze(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+    @fleet.command("die", moves=False)
+    async def die(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+'''
+
+
+class Yard:
+    """A fleet of toys on disk: its fleet.yaml, its sockets, and what its robots were told."""
+
+    def __init__(self, folder: Path, runtime: Path, robots: dict[str, dict[str, Any]]) -> None:
+        self.runtime = runtime
+        self.journal = folder / "journal"
+        self.file = folder / "fleet.yaml"
+        self.id = f"yard-{uuid.uuid4().hex[:8]}"
+        (folder / "plugins").mkdir()
+        (folder / "plugins" / "toy.py").write_text(TOY)
+        entries = [
+            {"name": name, "twin": str(uuid.uuid4()), "adapter": "toy", "journal": str(self.journal), **more}
+            for name, more in robots.items()
+        ]
+        bus = {"listen": ["tcp/127.0.0.1:0"]}
+        fleet = {"edge": {"id": self.id}, "bus": bus, "plugins": ["plugins"], "robots": entries}
+        self.file.write_text(json.dumps(fleet))
+
+    def told(self, robot: str = "") -> list[tuple[int, float, str]]:
+        """Return what the robots, or one of them, were told: process, monotonic seconds, word."""
+        lines = self.journal.read_text().splitlines() if self.journal.exists() else []
+        rows = [line.split() for line in lines if line.count(" ") == 3]
+        return [(int(pid), float(at), word) for pid, at, name, word in rows if name == robot or not robot]
+
+    def words(self, robot: str = "") -> list[str]:
+        """Return what the robots, or one of them, were told, without process and time."""
+        return [word for _, _, word in self.told(robot)]
+
+    def processes(self, robot: str) -> list[int]:
+        """Return the processes in which a robot ran, in order."""
+        return [pid for pid, _, word in self.told(robot) if word == "run"]
+
+    def lane(self) -> Lane:
+        """Return the way by which the command line asks."""
+        return join_control(BusSettings(self.id), self.runtime)
+
+    def edge(self) -> Edge:
+        """Return an edge of this process."""
+        return Edge(load(self.file), self.file, directory=self.runtime, clock=SystemClock())
+
+
+@pytest.fixture
+def yard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Yard]]:
+    """Return the maker of a yard; the robots' further fields by name."""
+    runtime = Path(tempfile.mkdtemp())
+    monkeypatch.setenv("FLEET_RUNTIME_DIR", str(runtime))
+    yield lambda **robots: Yard(tmp_path, runtime, robots)
+    shutil.rmtree(runtime)
+
+
+@contextlib.asynccontextmanager
+async def running(edge: Edge) -> AsyncIterator[asyncio.Task[None]]:
+    """Run an edge; end it in order."""
+    ended = asyncio.Event()
+    task = asyncio.create_task(edge.run(ended))
+    try:
+        yield task
+    finally:
+        ended.set()
+        await asyncio.wait_for(task, 40)
+
+
+@pytest.fixture
+def run_edge() -> Any:
+    return running

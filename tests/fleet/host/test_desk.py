@@ -112,6 +112,14 @@ async def test_a_second_operator_waits_for_the_control_lease(bench, asks):
     assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
 
 
+async def test_an_operator_who_stops_lets_go_of_the_robot(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    bench.ask(asks.command("stop", session="bert"))
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [REJECTED]
+    bench.ask(asks.command("stop", session="anna"))
+    assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
+
+
 async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     bench.ask(asks.command("emergency_stop", source=None))
     await asks.settle()
@@ -283,3 +291,194 @@ async def test_a_failed_goal_stops_the_robot_and_says_why(bench, asks):
     await asks.settle()
     assert bench.reports[-1].message == "the cable came out"
     assert bench.puppet.told[-1] == "stop"
+
+
+# -- what must not leave the robot moving ----------------------------------------------------------------
+
+
+async def test_a_stop_with_the_actions_own_id_is_no_repeat_of_the_action(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(control(asks, Control.STOP, "a1"))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+    assert bench.statuses() == ["queued", "running", "cancelled"]
+
+
+async def test_a_velocity_that_the_robot_refuses_ends_the_one_before_it(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.puppet.raises = NotReady("no sideways")
+    bench.ask(asks.setpoint(x=0.5))
+    assert bench.puppet.told[-1] == "halt"
+    assert not bench.desk.deadman.armed
+
+
+async def test_a_velocity_that_is_refused_after_taking_over_from_navigation_ends_in_a_halt(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.puppet.raises = NotReady("not in this mode")
+    bench.ask(asks.setpoint())
+    assert bench.puppet.told[-1] == "halt"
+
+
+async def test_a_velocity_that_is_refused_at_rest_touches_nothing(bench, asks):
+    bench.puppet.raises = NotReady("not in the air")
+    bench.ask(asks.setpoint())
+    assert bench.puppet.told == []
+
+
+async def test_an_adapter_that_crashes_in_a_velocity_is_halted_at_once(bench, asks):
+    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.ask(asks.setpoint())
+    assert bench.puppet.told == ["halt"]
+
+
+@pytest.mark.parametrize("name", ["shy", "takeoff"])
+async def test_a_command_that_is_refused_after_it_ended_an_action_holds_the_robot(bench, asks, name):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.ask(asks.command(name, data={"no_such": 1} if name == "takeoff" else {}))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+
+
+async def test_a_command_that_is_refused_at_rest_does_not_move_the_robot_at_all(bench, asks):
+    bench.ask(asks.command("shy"))
+    await asks.settle()
+    assert bench.puppet.told == []
+
+
+async def test_a_command_that_the_robot_took_and_then_failed_ends_in_a_stop(bench, asks):
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    bench.puppet.raises = NotReady("a motor is weak")
+    bench.puppet.go.set()
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+
+
+async def test_a_stop_that_raises_is_followed_by_a_halt(bench, asks):
+    bench.puppet.stops = LinkLost("no answer")
+    answers = bench.ask(asks.command("stop"))
+    await asks.settle()
+    assert statuses(answers) == [ReplyStatus.TIMEOUT]
+    assert bench.puppet.told[-1] == "halt"
+
+
+async def test_a_stop_that_never_returns_is_cut_off_and_said_so(bench, asks, monkeypatch):
+    monkeypatch.setattr("fleet.host.desk.STOP_TIMEOUT", 0.01)
+    bench.puppet.stops = "never"
+    answers = bench.ask(asks.command("stop"))
+    await asks.until(lambda: answers)
+    bench.puppet.go.set()
+    assert answers[0].status is ReplyStatus.TIMEOUT
+    assert bench.puppet.told[-1] == "halt"
+
+
+async def test_a_stop_while_it_is_stopping_is_answered_too(bench, asks):
+    answers = [bench.ask(asks.command(name)) for name in ("stop", "stop", "emergency_stop")]
+    await asks.settle()
+    assert [statuses(one) for one in answers] == [[ACCEPTED]] * 3
+    assert bench.puppet.told.count("stop") == 3
+
+
+@pytest.mark.parametrize("way", ["emergency", "halt"])
+async def test_a_halt_that_raises_stays_inside(bench, asks, way):
+    bench.puppet.halts = ZeroDivisionError("oops")
+    {"emergency": lambda: bench.desk.emergency("test"), "halt": bench.desk.halt}[way]()
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+
+
+async def test_a_robot_that_somebody_else_moves_is_not_touched_when_it_is_lost(bench, asks):
+    bench.desk.lost("no heartbeat")
+    assert bench.puppet.told == []
+
+
+async def test_a_robot_that_we_moved_is_halted_when_it_is_lost(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.desk.lost("no heartbeat")
+    assert bench.puppet.told[-1] == "halt"
+
+
+async def test_a_lease_that_ran_out_does_not_disturb_a_goal_that_came_meanwhile(bench, asks):
+    bench.ask(asks.setpoint())
+    bench.clock.advance(1.0)
+    bench.desk.deadman.expire(bench.clock.monotonic())
+    bench.ask(asks.goal())
+    bench.desk.lease_ran_out()
+    assert ZERO_VELOCITY not in bench.puppet.told
+
+
+# -- repeats ---------------------------------------------------------------------------------------------
+
+
+async def test_a_repeat_of_what_is_still_under_way_gets_the_same_answers(bench, asks):
+    first = bench.ask(asks.command("takeoff", id="r1"), waits=True)
+    again = bench.ask(asks.command("takeoff", id="r1"), waits=True)
+    await asks.settle()
+    bench.puppet.go.set()
+    await asks.settle()
+    assert [answer.done for answer in again] == [None, True]
+    assert first == again
+
+
+async def test_a_command_that_was_refused_is_not_done_when_it_is_delivered_again(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    bench.ask(asks.command("takeoff", session="bert", id="r1"))
+    bench.clock.advance(10)
+    again = bench.ask(asks.command("takeoff", session="bert", id="r1"))
+    await asks.settle()
+    assert statuses(again) == [REJECTED]
+    assert ("takeoff", None) not in bench.puppet.told
+
+
+async def test_a_release_that_is_delivered_again_does_not_release_the_next_stop(bench, asks):
+    bench.desk.emergency("one")
+    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    bench.desk.emergency("two")
+    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    assert bench.desk.latched
+
+
+async def test_a_resume_that_is_delivered_again_does_not_go_on_after_the_next_pause(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    for _ in range(2):
+        bench.ask(control(asks, Control.PAUSE))
+        await asks.settle()
+        bench.ask(control(asks, Control.RESUME, "r1"))
+        await asks.settle()
+    assert len([told for told in bench.puppet.told if hasattr(told, "goal")]) == 2
+
+
+async def test_a_goal_that_was_refused_does_not_begin_when_it_is_delivered_again(bench, asks):
+    bench.desk.lost("no heartbeat")
+    bench.ask(asks.goal("a1"))
+    bench.desk.found()
+    answers = bench.ask(asks.goal("a1"))
+    await asks.settle()
+    assert statuses(answers) == [REJECTED]
+    assert bench.statuses() == ["failed", "failed"]
+
+
+async def test_a_resume_that_is_refused_says_nothing_of_the_action_it_names(bench, asks):
+    bench.ask(asks.goal("a1"))
+    await asks.settle()
+    bench.ask(control(asks, Control.RESUME, "a1"))
+    assert bench.statuses() == ["queued", "running"]
+
+
+async def test_a_stop_is_completed_when_the_robot_stands_and_not_before(bench, asks):
+    bench.ask(control(asks, Control.STOP, "s1"))
+    assert bench.statuses() == []
+    await asks.settle()
+    assert bench.statuses() == ["completed"]
+
+
+async def test_the_adapter_is_restarted_by_who_may_command_it(bench, asks):
+    bench.ask(asks.command("restart_adapter", source="sim"))
+    assert bench.restarts == []
+    bench.ask(asks.command("restart_adapter"))
+    assert bench.restarts == [1]

@@ -159,6 +159,8 @@ def test_only_a_literal_false_releases_the_emergency_stop():
         # as the third party's text has them
         ("strafe_left", {"linear_x": 1.0}, (0, 1.0, 0, 0)),
         ("ascend", {"linear_x": 1.0}, (0, 0, 1.0, 0)),
+        # its own field goes before a distance
+        ("ascend", {"linear_z": 0.6, "distance": 2}, (0, 0, 0.6, 0)),
         # nothing given
         ("move_forward", {}, (0.5, 0, 0, 0)),
         ("move_backward", {}, (-0.5, 0, 0, 0)),

@@ -10,7 +10,6 @@ from fleet.host.safety.latch import Latch
 from fleet.host.safety.lease import ControlLease
 from fleet.host.safety.limits import clamp
 from fleet.host.safety.repeats import KEPT, LIFETIME, Repeats
-from fleet.model.command import Reply, ReplyStatus
 from fleet.model.geometry import Vector3, Velocity
 from fleet.robot_config import Limits
 
@@ -26,25 +25,22 @@ SOME_LIMITS = st.builds(
 
 def test_a_repeat_is_known_and_gets_the_first_answer():
     repeats = Repeats()
-    answer = Reply("land", ReplyStatus.ACCEPTED)
-    assert not repeats.seen("a", 0.0)
-    repeats.answered("a", answer)
-    assert repeats.seen("a", 1.0)
-    assert repeats.answer("a") == answer
+    assert repeats.first("a", "the first answer", 0.0) is None
+    assert repeats.first("a", "another", 1.0) == "the first answer"
 
 
 def test_a_message_without_an_id_is_never_a_repeat():
     repeats = Repeats()
-    assert not repeats.seen("", 0.0)
-    assert not repeats.seen("", 0.0)
+    assert repeats.first("", "an answer", 0.0) is None
+    assert repeats.first("", "an answer", 0.0) is None
 
 
 def test_repeats_are_forgotten_after_their_lifetime_and_beyond_their_number():
     repeats = Repeats()
-    repeats.seen("old", 0.0)
+    repeats.first("old", "answer", 0.0)
     for number in range(KEPT):
-        repeats.seen(str(number), LIFETIME + 1)
-    assert not repeats.seen("old", LIFETIME + 1)
+        repeats.first(str(number), "answer", LIFETIME + 1)
+    assert repeats.first("old", "answer", LIFETIME + 1) is None
     assert len(repeats._seen) <= KEPT
 
 

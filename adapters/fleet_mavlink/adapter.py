@@ -1,0 +1,198 @@
+"""The MAVLink adapter: the host's contract on top of a session with one vehicle."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import AsyncIterator
+from typing import ClassVar
+
+from fleet import (
+    Adapter,
+    GeoPoint,
+    Limits,
+    NotReady,
+    Progress,
+    Refused,
+    Robot,
+    Task,
+    Velocity,
+    command,
+)
+from fleet.errors import LinkError
+from fleet_mavlink.config import MavlinkConfig
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.hub import open_hub
+from fleet_mavlink.session import Session
+from fleet_mavlink.sim.launch import SimProcess, SimSpec
+
+_LOWEST_TAKEOFF = 1.0  # m
+_TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
+"""The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
+
+
+class MavlinkAdapter(Adapter[MavlinkConfig]):
+    """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
+
+    Config = MavlinkConfig
+    limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
+
+    def __init__(self, config: MavlinkConfig) -> None:
+        super().__init__(config)
+        self._session: Session | None = None
+
+    async def run(self, robot: Robot) -> None:
+        """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""
+        config = self.config
+        async with contextlib.AsyncExitStack() as stack:
+            url, sim = config.link, None
+            if config.simulated:
+                sim = await stack.enter_async_context(robot.share("mavlink simulator", SimProcess))
+                url = await sim.add(SimSpec.parse(config.link, system_id=config.system_id))
+            station = f"{config.own_system}/{config.own_component}"
+            hub = await stack.enter_async_context(
+                robot.share(
+                    f"mavlink {url} {station}",
+                    lambda: open_hub(url, robot.clock, config.own_system, config.own_component),
+                )
+            )
+            vehicle = stack.enter_context(hub.vehicle(config.system_id))
+            self._session = Session(config, config.limits.over(self.limits), hub, vehicle, robot)
+            losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
+            try:
+                await self._session.serve(*losses)
+            finally:
+                self._session = None
+
+    def drive(self, velocity: Velocity) -> None:
+        """Stream this body velocity; raises NotReady or Refused when the vehicle cannot be driven."""
+        self._open().driver.drive(velocity)
+
+    async def stop(self, reason: str) -> None:
+        """Brake and hold in the air; motors are never cut."""
+        if self._session is not None:
+            with contextlib.suppress(LinkError):
+                await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
+
+    def halt(self) -> None:
+        """Write zero velocity, or the hold command, at once; from any thread."""
+        session = self._session
+        if session is not None:
+            with contextlib.suppress(LinkError):
+                session.halt()
+
+    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
+        """Fly a task with the autopilot's own position control."""
+        session = self._open()
+        origin = session.origin()
+        if origin is None:
+            raise NotReady("home is unknown", hint="wait for a position")
+        async for progress in session.navigator.carry_out(task, origin):
+            yield progress
+
+    def _open(self) -> Session:
+        """Return the session; raises NotReady without one."""
+        if self._session is None:
+            raise NotReady("the link is not open yet")
+        return self._session
+
+    # -- flying --------------------------------------------------------------------------------------
+
+    @command("takeoff", timeout=90.0)
+    async def takeoff(self, *, altitude: float | None = None) -> AsyncIterator[Progress]:
+        """Arm if need be, and climb to an altitude (m above home)."""
+        session = self._open()
+        flight, state = session.flight, session.vehicle.state
+        require_connection(session.vehicle)
+        wanted = min(self.config.takeoff_altitude, flight.ceiling) if altitude is None else altitude
+        if not _LOWEST_TAKEOFF <= wanted <= flight.ceiling:
+            raise Refused(f"{wanted:g} m is not {_LOWEST_TAKEOFF:g} to {flight.ceiling:g} m above home")
+        height = state.relative_altitude
+        if state.in_air and (altitude is None or (height is not None and height >= wanted)):
+            yield Progress(100.0, "in the air already; a take-off never descends")
+            return
+        climb = self._to_height(session, wanted) if state.in_air else flight.take_off(wanted)
+        async for progress in climb:
+            yield progress
+
+    @command("land", timeout=300.0, safe=True)
+    async def land(self) -> AsyncIterator[Progress]:
+        """Land here and switch the motors off."""
+        session = self._open()
+        async for progress in session.flight.come_down(session.flight.flavour.land):
+            yield progress
+
+    @command("return_to_home", timeout=600.0, safe=True)
+    async def return_to_home(self) -> AsyncIterator[Progress]:
+        """Fly home, as the autopilot is set up to, and land."""
+        session = self._open()
+        async for progress in session.flight.come_down(session.flight.flavour.return_home):
+            yield progress
+
+    @command("cancel_takeoff", "cancel_landing", "cancel_return_to_home", safe=True)
+    async def cancel(self) -> None:
+        """Brake and hold here instead."""
+        session = self._open()
+        require_connection(session.vehicle)
+        await session.stop("cancelled", takes_over=True)
+
+    @command("ascend", timeout=120.0)
+    async def ascend(self, *, distance: float) -> AsyncIterator[Progress]:
+        """Climb by a distance (m)."""
+        async for progress in self._climb_by(abs(distance)):
+            yield progress
+
+    @command("descend", timeout=120.0)
+    async def descend(self, *, distance: float) -> AsyncIterator[Progress]:
+        """Sink by a distance (m); never to the ground."""
+        async for progress in self._climb_by(-abs(distance)):
+            yield progress
+
+    @command("arm")
+    async def arm(self, *, force: bool = False) -> None:
+        """Start the motors, in a mode that can be taken off from."""
+        await self._open().flight.arm(force=force)
+
+    @command("disarm")
+    async def disarm(self, *, force: bool = False) -> None:
+        """Stop the motors; refused in the air, whatever ``force`` says."""
+        await self._open().flight.disarm(force=force)
+
+    @command("set_home_here", moves=False)
+    async def set_home_here(self) -> None:
+        """Make this place home."""
+        await self._open().flight.set_home_here()
+
+    @command("reboot", "reboot_aircraft")
+    async def reboot(self) -> None:
+        """Restart the autopilot; refused while it is armed."""
+        await self._open().flight.reboot()
+
+    @command("battery_check", moves=False, safe=True)
+    async def battery_check(self) -> None:
+        """Report the battery now."""
+        session = self._open()
+        require_connection(session.vehicle)
+        if not session.report_battery():
+            raise NotReady("the vehicle has not said how its battery is")
+
+    async def _climb_by(self, metres: float) -> AsyncIterator[Progress]:
+        """Change the height by ``metres``."""
+        session = self._open()
+        height = session.vehicle.state.relative_altitude
+        if height is None or not session.vehicle.state.in_air:
+            raise NotReady("not in the air", hint="send takeoff first")
+        if not math.isfinite(metres):
+            raise Refused("a distance must be a finite number")
+        async for progress in self._to_height(session, height + metres):
+            yield progress
+
+    async def _to_height(self, session: Session, height: float) -> AsyncIterator[Progress]:
+        """Go to a height (m above home) at this place."""
+        vehicle = session.vehicle
+        here, home = vehicle.state.position, vehicle.state.home_altitude
+        if here is None or home is None:
+            raise NotReady("position or home is unknown")
+        target = GeoPoint(here.latitude, here.longitude, home + height)
+        async for progress in session.navigator.fly_to(target):
+            yield progress

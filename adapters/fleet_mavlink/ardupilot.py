@@ -1,0 +1,108 @@
+"""ArduCopter. Numbers and habits as version 4.6 shows them on the wire."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet.model.geodesy import GeoPoint
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
+
+_GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
+_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_POSITION_USABLE = 0x10  # estimator flag: absolute horizontal position
+_CONSTANT_POSITION = 0x80  # estimator flag: it has no position and assumes to stand still
+
+
+class ArduCopter(Flavour):
+    """ArduPilot for multirotors. Held by BRAKE: LOITER without a pilot's stick would descend."""
+
+    name: ClassVar[str] = "ardupilot"
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "STABILIZE",
+        1: "ACRO",
+        2: "ALT_HOLD",
+        3: "AUTO",
+        4: "GUIDED",
+        5: "LOITER",
+        6: "RTL",
+        7: "CIRCLE",
+        9: "LAND",
+        11: "DRIFT",
+        13: "SPORT",
+        14: "FLIP",
+        15: "AUTOTUNE",
+        16: "POSHOLD",
+        17: "BRAKE",
+        18: "THROW",
+        19: "AVOID_ADSB",
+        20: "GUIDED_NOGPS",
+        21: "SMART_RTL",
+        22: "FLOWHOLD",
+        23: "FOLLOW",
+        24: "ZIGZAG",
+        25: "SYSTEMID",
+        26: "AUTOROTATE",
+        27: "AUTO_RTL",
+    }
+    external: ClassVar[str] = "GUIDED"
+    hold: ClassVar[str] = "BRAKE"
+    goto: ClassVar[str] = "GUIDED"
+    land: ClassVar[str] = "LAND"
+    return_home: ClassVar[str] = "RTL"
+    arming: ClassVar[str] = "GUIDED"
+    takeoff: ClassVar[str] = "GUIDED"
+    lead_in: ClassVar[float] = 0.0
+    follows: ClassVar[Mapping[str, frozenset[str]]] = {}
+    rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
+    data_streams: ClassVar[tuple[int, ...]] = (2, 6, 10, 12)  # status, position, attitude, the rest
+
+    def mode_command(self, mode: str) -> CommandLong:
+        """Return DO_SET_MODE with the mode's number."""
+        return CommandLong(Cmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
+
+    def hold_command(self) -> CommandLong:
+        """Return the change to BRAKE."""
+        return self.mode_command(self.hold)
+
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:  # noqa: ARG002
+        """Return NAV_TAKEOFF, whose altitude is above home."""
+        return CommandLong(Cmd.NAV_TAKEOFF, param7=altitude)
+
+    def go_command(
+        self,
+        to: GeoPoint,
+        home_altitude: float,
+        speed: float,  # noqa: ARG002 - it ignores the speed here: ``after_go``
+        heading: float | None,  # noqa: ARG002 - it ignores the heading here: ``turn_command``
+    ) -> CommandInt:
+        """Return DO_REPOSITION with the altitude above home; COMMAND_LONG is unsupported here."""
+        return CommandInt(
+            Cmd.DO_REPOSITION,
+            frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            param1=-1.0,
+            param2=_CHANGE_MODE,
+            param4=NAN,
+            x=round(to.latitude * 1e7),
+            y=round(to.longitude * 1e7),
+            z=to.altitude - home_altitude,
+        )
+
+    def after_go(self, speed: float) -> CommandLong | None:
+        """Return DO_CHANGE_SPEED; before the go command it would be reset by it."""
+        return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
+
+    def turn_command(self, heading: float) -> CommandLong | None:
+        """Return CONDITION_YAW to an absolute heading by the shorter way."""
+        return CommandLong(Cmd.CONDITION_YAW, param1=math.degrees(heading) % 360.0)
+
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return the arming check and a usable position: the check alone passes too early in STABILIZE."""
+        if state.prearm_ok is None or state.estimator_flags is None:
+            return None
+        flags = state.estimator_flags
+        return state.prearm_ok and bool(flags & _POSITION_USABLE) and not flags & _CONSTANT_POSITION

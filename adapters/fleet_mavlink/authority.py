@@ -1,0 +1,50 @@
+"""Who has the vehicle: us, or somebody who changed its mode (a pilot, its own fail-safe)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.state import VehicleState
+
+
+class Authority:
+    """Watches the mode. What we did not ask for, while the vehicle is armed, takes it from us.
+
+    ``lost`` is called with the reason. It is ours again by the next command that asks for a mode, or once
+    it is disarmed.
+    """
+
+    def __init__(self, lost: Callable[[str], None]) -> None:
+        self._lost = lost
+        self.lost_to = ""  # the mode that took it; empty while it is ours
+        self._expected: frozenset[str] = frozenset()
+        self._mode = ""
+
+    def expect(self, *modes: str) -> None:
+        """Take the vehicle for a command that leads to one of these modes."""
+        self._expected = frozenset(modes)
+        self.lost_to = ""
+
+    def observe(self, state: VehicleState, flavour: Flavour) -> None:
+        """Look at a new heartbeat, before anybody who waits for it does."""
+        mode = flavour.mode_of(state)
+        before, self._mode = self._mode, mode
+        if not state.armed:
+            self.lost_to = ""
+            return
+        if mode == before or mode in self._allowed(before, flavour.follows, flavour.ours):
+            return
+        already, self.lost_to = self.lost_to, mode
+        if already or not before:
+            return
+        cause = "its own fail-safe" if state.failsafe else "a pilot or another station"
+        self._lost(f"mode changed from {before} to {mode}, not by us: {cause}")
+
+    def _allowed(
+        self, before: str, follows: Mapping[str, frozenset[str]], ours: frozenset[str]
+    ) -> frozenset[str]:
+        """Return the modes that are no surprise; at first sight those in which nobody else flies."""
+        if not before:
+            return ours
+        return self._expected | follows.get(before, frozenset())

@@ -1,0 +1,236 @@
+"""Asking a vehicle to do something, and finding out whether it will.
+
+One command at a time for each vehicle: PX4 loses acknowledgements in bursts, and an acknowledgement
+does not say which of two equal commands it answers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+
+import msgspec
+
+from fleet import NotReady, Refused, TimedOut, Unsupported
+from fleet_mavlink.messages import Ask, CommandAck, CommandLong
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import WARNING, Sentence
+from fleet_mavlink.vehicle import Condition, Vehicle
+from fleet_mavlink.words import Cmd, Result, result_name
+
+
+class Timing(msgspec.Struct, frozen=True):
+    """How long to wait for what, seconds; tests make it shorter."""
+
+    answer: float = 1.0  # for an acknowledgement, before the command is sent again
+    tries: int = 4
+    working: float = 5.0  # for the next word after "in progress"
+    patience: float = 2.0  # to ask again what was rejected for the moment
+    pause: float = 0.5  # between those
+    words: float = 0.3  # for the reason, which may follow the refusal
+    heartbeat: float = 1.3  # for the next heartbeat, which alone shows a mode
+
+
+_CROSSING = 0.1  # s in which a heartbeat and an answer may cross
+_UNSUPPORTED = {
+    Result.UNSUPPORTED,
+    Result.COMMAND_LONG_ONLY,
+    Result.COMMAND_INT_ONLY,
+    Result.COMMAND_UNSUPPORTED_MAV_FRAME,
+}
+
+
+class _Exchange:
+    """The command that is under way, and what came back for it."""
+
+    def __init__(self, command: int, began: float) -> None:
+        self.command = command
+        self.began = began
+        self.acks: asyncio.Queue[CommandAck | None] = asyncio.Queue()  # None: superseded
+        self.refusal: CommandAck | None = None
+        self.refused_at = 0.0
+        self.superseded = ""
+
+
+class Commander:
+    """Sends commands to one vehicle; its errors carry the autopilot's own words."""
+
+    def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
+        self.timing = timing
+        self._vehicle = vehicle
+        self._lock = asyncio.Lock()
+        self._exchange: _Exchange | None = None
+        vehicle.on_ack = self._acknowledged
+
+    def supersede(self, reason: str) -> None:
+        """End the command that is under way with this reason, for something more urgent."""
+        if self._exchange is not None:
+            self._exchange.superseded = reason
+            self._exchange.acks.put_nowait(None)
+
+    async def ask(self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None) -> None:
+        """Send a command until it is accepted.
+
+        ``seen`` tells from the vehicle's state that it was obeyed although no answer came, so that what
+        must not be done twice is not sent twice. Raises Refused, NotReady (rejected for the moment),
+        Unsupported, TimedOut (no answer), LinkLost.
+        """
+        async with self._begun(ask) as exchange:
+            asked_until = self._now() + self.timing.patience
+            sent = 0
+            while True:
+                self._send(ask, sent)
+                sent += 1
+                ack = await self._answer(exchange, seen)
+                if ack is None and sent >= (tries or self.timing.tries):
+                    if seen is not None and await self._vehicle.until(seen, self.timing.working):
+                        return
+                    raise TimedOut(
+                        f"system {self._vehicle.system} did not answer {_name(ask)}",
+                        hint=f"sent {sent} times; is the link good, is this station allowed to command?",
+                        messages=self._words_since(exchange.began),
+                    )
+                if ack is None:
+                    if seen is not None and seen(self._vehicle.state):
+                        return
+                    continue
+                if ack.result == Result.ACCEPTED:
+                    return
+                if ack.result == Result.TEMPORARILY_REJECTED and self._now() < asked_until:
+                    await asyncio.sleep(self.timing.pause)
+                    continue
+                if sent > 1 and seen is not None and await self._vehicle.until(seen, self.timing.heartbeat):
+                    return
+                raise await self._refusal(ask, ack, exchange)
+
+    async def enter(self, mode: str, shows: Callable[[VehicleState], str], ask: Ask) -> None:
+        """Send a command until the vehicle's heartbeat shows the mode that it leads to.
+
+        Acknowledgements only explain a failure: PX4 sends two, of which the first means nothing, and the
+        second may be taken for the next command's. Raises as ``ask`` does.
+        """
+        async with self._begun(ask) as exchange:
+            already = shows(self._vehicle.state) == mode
+            for attempt in range(self.timing.tries):
+                began = self._now()
+                exchange.refusal = None
+                self._send(ask, attempt)
+
+                def settled(state: VehicleState, began: float = began) -> bool:
+                    if exchange.superseded:
+                        return True
+                    shown = state.heartbeat_at > began and shows(state) == mode
+                    return shown or self._is_refused(exchange, state)
+
+                if already:
+                    ack = await self._answer(exchange, None)
+                    entered = ack is not None and ack.result == Result.ACCEPTED
+                else:
+                    await self._vehicle.until(settled, self.timing.heartbeat)
+                    entered = shows(self._vehicle.state) == mode
+                self._raise_superseded(exchange)
+                if entered:
+                    return
+                if exchange.refusal is not None:
+                    raise await self._refusal(ask, exchange.refusal, exchange)
+            raise TimedOut(
+                f"system {self._vehicle.system} does not change to {mode}, it stays in "
+                f"{shows(self._vehicle.state)}",
+                messages=self._words_since(exchange.began),
+            )
+
+    @staticmethod
+    def _is_refused(exchange: _Exchange, state: VehicleState) -> bool:
+        """Return whether a heartbeat after a refusal still shows another mode.
+
+        One that comes at once after it may be older than the mode, and the refusal the last command's.
+        """
+        return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
+
+    @contextlib.asynccontextmanager
+    async def _begun(self, ask: Ask) -> AsyncIterator[_Exchange]:
+        """Wait for our turn, and listen for answers before the command is sent."""
+        async with self._lock:
+            exchange = self._exchange = _Exchange(ask.command, self._now())
+            try:
+                yield exchange
+            finally:
+                self._exchange = None
+
+    def _acknowledged(self, ack: CommandAck) -> None:
+        """Note an answer to the command that is under way; others are late or somebody else's."""
+        exchange = self._exchange
+        if exchange is None or ack.command != exchange.command:
+            return
+        if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
+            exchange.refusal = ack
+            exchange.refused_at = self._now()
+        exchange.acks.put_nowait(ack)
+
+    async def _answer(self, exchange: _Exchange, seen: Condition | None) -> CommandAck | None:
+        """Return the answer, None when there is none in time; "in progress" is waited through."""
+        wait = self.timing.answer
+        while True:
+            try:
+                async with asyncio.timeout(wait):
+                    ack = await exchange.acks.get()
+            except TimeoutError:
+                if wait == self.timing.answer or (seen is not None and seen(self._vehicle.state)):
+                    return None
+                raise TimedOut(
+                    f"system {self._vehicle.system} began a command and did not say how it ended",
+                    messages=self._words_since(exchange.began),
+                ) from None
+            self._raise_superseded(exchange)
+            if ack is not None and ack.result != Result.IN_PROGRESS:
+                return ack
+            wait = self.timing.working
+
+    @staticmethod
+    def _raise_superseded(exchange: _Exchange) -> None:
+        """Raise Refused when something more urgent took over."""
+        if exchange.superseded:
+            raise Refused(f"superseded: {exchange.superseded}")
+
+    def addressed(self, ask: Ask) -> Ask:
+        """Return a command with the vehicle's address in it."""
+        return msgspec.structs.replace(ask, target_system=self._vehicle.system)
+
+    def _send(self, ask: Ask, attempt: int) -> None:
+        """Write the command, addressed; a repeated COMMAND_LONG says that it is repeated."""
+        addressed = self.addressed(ask)
+        if isinstance(addressed, CommandLong):
+            addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
+        self._vehicle.send(addressed)
+
+    async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:
+        """Return the error for a refusal, once the autopilot had time to say why."""
+        await asyncio.sleep(self.timing.words)
+        words = self._words_since(exchange.began)
+        result = result_name(ack.result)
+        reason = "; ".join(words) or f"the autopilot answered {result} to {_name(ask)}"
+        if ack.result in _UNSUPPORTED:
+            return Unsupported(reason, device_result=result, messages=words)
+        if ack.result == Result.TEMPORARILY_REJECTED:
+            return NotReady(reason, device_result=result, messages=words)
+        return Refused(reason, device_result=result, messages=words)
+
+    def _words_since(self, began: float) -> tuple[str, ...]:
+        """Return what the autopilot said since then: its warnings, or anything when there are none."""
+        said = [sentence for sentence in self._vehicle.sentences if sentence.at >= began]
+        return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
+
+    def _now(self) -> float:
+        """Return the clock's monotonic seconds."""
+        return self._vehicle.clock.monotonic()
+
+
+def _texts(sentences: list[Sentence]) -> tuple[str, ...]:
+    """Return the texts, each once, in order."""
+    return tuple(dict.fromkeys(sentence.text for sentence in sentences))
+
+
+def _name(ask: Ask) -> str:
+    """Return a command's name, or its number."""
+    return Cmd(ask.command).name if ask.command in set(Cmd) else f"command {ask.command}"

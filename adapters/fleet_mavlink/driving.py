@@ -1,0 +1,255 @@
+"""Holding a velocity: streams setpoints while somebody drives, and never leaves without a confirmed hold."""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+import logging
+import math
+from collections.abc import Awaitable, Callable
+
+import msgspec
+
+from fleet import NotReady, Refused, Vector3, Velocity
+from fleet.errors import FleetError
+from fleet.model.geometry import ZERO_VELOCITY
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
+from fleet_mavlink.vehicle import Vehicle
+
+_LOG = logging.getLogger(__name__)
+PERIOD = 0.05  # s between setpoints
+_REST = 1.0  # s of zero velocity after which the vehicle is left to its own hold
+_AGAIN = 1.0  # s until a mode that was refused is asked for again
+
+
+class Phase(enum.Enum):
+    """Where driving stands."""
+
+    IDLE = "idle"  # nothing is streamed
+    STARTING = "starting"  # the newest velocity, until the vehicle shows that it takes setpoints
+    DRIVING = "driving"  # the newest velocity
+    BRAKING = "braking"  # zeros, until the vehicle holds by itself
+
+
+class Driver:
+    """The stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``, nothing here blocks.
+
+    ``enter`` asks for the mode that takes setpoints, ``hold`` for the one that keeps the place; both run in
+    the background, by ``spawn``, until the heartbeat shows them.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        authority: Authority,
+        *,
+        ceiling: float,
+        enter: Callable[[], Awaitable[None]],
+        hold: Callable[[], Awaitable[None]],
+        spawn: Callable[[Awaitable[None]], asyncio.Task[None]],
+    ) -> None:
+        self.phase = Phase.IDLE
+        self.halted = False  # set by another thread: brake at the next tick
+        self._vehicle = vehicle
+        self._authority = authority
+        self._ceiling = ceiling
+        self._enter = enter
+        self._hold = hold
+        self._spawn = spawn
+        self._wanted = ZERO_VELOCITY
+        self._since = 0.0  # when motion was last asked for
+        self._since_phase = 0.0
+        self._task: asyncio.Task[None] | None = None
+        self._refusal: FleetError | None = None
+        self._again_at = -math.inf
+        self._must_ask = False
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take the newest velocity; raises NotReady or Refused when the vehicle cannot be driven."""
+        if velocity.is_zero and self.phase is Phase.IDLE:
+            return
+        if not velocity.is_zero:
+            self._require(velocity)
+            self._since = self._now()
+        elif not self._wanted.is_zero:
+            self._since = self._now()
+        self._wanted = velocity
+        if self.phase is Phase.IDLE or (self.phase is Phase.BRAKING and not velocity.is_zero):
+            # After a brake the shown mode may be old: the hold may have been entered since.
+            self._must_ask = self.phase is Phase.BRAKING
+            self._again_at = -math.inf if self._refusal is None else self._again_at
+            self._to(Phase.STARTING)
+
+    def rest(self) -> bool:
+        """End a drive gently: zero velocity now, the hold a moment later; False when nobody drives.
+
+        Who drives in bursts need not wait for two changes of mode between them.
+        """
+        if self.phase not in {Phase.STARTING, Phase.DRIVING}:
+            return False
+        self.drive(ZERO_VELOCITY)
+        return True
+
+    def _require(self, velocity: Velocity) -> None:
+        """Raise unless the vehicle may be moved by us now."""
+        state, now = self._vehicle.state, self._now()
+        if not all(map(math.isfinite, (*msgspec.structs.astuple(velocity.linear), velocity.yaw_rate))):
+            raise Refused("a velocity must be made of finite numbers")
+        require_control(self._vehicle, self._authority)
+        if not state.armed or not state.in_air:
+            raise NotReady("not in the air", hint="send takeoff first")
+        if not state.knows_where(now):
+            raise NotReady("position or attitude is older than 1 s", hint="wait for the estimator")
+        if self._refusal is not None and now < self._again_at:
+            raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
+
+    def brake(self) -> None:
+        """Stream zeros until the vehicle holds by itself; whoever calls asks for the hold."""
+        self._wanted = ZERO_VELOCITY
+        self._forget_start()
+        if self.phase is not Phase.IDLE:
+            self._again_at = self._now() + _AGAIN
+            self._to(Phase.BRAKING)
+
+    def give_way(self, flavour: Flavour, mode: str) -> None:
+        """Make room for a command that leads to ``mode``; where that obeys setpoints, be silent at once."""
+        if mode == flavour.external:
+            self.end()
+        else:
+            self.brake()
+
+    def end(self) -> None:
+        """Be silent at once: somebody else has the vehicle."""
+        self._wanted = ZERO_VELOCITY
+        self._forget_start()
+        self._to(Phase.IDLE)
+
+    def _forget_start(self) -> None:
+        """Stop asking for the mode that takes setpoints."""
+        if self.phase is Phase.STARTING and self._task is not None:
+            self._task.cancel()
+
+    def tick(self) -> None:
+        """Send one setpoint, and go on to the next phase when it is time; raises LinkLost."""
+        if self.halted:
+            self.halted = False
+            self.brake()
+        flavour = self._vehicle.flavour
+        if flavour is None or not self._vehicle.state.armed or not self._is_ours():
+            if self.phase is not Phase.IDLE:
+                self.end()
+            return
+        mode = flavour.mode_of(self._vehicle.state)
+        if self.phase is Phase.IDLE and mode == flavour.external != flavour.goto:
+            self._to(Phase.BRAKING)  # it waits for setpoints that nobody sends: a start was overtaken
+        if self.phase is not Phase.IDLE:
+            self._stream()
+            _STEPS[self.phase](self, flavour, mode)
+
+    def _is_ours(self) -> bool:
+        """Return whether setpoints may be sent."""
+        return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
+
+    def _stream(self) -> None:
+        """Send the wanted velocity, or zero while braking.
+
+        It is sent before the mode is shown, too: the vehicle obeys it from the moment it takes setpoints,
+        and the heartbeat that shows the mode comes up to a second later.
+        """
+        state = self._vehicle.state
+        if self.phase is not Phase.BRAKING and state.attitude is not None and state.knows_where(self._now()):
+            velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
+            self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
+        else:
+            self._vehicle.send(ned_setpoint(Vector3(), 0.0, self._vehicle.system))
+
+    def _starting(self, flavour: Flavour, mode: str) -> None:
+        """Ask for the mode once the vehicle has seen enough setpoints; drive when it is shown."""
+        if mode == flavour.external and not self._must_ask:
+            self._to(Phase.DRIVING)
+        elif self._refusal is not None and self._now() < self._again_at:
+            self._to(Phase.IDLE)
+        elif self._now() - self._since_phase >= flavour.lead_in:
+            self._ask(self._enter_external)
+
+    async def _enter_external(self) -> None:
+        """Change to the mode that takes setpoints; from then on what the vehicle shows is believed."""
+        await self._enter()
+        self._must_ask = False
+
+    def _driving(self, flavour: Flavour, mode: str) -> None:
+        """Brake after a rest; be silent when another command has changed the mode."""
+        if mode != flavour.external:
+            self._to(Phase.IDLE)
+        elif self._wanted.is_zero and self._now() - self._since >= _REST:
+            self._to(Phase.BRAKING)
+
+    def _braking(self, flavour: Flavour, mode: str) -> None:
+        """Go on until the mode is left; then be silent, or start again for a velocity that came."""
+        if mode != flavour.external:
+            self._to(Phase.IDLE if self._wanted.is_zero else Phase.STARTING)
+        elif self._now() >= self._again_at:
+            self._ask(self._hold)
+
+    def _ask(self, what: Callable[[], Awaitable[None]]) -> None:
+        """Do something in the background, one thing at a time, not again soon after it failed."""
+        if self._task is None and self._now() >= self._again_at:
+            self._task = self._spawn(self._done(what))
+
+    async def _done(self, what: Callable[[], Awaitable[None]]) -> None:
+        """Carry it out and keep its refusal for the next who drives."""
+        try:
+            await what()
+            self._refusal = None
+        except FleetError as error:
+            _LOG.warning("system %s: %s", self._vehicle.system, error)
+            self._refusal = error
+            self._again_at = self._now() + _AGAIN
+        finally:
+            self._task = None
+
+    def _to(self, phase: Phase) -> None:
+        """Change the phase."""
+        self.phase = phase
+        self._since_phase = self._now()
+
+    def _now(self) -> float:
+        """Return the clock's monotonic seconds."""
+        return self._vehicle.clock.monotonic()
+
+
+_STEPS: dict[Phase, Callable[[Driver, Flavour, str], None]] = {
+    Phase.STARTING: Driver._starting,  # noqa: SLF001
+    Phase.DRIVING: Driver._driving,  # noqa: SLF001
+    Phase.BRAKING: Driver._braking,  # noqa: SLF001
+}
+
+
+def _below(velocity: Velocity, ceiling: float, altitude: float | None) -> Velocity:
+    """Return the velocity without its climb where the ceiling is reached or the altitude is unknown."""
+    if velocity.linear.z <= 0 or (altitude is not None and altitude < ceiling):
+        return velocity
+    return Velocity(Vector3(velocity.linear.x, velocity.linear.y, 0.0), velocity.yaw_rate)
+
+
+def require_control(vehicle: Vehicle, authority: Authority) -> None:
+    """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours."""
+    require_connection(vehicle)
+    if authority.lost_to:
+        raise NotReady(f"a pilot or a fail-safe has it, in {authority.lost_to}", hint="send hover to take it")
+
+
+def require_connection(vehicle: Vehicle) -> None:
+    """Raise NotReady unless the vehicle answers and is the only one with its id."""
+    require_heartbeat(vehicle)
+    if vehicle.clashing:
+        raise NotReady(
+            f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
+        )
+
+
+def require_heartbeat(vehicle: Vehicle) -> None:
+    """Raise NotReady unless the vehicle answers."""
+    if not vehicle.connected:
+        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")

@@ -1,0 +1,113 @@
+"""What differs between autopilots: modes as data, commands as small functions that build them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import (
+    Vector3,
+    Velocity,
+    enu_yaw_from_heading,
+    ned_from_enu,
+    rotate_to_world,
+)
+from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetLocalNed
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import AUTOPILOT, FORCE, Cmd, Frame
+
+VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: everything but velocity and yaw rate is ignored
+
+
+class Flavour(ABC):
+    """One autopilot firmware. Modes are given by name; ``modes`` has their numbers."""
+
+    name: ClassVar[str]
+    modes: ClassVar[Mapping[int, str]]
+    external: ClassVar[str]  # obeys the setpoints that we stream
+    hold: ClassVar[str]  # brakes and stays, with no pilot at the sticks
+    goto: ClassVar[str]  # flies to the place it was given
+    land: ClassVar[str]
+    return_home: ClassVar[str]
+    arming: ClassVar[str]  # can be armed in, and taken off from
+    takeoff: ClassVar[str]  # shown while it takes off
+    lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
+    follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
+    rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
+    data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
+
+    @property
+    def ours(self) -> frozenset[str]:
+        """The modes in which nobody but us moves the vehicle."""
+        return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
+
+    def mode_name(self, custom_mode: int) -> str:
+        """Return the name of a mode, or its number when it has none here."""
+        return self.modes.get(custom_mode, f"MODE({custom_mode:#x})")
+
+    def mode_of(self, state: VehicleState) -> str:
+        """Return the mode that the newest heartbeat shows, empty before the first."""
+        return self.mode_name(state.heartbeat.custom_mode) if state.heartbeat else ""
+
+    def number_of(self, mode: str) -> int:
+        """Return the custom_mode of a mode that ``modes`` names."""
+        return next(number for number, name in self.modes.items() if name == mode)
+
+    @abstractmethod
+    def mode_command(self, mode: str) -> CommandLong:
+        """Return the command that changes to a mode."""
+
+    @abstractmethod
+    def hold_command(self) -> CommandLong:
+        """Return the command that brakes at once and stays; the ``hold`` mode is then shown."""
+
+    @abstractmethod
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
+        """Return the command that climbs to ``altitude`` m above home (at ``home_altitude`` m AMSL)."""
+
+    @abstractmethod
+    def go_command(self, to: GeoPoint, home_altitude: float, speed: float, heading: float | None) -> Ask:
+        """Return the command that flies to a place (altitude AMSL); ``heading`` in radians from north."""
+
+    @abstractmethod
+    def after_go(self, speed: float) -> CommandLong | None:
+        """Return what must follow a go command to make its speed count, if anything must."""
+
+    @abstractmethod
+    def turn_command(self, heading: float) -> CommandLong | None:
+        """Return what turns the vehicle once it arrived; None where the go command did it."""
+
+    @abstractmethod
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return whether arming would work now, None while that is unknown."""
+
+
+def setpoint(velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:
+    """Return a body velocity as the setpoint that all autopilots read alike: rotated here, sent in NED.
+
+    ``heading`` is radians clockwise from north. The yaw rate is always given, so that ArduPilot does not
+    turn its nose into the direction of travel.
+    """
+    world = ned_from_enu(rotate_to_world(velocity.linear, enu_yaw_from_heading(heading)))
+    return ned_setpoint(world, -velocity.yaw_rate, system)
+
+
+def ned_setpoint(velocity: Vector3, yaw_rate: float, system: int) -> SetPositionTargetLocalNed:
+    """Return the setpoint for a velocity in NED (m/s) and a yaw rate to the right (rad/s)."""
+    return SetPositionTargetLocalNed(
+        target_system=system,
+        target_component=AUTOPILOT,
+        coordinate_frame=Frame.LOCAL_NED,
+        type_mask=VELOCITY_AND_YAW_RATE,
+        vx=velocity.x,
+        vy=velocity.y,
+        vz=velocity.z,
+        yaw_rate=yaw_rate,
+    )
+
+
+def arm_command(*, arm: bool, force: bool) -> CommandLong:
+    """Return the command that arms or disarms; ``force`` skips the autopilot's own checks."""
+    return CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0 if arm else 0.0, param2=FORCE if force else 0.0)

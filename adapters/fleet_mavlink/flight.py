@@ -1,0 +1,272 @@
+"""What a vehicle does as a whole: arm, take off, hold, land, return; each until it was seen to be done."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
+
+from fleet import Fault, GeoPoint, Limits, NotReady, Progress, Refused, TimedOut
+from fleet.errors import CommandError
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.commander import Commander
+from fleet_mavlink.driving import require_connection, require_heartbeat
+from fleet_mavlink.flavour import Flavour, arm_command
+from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import Cmd, Frame
+
+_ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
+_OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
+_POLL = 0.5  # s between looks at something that takes long
+_LOWEST = 1.0  # m above home; below it only landing goes
+_SLOW = 0.5  # m/s that counts as standing
+
+
+class Flight:
+    """The procedures of one vehicle.
+
+    ``give_way(mode)`` ends the stream of setpoints before a command that leads to ``mode``.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        commander: Commander,
+        authority: Authority,
+        limits: Limits,
+        give_way: Callable[[Flavour, str], None],
+    ) -> None:
+        self.vehicle = vehicle
+        self.commander = commander
+        self.authority = authority
+        self.ceiling = limits.altitude or math.inf
+        self._give_way = give_way
+
+    @property
+    def flavour(self) -> Flavour:
+        """The autopilot's flavour; raises NotReady before its first heartbeat, Fault when not flown here."""
+        flavour = self.vehicle.flavour
+        if flavour is None:
+            require_connection(self.vehicle)
+            raise Fault(f"system {self.vehicle.system} is no multirotor on ArduPilot or PX4")
+        return flavour
+
+    def mode(self, state: VehicleState) -> str:
+        """Return the name of the mode that a state shows."""
+        return self.flavour.mode_of(state)
+
+    async def enter(self, mode: str, ask: Ask | None = None) -> None:
+        """Change to a mode, by a command that leads to it or by its own; returns once it is shown.
+
+        Possible also while two vehicles use one id: a hold must be.
+        """
+        require_heartbeat(self.vehicle)
+        flavour = self.flavour
+        self.authority.expect(mode)
+        await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
+
+    async def enter_external(self) -> None:
+        """Change to the mode that obeys setpoints."""
+        await self.enter(self.flavour.external)
+
+    async def hold(self) -> None:
+        """Brake and stay; returns once the holding mode is shown."""
+        await self.enter(self.flavour.hold, self.flavour.hold_command())
+
+    async def arm(self, *, force: bool = False) -> None:
+        """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
+        require_connection(self.vehicle)
+        if self.vehicle.state.armed:
+            return
+        flavour = self.flavour
+        if self.mode(self.vehicle.state) != flavour.arming:
+            await self.enter(flavour.arming)
+        self.authority.expect(flavour.arming)
+        await self._arming(arm=True, force=force)
+
+    async def disarm(self, *, force: bool = False) -> None:
+        """Disarm on the ground; raises Refused in the air, whatever ``force`` says."""
+        state = self.vehicle.state
+        require_connection(self.vehicle)
+        if not state.armed:
+            return
+        if state.in_air:
+            raise Refused("it is in the air and would fall", hint="send land")
+        if force and state.in_air is None:
+            raise Refused("it is not known to be on the ground", hint="disarm without force, or land")
+        await self._arming(arm=False, force=force)
+
+    async def _arming(self, *, arm: bool, force: bool) -> None:
+        """Ask, and wait until the heartbeat shows it."""
+
+        def shown(state: VehicleState) -> bool:
+            return state.armed is arm
+
+        await self.commander.ask(arm_command(arm=arm, force=force), seen=shown)
+        if not await self.vehicle.until(shown, _ARMED_WITHIN):
+            raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
+
+    async def take_off(self, altitude: float) -> AsyncIterator[Progress]:
+        """Arm if need be and climb to ``altitude`` m above home; yields once the autopilot took it."""
+        require_connection(self.vehicle)
+        flavour = self.flavour
+        await self._home_altitude()
+        was_armed = self.vehicle.state.armed
+        if was_armed and self.mode(self.vehicle.state) != flavour.arming:
+            await self.enter(flavour.arming)
+        await self.arm()
+        self.authority.expect(flavour.arming, flavour.takeoff, flavour.hold)
+        try:
+            ask = flavour.takeoff_command(altitude, await self._home_altitude())
+            await self.commander.ask(ask, seen=_climbs)
+        except CommandError:
+            if not was_armed:
+                await self._disarm_quietly()
+            raise
+        yield Progress(0.0, "taking off")
+        async for progress in self._climb(altitude, was_armed=was_armed):
+            yield progress
+
+    async def _climb(self, altitude: float, *, was_armed: bool) -> AsyncIterator[Progress]:
+        """Watch a take-off until its altitude is reached."""
+        close = max(0.5, 0.05 * altitude)
+        by = self._now() + _OFF_GROUND_WITHIN
+        percent = 0.0
+        climbing = False
+        while not await self.vehicle.until(
+            lambda state: _height(state) >= altitude - close and is_standing(state), _POLL
+        ):
+            state = self.vehicle.state
+            self.check(self.flavour.arming, self.flavour.takeoff)
+            climbing = climbing or self.mode(state) == self.flavour.takeoff
+            if climbing and self.mode(state) == self.flavour.hold and is_standing(state):
+                raise Refused(f"the take-off ended at {_height(state):.1f} m")
+            percent = max(percent, min(99.0, 100 * _height(state) / altitude))
+            yield Progress(percent, f"at {_height(state):.1f} m of {altitude:g} m")
+            if self._now() > by and not state.in_air:
+                if not was_armed:
+                    await self._disarm_quietly()
+                raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
+        yield Progress(100.0, f"at {altitude:g} m")
+
+    async def _disarm_quietly(self) -> None:
+        """Undo an arming after a take-off that did not happen."""
+        if self.vehicle.state.in_air is False:
+            with suppress(CommandError):
+                await self._arming(arm=False, force=False)
+
+    async def come_down(self, mode: str) -> AsyncIterator[Progress]:
+        """Land or return home by a mode of the autopilot; ends on the ground with the motors off."""
+        require_connection(self.vehicle)
+        start = _height(self.vehicle.state)
+        if not self.vehicle.state.armed:
+            yield Progress(100.0, "on the ground")
+            return
+        self._give_way(self.flavour, mode)
+        await self.enter(mode)
+        percent = 0.0
+        while not await self.vehicle.until(lambda state: not state.armed, _POLL):
+            height = _height(self.vehicle.state)
+            self.check(mode)
+            percent = max(percent, min(99.0, 100 * (1 - height / max(start, 1.0))))
+            yield Progress(percent, f"at {height:.1f} m")
+        yield Progress(100.0, "on the ground")
+
+    async def go(self, to: GeoPoint, speed: float, heading: float | None) -> None:
+        """Set out for a place; returns once the autopilot took it. Raises Refused above the ceiling."""
+        self.require_altitude(to.altitude)
+        flavour = self.flavour
+        self._give_way(flavour, flavour.goto)
+        home_altitude = await self._home_altitude()
+        await self.enter(flavour.goto, flavour.go_command(to, home_altitude, speed, heading))
+        following = flavour.after_go(speed)
+        if following is not None:
+            await self.commander.ask(following)
+
+    def require_altitude(self, altitude: float) -> None:
+        """Raise unless an altitude (m AMSL) is between the lowest and the ceiling above home."""
+        home = self.vehicle.state.home_altitude
+        if home is None:
+            raise NotReady("home is unknown", hint="wait for a position")
+        height = altitude - home
+        if not height <= self.ceiling:
+            raise Refused(f"{height:.1f} m above home is over the limit of {self.ceiling:g} m")
+        if height < _LOWEST:
+            raise Refused(
+                f"{height:.1f} m above home is below {_LOWEST:g} m", hint="use land, or check the origin"
+            )
+
+    async def _home_altitude(self) -> float:
+        """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
+        await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
+        altitude = self.vehicle.state.home_altitude
+        if altitude is None:
+            raise NotReady("home is unknown", hint="wait for a position")
+        return altitude
+
+    async def set_home_here(self) -> None:
+        """Make this place home; in the air at home's old altitude, so that heights stay true."""
+        require_connection(self.vehicle)
+        state = self.vehicle.state
+        if state.position is None or not state.knows_where(self._now()):
+            raise NotReady("position is unknown")
+        here = state.position
+        altitude = await self._home_altitude() if state.in_air else here.altitude
+        await self.commander.ask(
+            CommandInt(
+                Cmd.DO_SET_HOME,
+                frame=Frame.GLOBAL,
+                x=round(here.latitude * 1e7),
+                y=round(here.longitude * 1e7),
+                z=altitude,
+            )
+        )
+
+    async def reboot(self) -> None:
+        """Restart the autopilot; raises Refused while it is armed."""
+        require_connection(self.vehicle)
+        if self.vehicle.state.armed:
+            raise Refused("it is armed", hint="land and disarm first")
+        reboots = self.vehicle.state.reboots
+        ask = CommandLong(Cmd.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0)
+        await self.commander.ask(ask, seen=lambda state: state.reboots > reboots, tries=1)
+
+    def check(self, *modes: str) -> None:
+        """Raise unless the flight goes on as asked: heard, ours, armed, in one of these modes."""
+        state = self.vehicle.state
+        require_connection(self.vehicle)
+        if self.authority.lost_to:
+            raise Refused(f"taken over: the vehicle is in {self.authority.lost_to}")
+        if not state.armed:
+            raise Fault("the motors stopped on the way", hint="look at the vehicle")
+        if self.mode(state) not in modes:
+            raise Refused(f"another command changed the mode to {self.mode(state)}")
+
+    async def wait(self, seconds: float, *modes: str) -> None:
+        """Stay for a time, checking that the flight goes on as asked."""
+        by = self._now() + seconds
+        while (left := by - self._now()) > 0:
+            self.check(*modes)
+            await asyncio.sleep(min(left, _POLL))
+
+    def _now(self) -> float:
+        """Return the clock's monotonic seconds."""
+        return self.vehicle.clock.monotonic()
+
+
+def _height(state: VehicleState) -> float:
+    """Return metres above home, 0 while unknown."""
+    return state.relative_altitude or 0.0
+
+
+def _climbs(state: VehicleState) -> bool:
+    """Return whether a vehicle that was on the ground is on its way up."""
+    return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_SLOW)
+
+
+def is_standing(state: VehicleState) -> bool:
+    """Return whether it does not move."""
+    return state.speed <= _SLOW

@@ -1,0 +1,31 @@
+"""From what an autopilot says to the world frame (ENU around an origin, REP-103)."""
+
+from __future__ import annotations
+
+import math
+
+from fleet import GeoOrigin, Pose
+from fleet.model.geodesy import world_from_geo
+from fleet.model.geometry import enu_rotation_from_ned
+from fleet_mavlink.state import VehicleState
+
+
+def origin_of(state: VehicleState) -> GeoOrigin | None:
+    """Return a world origin at the vehicle's home, None while home is unknown."""
+    altitude = state.home_altitude
+    if state.home is None or altitude is None:
+        return None
+    return GeoOrigin(state.home.latitude, state.home.longitude, altitude)
+
+
+def pose_of(state: VehicleState, origin: GeoOrigin) -> Pose | None:
+    """Return where the vehicle is and how it is turned, None while either is unknown."""
+    if state.position is None or state.attitude is None:
+        return None
+    angles = state.attitude
+    # The world's +y axis points to ``origin.heading``, not north.
+    heading = angles.yaw - math.radians(origin.heading)
+    return Pose(
+        position=world_from_geo(origin, state.position),
+        rotation=enu_rotation_from_ned(angles.roll, angles.pitch, heading),
+    )

@@ -1,0 +1,122 @@
+"""One hub for each link URL, shared by all robots on it: opens the link, beats, tells vehicles apart."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import OrderedDict
+from collections.abc import AsyncIterator, Iterator
+
+from fleet import Clock, LinkLost, LinkRefused, open_link
+from fleet.link.base import Address, Link
+from fleet_mavlink.codec import Frame, Packer, Parser, pack
+from fleet_mavlink.messages import CommandAck, Heartbeat, Message
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
+
+_LOG = logging.getLogger(__name__)
+_BEAT = 1.0  # s
+_SENDERS = 256  # addresses whose half frames are kept
+_GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
+
+
+class Hub:
+    """An open link and the vehicles on it; we are station ``system``/``component`` to all of them."""
+
+    def __init__(self, link: Link, clock: Clock, system: int, component: int) -> None:
+        self.link = link
+        self.system = system
+        self.component = component
+        self._clock = clock
+        self._packer = Packer(system, component)
+        self._parsers: OrderedDict[Address, Parser] = OrderedDict()
+        self._vehicles: dict[int, Vehicle] = {}
+        self._heard: set[int] = set()
+
+    @property
+    def heard(self) -> tuple[int, ...]:
+        """The system ids of all autopilots that were heard on this link."""
+        return tuple(sorted(self._heard))
+
+    @contextlib.contextmanager
+    def vehicle(self, system: int) -> Iterator[Vehicle]:
+        """Give the vehicle with this id to one robot; raises LinkRefused when another has it."""
+        if system in self._vehicles:
+            raise LinkRefused(
+                f"{self.link.url}: two robots have system_id {system}; give each its own in fleet.yaml"
+            )
+        vehicle = self._vehicles[system] = Vehicle(system, self._clock, self.send)
+        try:
+            yield vehicle
+        finally:
+            del self._vehicles[system]
+
+    def receive(self, data: bytes, address: Address) -> None:
+        """Take what arrived from the link; never raises."""
+        try:
+            for frame in self._parser(address).feed(data):
+                self._route(frame, address)
+        except Exception:  # noqa: BLE001 - one bad message must not end the link of all vehicles
+            _LOG.exception("%s: dropped %d bytes from %s", self.link.url, len(data), address)
+
+    def _parser(self, address: Address) -> Parser:
+        """Return the parser of one sender; the one that was silent longest makes room."""
+        parser = self._parsers.setdefault(address, Parser())
+        self._parsers.move_to_end(address)
+        if len(self._parsers) > _SENDERS:
+            self._parsers.popitem(last=False)
+        return parser
+
+    def _route(self, frame: Frame, address: Address) -> None:
+        """Give a message to its vehicle; only autopilots count, and only acks that are meant for us."""
+        message = frame.message
+        if frame.component != AUTOPILOT or frame.system == 0:
+            return
+        if isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
+            self._heard.add(frame.system)
+        vehicle = self._vehicles.get(frame.system)
+        if vehicle is None or (isinstance(message, CommandAck) and not self._is_for_us(message)):
+            return
+        vehicle.take(message, address)
+
+    def _is_for_us(self, ack: CommandAck) -> bool:
+        """Return whether an acknowledgement answers us; 0 is said by those who do not tell."""
+        return ack.target_system in {0, self.system} and ack.target_component in {0, self.component}
+
+    def send(self, message: Message, address: Address) -> None:
+        """Write a message; raises LinkLost. Only on the loop's thread."""
+        self.link.send(self._packer.pack(message), address)
+
+    def send_from_any_thread(self, messages: list[Message], address: Address) -> None:
+        """Write messages beside the loop, numbered by themselves; raises LinkLost."""
+        for sequence, message in enumerate(messages):
+            self.link.send(pack(message, self.system, self.component, sequence), address)
+
+    async def beat(self) -> None:
+        """Say once a second that we are here; ends when the link does."""
+        with contextlib.suppress(LinkLost):
+            while True:
+                for address in {vehicle.address for vehicle in self._vehicles.values()} or {None}:
+                    self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address)
+                await asyncio.sleep(_BEAT)
+
+
+@contextlib.asynccontextmanager
+async def open_hub(url: str, clock: Clock, system: int, component: int) -> AsyncIterator[Hub]:
+    """Open a link and beat on it until the last robot leaves; raises LinkRefused or LinkLost."""
+    hub: Hub | None = None
+
+    def receive(data: bytes, address: Address) -> None:
+        if hub is not None:
+            hub.receive(data, address)
+
+    link = await open_link(url, receive)
+    hub = Hub(link, clock, system, component)
+    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {url}")
+    try:
+        yield hub
+    finally:
+        beating.cancel()
+        await asyncio.gather(beating, return_exceptions=True)
+        await link.close()

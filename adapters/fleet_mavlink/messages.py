@@ -1,0 +1,240 @@
+"""The MAVLink messages this adapter reads and writes, as typed values; nothing else is decoded.
+
+Field names, units and scales are MAVLink's own (``common`` and ``ardupilotmega``): degrees times 1e7,
+millimetres, cm/s, NED. ``state`` turns them into the project's units.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import msgspec
+
+
+class Message(msgspec.Struct, frozen=True):
+    """A MAVLink message; ``message_id`` is its number on the wire."""
+
+    message_id: ClassVar[int]
+
+
+class Heartbeat(Message, frozen=True):
+    """HEARTBEAT: who is there, in which mode, armed or not."""
+
+    message_id: ClassVar[int] = 0
+    type: int
+    autopilot: int
+    base_mode: int = 0
+    custom_mode: int = 0
+    system_status: int = 0
+    mavlink_version: int = 3
+
+
+class SysStatus(Message, frozen=True):
+    """SYS_STATUS: sensor bits and the battery as the autopilot sums it up."""
+
+    message_id: ClassVar[int] = 1
+    onboard_control_sensors_health: int
+    voltage_battery: int  # mV, 65535 unknown
+    current_battery: int  # cA, -1 unknown
+    battery_remaining: int  # percent, -1 unknown
+
+
+class SystemTime(Message, frozen=True):
+    """SYSTEM_TIME: here only for the time since boot."""
+
+    message_id: ClassVar[int] = 2
+    time_boot_ms: int
+
+
+class GpsRawInt(Message, frozen=True):
+    """GPS_RAW_INT: the satellite receiver's own fix."""
+
+    message_id: ClassVar[int] = 24
+    fix_type: int
+    lat: int
+    lon: int
+    alt: int  # mm AMSL
+    satellites_visible: int  # 255 unknown
+    h_acc: int  # mm, 0 unknown
+    v_acc: int  # mm, 0 unknown
+
+
+class Attitude(Message, frozen=True):
+    """ATTITUDE: FRD in NED, radians and rad/s."""
+
+    message_id: ClassVar[int] = 30
+    time_boot_ms: int
+    roll: float
+    pitch: float
+    yaw: float
+
+
+class GlobalPositionInt(Message, frozen=True):
+    """GLOBAL_POSITION_INT: where the estimator thinks the vehicle is."""
+
+    message_id: ClassVar[int] = 33
+    time_boot_ms: int
+    lat: int
+    lon: int
+    alt: int  # mm AMSL
+    relative_alt: int  # mm above home
+    vx: int  # cm/s north
+    vy: int  # cm/s east
+    vz: int  # cm/s down
+    hdg: int  # 0.01 degrees, 65535 unknown
+
+
+class MissionCurrent(Message, frozen=True):
+    """MISSION_CURRENT: which item of the stored mission is active; total 65535 unknown."""
+
+    message_id: ClassVar[int] = 42
+    seq: int
+    total: int
+
+
+class MissionItemReached(Message, frozen=True):
+    """MISSION_ITEM_REACHED: an item of the stored mission was reached."""
+
+    message_id: ClassVar[int] = 46
+    seq: int
+
+
+class RequestDataStream(Message, frozen=True):
+    """REQUEST_DATA_STREAM: the old way to ask for rates, which only ArduPilot still obeys."""
+
+    message_id: ClassVar[int] = 66
+    target_system: int
+    target_component: int
+    req_stream_id: int
+    req_message_rate: int
+    start_stop: int = 1
+
+
+class CommandInt(Message, frozen=True):
+    """COMMAND_INT: a command with a place; x and y in degrees times 1e7."""
+
+    message_id: ClassVar[int] = 75
+    command: int
+    target_system: int = 0
+    target_component: int = 1
+    frame: int = 0
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+
+
+class CommandLong(Message, frozen=True):
+    """COMMAND_LONG: a command with seven numbers."""
+
+    message_id: ClassVar[int] = 76
+    command: int
+    target_system: int = 0
+    target_component: int = 1
+    confirmation: int = 0
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    param5: float = 0.0
+    param6: float = 0.0
+    param7: float = 0.0
+
+
+class CommandAck(Message, frozen=True):
+    """COMMAND_ACK: what the vehicle makes of a command; targets are 0 where it does not say."""
+
+    message_id: ClassVar[int] = 77
+    command: int
+    result: int
+    progress: int = 0
+    result_param2: int = 0
+    target_system: int = 0
+    target_component: int = 0
+
+
+class SetPositionTargetLocalNed(Message, frozen=True):
+    """SET_POSITION_TARGET_LOCAL_NED: the setpoint that is streamed; m/s and rad/s in NED."""
+
+    message_id: ClassVar[int] = 84
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    vx: float
+    vy: float
+    vz: float
+    yaw_rate: float
+    time_boot_ms: int = 0
+
+
+class BatteryStatus(Message, frozen=True):
+    """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown."""
+
+    message_id: ClassVar[int] = 147
+    id: int
+    voltages: tuple[int, ...]
+    current_battery: int  # cA, -1 unknown
+    battery_remaining: int  # percent, -1 unknown
+
+
+class EkfStatusReport(Message, frozen=True):
+    """EKF_STATUS_REPORT: ArduPilot's estimator flags."""
+
+    message_id: ClassVar[int] = 193
+    flags: int
+
+
+class HomePosition(Message, frozen=True):
+    """HOME_POSITION: where the vehicle returns to; mm AMSL."""
+
+    message_id: ClassVar[int] = 242
+    latitude: int
+    longitude: int
+    altitude: int
+
+
+class ExtendedSysState(Message, frozen=True):
+    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+
+    message_id: ClassVar[int] = 245
+    landed_state: int
+
+
+class StatusText(Message, frozen=True):
+    """STATUSTEXT: the autopilot's words, or a piece of them when ``id`` is not 0."""
+
+    message_id: ClassVar[int] = 253
+    severity: int
+    text: str
+    id: int = 0
+    chunk_seq: int = 0
+
+
+INCOMING: tuple[type[Message], ...] = (
+    Attitude,
+    BatteryStatus,
+    CommandAck,
+    EkfStatusReport,
+    ExtendedSysState,
+    GlobalPositionInt,
+    GpsRawInt,
+    Heartbeat,
+    HomePosition,
+    MissionCurrent,
+    MissionItemReached,
+    StatusText,
+    SysStatus,
+    SystemTime,
+)
+OUTGOING: tuple[type[Message], ...] = (
+    CommandInt,
+    CommandLong,
+    Heartbeat,
+    RequestDataStream,
+    SetPositionTargetLocalNed,
+)
+Ask = CommandLong | CommandInt

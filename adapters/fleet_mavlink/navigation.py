@@ -1,0 +1,246 @@
+"""Going to goals with the autopilot's own position control: what to fly, and watching that it is flown."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import AsyncIterator
+
+import msgspec
+
+from fleet import (
+    FollowPath,
+    GeoOrigin,
+    GeoPoint,
+    Goal,
+    GoTo,
+    Limits,
+    NotReady,
+    Progress,
+    Refused,
+    RelativeMove,
+    Task,
+    TimedOut,
+    Vector3,
+)
+from fleet.errors import CommandError
+from fleet.model.geodesy import geo_from_world, world_from_geo
+from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_angle
+from fleet.model.navigation import Constraints
+from fleet_mavlink.driving import require_control
+from fleet_mavlink.flight import Flight, is_standing
+from fleet_mavlink.frames import pose_of
+from fleet_mavlink.state import VehicleState
+
+TOLERANCE = 0.5  # m
+_YAW_TOLERANCE = 0.2  # rad
+_POLL = 0.5  # s between looks
+_STUCK_AFTER = 5.0  # s without getting nearer
+_GIVE_UP_AFTER = 30.0  # s
+_NEARER = 0.25  # m, or rad of turn, that counts as getting on
+_MOST_GOALS = 1000
+_SLOWEST = 0.2  # m/s
+
+
+class Target(msgspec.Struct, frozen=True):
+    """One goal made concrete: altitude AMSL, ``heading`` in radians from north, ``wait`` in seconds."""
+
+    point: GeoPoint
+    heading: float | None
+    wait: float
+
+
+def targets_of(task: Task, state: VehicleState, origin: GeoOrigin) -> tuple[Target, ...]:
+    """Return the places of a task, in order; raises Refused for what cannot be flown as it stands."""
+    if isinstance(task, GoTo):
+        return (_target(task.goal, origin),)
+    if isinstance(task, FollowPath):
+        if not task.goals or not 1 <= task.loops * len(task.goals) <= _MOST_GOALS:
+            raise Refused(f"a path has 1 to {_MOST_GOALS} goals, loops counted")
+        return tuple(_target(goal, origin) for goal in task.goals) * task.loops
+    return (_target(Goal(position=_moved(task, state, origin)), origin),)
+
+
+def _target(goal: Goal, origin: GeoOrigin) -> Target:
+    """Return the place of a goal on Earth."""
+    point = goal.geo or geo_from_world(origin, goal.position or Vector3())
+    numbers = (point.latitude, point.longitude, point.altitude, goal.yaw or 0.0, goal.wait)
+    if not all(map(math.isfinite, numbers)) or not abs(point.latitude) < 90:
+        raise Refused("a goal must be made of finite numbers on Earth")
+    heading = None
+    if goal.yaw is not None:
+        heading = (heading_from_enu_yaw(goal.yaw) + math.radians(origin.heading)) % math.tau
+    return Target(point, heading, max(0.0, goal.wait))
+
+
+def _moved(move: RelativeMove, state: VehicleState, origin: GeoOrigin) -> Vector3:
+    """Return where a relative move ends, in the world frame; raises NotReady while it is unknown where."""
+    pose = pose_of(state, origin)
+    if pose is None:
+        raise NotReady("position or attitude is unknown")
+    step = rotate_to_world(move.translation, pose.rotation.yaw) if move.body_frame else move.translation
+    return pose.position + step
+
+
+def _distance(one: GeoPoint, other: GeoPoint) -> float:
+    """Return metres between two places."""
+    anchor = GeoOrigin(one.latitude, one.longitude, one.altitude)
+    return world_from_geo(anchor, other).norm()
+
+
+class _Course:
+    """How far a task is: metres left of it all, and whether it gets on."""
+
+    def __init__(self, start: GeoPoint, targets: tuple[Target, ...]) -> None:
+        points = [start, *(target.point for target in targets)]
+        self._legs = [_distance(*pair) for pair in itertools.pairwise(points)]
+        self._length = max(sum(self._legs), 0.01)
+        self._percent = 0.0
+
+    def percent(self, leg: int, left: float) -> float:
+        """Return 0 to 99, never less than before; ``left`` metres of leg number ``leg`` remain."""
+        ahead = left + sum(self._legs[leg + 1 :])
+        self._percent = max(self._percent, min(99.0, 100 * (1 - ahead / self._length)))
+        return self._percent
+
+
+class _Watch:
+    """Notices that the distance does not shrink."""
+
+    def __init__(self, now: float) -> None:
+        self._best = math.inf
+        self._since = now
+
+    def stuck_for(self, left: float, now: float) -> float:
+        """Return for how many seconds nothing got better."""
+        if left < self._best - _NEARER:
+            self._best = left
+            self._since = now
+        return now - self._since
+
+
+class Navigator:
+    """Carries out tasks with one vehicle."""
+
+    def __init__(self, flight: Flight, limits: Limits) -> None:
+        self._flight = flight
+        self._limits = limits
+        self._vehicle = flight.vehicle
+
+    async def carry_out(self, task: Task, origin: GeoOrigin) -> AsyncIterator[Progress]:
+        """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
+        self._require_flying()
+        state = self._vehicle.state
+        if state.position is None:
+            raise NotReady("position is unknown")
+        async for progress in self._fly_all(
+            targets_of(task, state, origin), state.position, task.constraints
+        ):
+            yield progress
+
+    async def fly_to(self, point: GeoPoint) -> AsyncIterator[Progress]:
+        """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
+        self._require_flying()
+        here = self._vehicle.state.position
+        if here is None:
+            raise NotReady("position is unknown")
+        async for progress in self._fly_all((Target(point, None, 0.0),), here, Constraints()):
+            yield progress
+
+    async def _fly_all(
+        self, targets: tuple[Target, ...], here: GeoPoint, constraints: Constraints
+    ) -> AsyncIterator[Progress]:
+        """Check every target, then fly to each in turn; holds after a failure."""
+        for target in targets:
+            self._require_reachable(target)
+        course = _Course(here, targets)
+        try:
+            for leg, target in enumerate(targets):
+                async for progress in self._fly(target, leg, course, constraints):
+                    yield msgspec.structs.replace(progress, reached=leg)
+        except CommandError:
+            await self._hold_if_ours()
+            raise
+        yield Progress(100.0, "there", reached=len(targets))
+
+    def _require_flying(self) -> None:
+        """Raise NotReady unless it flies, by our will, and knows where it is."""
+        require_control(self._vehicle, self._flight.authority)
+        state = self._vehicle.state
+        if not state.armed or not state.in_air:
+            raise NotReady("not in the air", hint="send takeoff first")
+        if not state.knows_where(self._vehicle.clock.monotonic()):
+            raise NotReady("position or attitude is older than 1 s")
+
+    def _require_reachable(self, target: Target) -> None:
+        """Raise Refused for a target beyond the limits."""
+        self._flight.require_altitude(target.point.altitude)
+        home, farthest = self._vehicle.state.home, self._limits.distance
+        if home is None or farthest is None:
+            return
+        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), target.point).horizontal()
+        if away > farthest:
+            raise Refused(f"{away:.0f} m from home is beyond the limit of {farthest:g} m")
+
+    def _speed(self, constraints: Constraints) -> float:
+        """Return the speed to fly at: what was asked, within the limit."""
+        limit = self._limits.speed or math.inf
+        return max(_SLOWEST, min(limit, constraints.max_speed or limit))
+
+    async def _fly(
+        self, target: Target, leg: int, course: _Course, constraints: Constraints
+    ) -> AsyncIterator[Progress]:
+        """Fly to one target, and wait there."""
+        flight = self._flight
+        goto = flight.flavour.goto
+        tolerance = constraints.tolerance or TOLERANCE
+        await flight.go(target.point, self._speed(constraints), target.heading)
+        yield Progress(course.percent(leg, self._left(target)), "on the way")
+        async for blocked in self._until(target, tolerance, turned=False):
+            yield Progress(course.percent(leg, self._left(target)), "on the way", blocked=blocked)
+        if target.heading is not None:
+            turn = flight.flavour.turn_command(target.heading)
+            if turn is not None:
+                await flight.commander.ask(turn)
+            async for blocked in self._until(target, math.inf, turned=True):
+                yield Progress(course.percent(leg, 0.0), "turning", blocked=blocked)
+        yield Progress(course.percent(leg, 0.0), "there")
+        await flight.wait(target.wait, goto)
+
+    async def _until(self, target: Target, tolerance: float, *, turned: bool) -> AsyncIterator[bool]:
+        """Wait until the vehicle stands at a target, or is turned to it; yields whether it is stuck."""
+
+        def there(state: VehicleState) -> bool:
+            if turned:
+                return _turn_left(target, state) <= _YAW_TOLERANCE
+            return self._left(target) <= tolerance and is_standing(state)
+
+        watch = _Watch(self._now())
+        while not await self._vehicle.until(there, _POLL):
+            self._flight.check(self._flight.flavour.goto)
+            left = _turn_left(target, self._vehicle.state) if turned else self._left(target)
+            stuck = watch.stuck_for(left, self._now())
+            if stuck > _GIVE_UP_AFTER:
+                raise TimedOut(f"it has not got nearer for {_GIVE_UP_AFTER:g} s, {left:.1f} m are left")
+            yield stuck > _STUCK_AFTER
+
+    def _left(self, target: Target) -> float:
+        """Return metres to a target, infinite while the position is unknown."""
+        position = self._vehicle.state.position
+        return math.inf if position is None else _distance(position, target.point)
+
+    async def _hold_if_ours(self) -> None:
+        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached."""
+        if self._vehicle.connected and self._vehicle.state.armed and not self._flight.authority.lost_to:
+            await self._flight.hold()
+
+    def _now(self) -> float:
+        """Return the clock's monotonic seconds."""
+        return self._vehicle.clock.monotonic()
+
+
+def _turn_left(target: Target, state: VehicleState) -> float:
+    """Return radians from the wanted heading, infinite while the attitude is unknown."""
+    if state.attitude is None or target.heading is None:
+        return math.inf
+    return abs(wrap_angle(target.heading - state.attitude.yaw))

@@ -1,0 +1,109 @@
+"""PX4 for multirotors. Numbers and habits as version 1.16 shows them on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet.model.geodesy import GeoPoint
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import CommandInt, CommandLong
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
+
+_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+
+
+class Px4(Flavour):
+    """PX4. Altitudes on its wire are above mean sea level, whatever frame is stated."""
+
+    name: ClassVar[str] = "px4"
+    modes: ClassVar[Mapping[int, str]] = {
+        0x00010000: "MANUAL",
+        0x00020000: "ALTCTL",
+        0x00030000: "POSCTL",
+        0x01030000: "ORBIT",
+        0x02030000: "POSCTL_SLOW",
+        0x00050000: "ACRO",
+        0x00060000: "OFFBOARD",
+        0x00070000: "STABILIZED",
+        0x000A0000: "TERMINATION",
+        0x01040000: "AUTO.READY",
+        0x02040000: "AUTO.TAKEOFF",
+        0x03040000: "AUTO.LOITER",
+        0x04040000: "AUTO.MISSION",
+        0x05040000: "AUTO.RTL",
+        0x06040000: "AUTO.LAND",
+        0x08040000: "AUTO.FOLLOW_TARGET",
+        0x09040000: "AUTO.PRECLAND",
+    }
+    external: ClassVar[str] = "OFFBOARD"
+    hold: ClassVar[str] = "AUTO.LOITER"
+    goto: ClassVar[str] = "AUTO.LOITER"
+    land: ClassVar[str] = "AUTO.LAND"
+    return_home: ClassVar[str] = "AUTO.RTL"
+    arming: ClassVar[str] = "AUTO.LOITER"
+    takeoff: ClassVar[str] = "AUTO.TAKEOFF"
+    lead_in: ClassVar[float] = 0.3
+    follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
+    rates: ClassVar[Mapping[int, float]] = {}
+    data_streams: ClassVar[tuple[int, ...]] = ()
+
+    def mode_command(self, mode: str) -> CommandLong:
+        """Return DO_SET_MODE with the main mode and the sub mode."""
+        number = self.number_of(mode)
+        return CommandLong(
+            Cmd.DO_SET_MODE,
+            param1=CUSTOM_MODE,
+            param2=float(number >> 16 & 0xFF),
+            param3=float(number >> 24 & 0xFF),
+        )
+
+    def hold_command(self) -> CommandLong:
+        """Return DO_REPOSITION to nowhere: it also ends a flight to a place, which is the same mode."""
+        return CommandLong(
+            Cmd.DO_REPOSITION,
+            param1=-1.0,
+            param2=_CHANGE_MODE,
+            param4=NAN,
+            param5=NAN,
+            param6=NAN,
+            param7=NAN,
+        )
+
+    def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
+        """Return NAV_TAKEOFF from where it stands; zeros for the place would mean the gulf of Guinea."""
+        return CommandLong(
+            Cmd.NAV_TAKEOFF, param4=NAN, param5=NAN, param6=NAN, param7=home_altitude + altitude
+        )
+
+    def go_command(
+        self,
+        to: GeoPoint,
+        home_altitude: float,  # noqa: ARG002 - it wants altitudes above mean sea level
+        speed: float,
+        heading: float | None,
+    ) -> CommandInt:
+        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre."""
+        return CommandInt(
+            Cmd.DO_REPOSITION,
+            frame=Frame.GLOBAL_INT,
+            param1=speed,
+            param2=_CHANGE_MODE,
+            param4=NAN if heading is None else heading,
+            x=round(to.latitude * 1e7),
+            y=round(to.longitude * 1e7),
+            z=to.altitude,
+        )
+
+    def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
+        """Return nothing."""
+        return None
+
+    def turn_command(self, heading: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
+        """Return nothing."""
+        return None
+
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return the arming check, once home is known."""
+        return None if state.prearm_ok is None else state.prearm_ok and state.home is not None

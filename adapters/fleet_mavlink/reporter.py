@@ -1,0 +1,112 @@
+"""When what is reported: each thing at its rate, and what changes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from fleet import GeoOrigin, Robot
+from fleet.model.report import FlightControllerReport, Report, TelemetryReport
+from fleet_mavlink import reports
+from fleet_mavlink.config import Rates
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import Sentence
+from fleet_mavlink.vehicle import Vehicle
+
+_CHANGES = 0.2  # s between looks for what has changed
+_REFRESH = 5.0  # s after which the flight controller's state is told again
+_REPEAT = 0.9  # s after which the vehicle's state is told again: at the look before the second is over
+_LAST_SENTENCES = 8  # that go with the flight controller's state
+
+
+class Reporter:
+    """The reports of one vehicle; while it does not answer, only that is told."""
+
+    def __init__(
+        self, vehicle: Vehicle, rates: Rates, robot: Robot, origin: Callable[[], GeoOrigin | None]
+    ) -> None:
+        self._vehicle = vehicle
+        self._rates = rates
+        self._robot = robot
+        self._origin = origin
+        self._controller: FlightControllerReport | None = None
+        self._controller_at = 0.0
+        self._state: TelemetryReport | None = None
+        self._state_at = 0.0
+
+    def begin(self) -> None:
+        """Hang everything on the host's wheel."""
+        rates = self._rates
+        self._every(1 / rates.pose, lambda state, _, now: reports.pose_report(state, self._origin(), now))
+        self._every(1 / rates.gps, lambda state, _, now: reports.gps_report(state, now))
+        self._every(1 / rates.battery, lambda state, _, now: reports.battery_report(state, now))
+        self._every(1 / rates.state, reports.flight_state_report)
+        self._every(1 / rates.metrics, reports.metrics_report)
+        self._robot.every(_CHANGES, self._tell_changes)
+
+    def battery(self) -> bool:
+        """Report the battery now; False while it is unknown."""
+        report = reports.battery_report(self._vehicle.state, self._robot.clock.time())
+        if report is not None:
+            self._robot.report(report)
+        return report is not None
+
+    def said(self, sentence: Sentence) -> None:
+        """Report a line that the autopilot said."""
+        self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
+
+    def _every(self, seconds: float, make: Callable[[VehicleState, Flavour, float], Report | None]) -> None:
+        """Report something from time to time, while it is known."""
+
+        def tell() -> None:
+            flavour = self._vehicle.flavour
+            if flavour is None or not self._vehicle.connected:
+                return
+            report = make(self._vehicle.state, flavour, self._robot.clock.time())
+            if report is not None:
+                self._robot.report(report)
+
+        self._robot.every(seconds, tell)
+
+    def _tell_changes(self) -> None:
+        """Report what has changed, and again after a while."""
+        flavour = self._vehicle.flavour
+        if flavour is None:
+            return
+        self._tell_controller(flavour)
+        if self._vehicle.connected:
+            self._tell_state(flavour)
+
+    def _tell_controller(self, flavour: Flavour) -> None:
+        """Report the flight controller's state; its loss too."""
+        report = reports.flight_controller_report(
+            self._vehicle.state,
+            flavour,
+            list(self._vehicle.sentences)[-_LAST_SENTENCES:],
+            self._vehicle.system,
+            connected=self._vehicle.connected,
+            stamp=self._robot.clock.time(),
+        )
+        now = self._robot.clock.monotonic()
+        if report is None or (_same(report, self._controller) and now - self._controller_at < _REFRESH):
+            return
+        self._controller, self._controller_at = report, now
+        self._robot.report(report)
+
+    def _tell_state(self, flavour: Flavour) -> None:
+        """Report the vehicle's state for the telemetry topic; its altitude alone is no news."""
+        report = reports.vehicle_state_report(self._vehicle.state, flavour, self._robot.clock.time())
+        now = self._robot.clock.monotonic()
+        known = self._state.fields if self._state else {}
+        news = {name for name, value in report.fields.items() if known.get(name) != value}
+        if news <= {"altitude_m"} and now - self._state_at < _REPEAT:
+            return
+        self._state, self._state_at = report, now
+        self._robot.report(report)
+
+
+def _same(one: FlightControllerReport, other: FlightControllerReport | None) -> bool:
+    """Return whether two states differ in nothing but their stamp."""
+    return other is not None and msgspec.structs.replace(other, stamp=one.stamp) == one

@@ -1,0 +1,135 @@
+"""What is known of a vehicle as the reports of the project; nothing is said of what is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from fleet import GeoOrigin
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    GpsReport,
+    LogReport,
+    MetricsReport,
+    MissionProgress,
+    PoseReport,
+    StatusText,
+    TelemetryReport,
+)
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.frames import pose_of
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import Sentence
+from fleet_mavlink.words import VEHICLE_TYPES
+
+_LEVELS = ("CRITICAL", "CRITICAL", "CRITICAL", "ERROR", "WARNING", "INFO", "INFO", "DEBUG")
+
+
+def pose_report(state: VehicleState, origin: GeoOrigin | None, stamp: float) -> PoseReport | None:
+    """Return the pose in the world frame."""
+    pose = pose_of(state, origin) if origin is not None else None
+    return PoseReport(stamp, pose.position, pose.rotation) if pose is not None else None
+
+
+def gps_report(state: VehicleState, stamp: float) -> GpsReport | None:
+    """Return the satellite fix."""
+    fix = state.fix
+    if fix is None:
+        return None
+    return GpsReport(
+        stamp,
+        point=fix.point,
+        fix_type=fix.kind,
+        satellites=fix.satellites,
+        heading=state.heading,
+        horizontal_accuracy=fix.horizontal_accuracy,
+        vertical_accuracy=fix.vertical_accuracy,
+    )
+
+
+def battery_report(state: VehicleState, stamp: float) -> BatteryReport | None:
+    """Return the battery."""
+    battery = state.battery
+    if battery.percent is None and battery.voltage is None:
+        return None
+    return BatteryReport(stamp, battery.percent, battery.voltage, battery.current)
+
+
+def flight_state_report(state: VehicleState, flavour: Flavour, stamp: float) -> FlightStateReport | None:
+    """Return whether it flies."""
+    if state.in_air is None:
+        return None
+    return FlightStateReport(stamp, is_flying=state.in_air, flight_mode=flavour.mode_of(state))
+
+
+def flight_controller_report(
+    state: VehicleState,
+    flavour: Flavour,
+    sentences: Iterable[Sentence],
+    system: int,
+    *,
+    connected: bool,
+    stamp: float,
+) -> FlightControllerReport | None:
+    """Return the autopilot's slowly changing state."""
+    beat = state.heartbeat
+    if beat is None:
+        return None
+    mission = None
+    if state.mission_current is not None and state.mission_total is not None:
+        mission = MissionProgress(state.mission_current, state.mission_total, state.mission_reached)
+    return FlightControllerReport(
+        stamp,
+        armed=state.armed,
+        mode=flavour.mode_of(state),
+        failsafe=state.failsafe,
+        autopilot=flavour.name,
+        vehicle=VEHICLE_TYPES.get(beat.type, ""),
+        custom_mode=beat.custom_mode,
+        system_status=beat.system_status,
+        ready_to_arm=flavour.ready_to_arm(state),
+        status_texts=tuple(StatusText(said.text, said.severity) for said in sentences),
+        connected=connected,
+        system_id=system,
+        reboots=state.reboots,
+        mission=mission,
+        home=state.home,
+    )
+
+
+def metrics_report(state: VehicleState, flavour: Flavour, stamp: float) -> MetricsReport:
+    """Return the numbers for people: only those that are known."""
+    battery = state.battery
+    power = {"battery_percent": battery.percent, "voltage": battery.voltage, "current": battery.current}
+    navigation = {
+        "status": flavour.mode_of(state),
+        "altitude_m": state.relative_altitude,
+        "ground_speed_ms": state.velocity.horizontal() if state.velocity else None,
+        "heading_deg": state.heading,
+    }
+    return MetricsReport(stamp, power=_known(power), navigation=_known(navigation))
+
+
+def vehicle_state_report(state: VehicleState, flavour: Flavour, stamp: float) -> TelemetryReport:
+    """Return the ``vehicle_state`` telemetry: only what is known."""
+    fields = {
+        "armed": state.armed,
+        "mode": flavour.mode_of(state),
+        "in_air": state.in_air,
+        "altitude_m": state.relative_altitude,
+        "ready_to_arm": flavour.ready_to_arm(state),
+        "failsafe": state.failsafe,
+    }
+    return TelemetryReport(stamp, "vehicle_state", _known(fields))
+
+
+def log_report(sentence: Sentence, stamp: float) -> LogReport:
+    """Return what the autopilot said as a log line."""
+    level = _LEVELS[min(sentence.severity, len(_LEVELS) - 1)]
+    return LogReport(stamp, level, sentence.text)
+
+
+def _known(fields: Mapping[str, object]) -> dict[str, object]:
+    """Return the fields without those that are unknown."""
+    return {name: value for name, value in fields.items() if value is not None}

@@ -1,0 +1,128 @@
+"""How fast each autopilot flies, by its parameters; metres per second, read anew at every use."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from fleet_mavlink.sim.params import Params
+
+
+class Speeds(ABC):
+    """The speeds of one autopilot; ``asked`` is what DO_CHANGE_SPEED asked for."""
+
+    def __init__(self, params: Params) -> None:
+        self.asked: float | None = None
+        self._params = params
+
+    @property
+    @abstractmethod
+    def cruise(self) -> float:
+        """Towards a place."""
+
+    @property
+    @abstractmethod
+    def top(self) -> float:
+        """What a velocity setpoint is cut to."""
+
+    @property
+    @abstractmethod
+    def climb(self) -> float:
+        """Fastest climb."""
+
+    @property
+    @abstractmethod
+    def sink(self) -> float:
+        """Fastest descent."""
+
+    @property
+    @abstractmethod
+    def takeoff(self) -> float:
+        """Climb during a take-off."""
+
+    @property
+    @abstractmethod
+    def landing(self) -> tuple[float, float, float]:
+        """Landing high up, landing low down, and the height (m) between the two."""
+
+    @property
+    @abstractmethod
+    def nose_follows(self) -> bool:
+        """True when the nose turns into the direction of travel."""
+
+
+class ArduPilotSpeeds(Speeds):
+    """WPNAV_* and LAND_SPEED are centimetres per second; a speed that was asked for stays in force."""
+
+    @property
+    def cruise(self) -> float:
+        """WPNAV_SPEED."""
+        return self.asked or self._params["WPNAV_SPEED"] / 100
+
+    @property
+    def top(self) -> float:
+        """The same limit holds for velocities."""
+        return self.cruise
+
+    @property
+    def climb(self) -> float:
+        """WPNAV_SPEED_UP."""
+        return self._params["WPNAV_SPEED_UP"] / 100
+
+    @property
+    def sink(self) -> float:
+        """WPNAV_SPEED_DN."""
+        return self._params["WPNAV_SPEED_DN"] / 100
+
+    @property
+    def takeoff(self) -> float:
+        """As fast as any climb."""
+        return self.climb
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """WPNAV_SPEED_DN above 10 m, LAND_SPEED below."""
+        return self.sink, self._params["LAND_SPEED"] / 100, 10.0
+
+    @property
+    def nose_follows(self) -> bool:
+        """WP_YAW_BEHAVIOR other than 0."""
+        return self._params["WP_YAW_BEHAVIOR"] != 0
+
+
+class Px4Speeds(Speeds):
+    """MPC_*; the heading is kept."""
+
+    @property
+    def cruise(self) -> float:
+        """MPC_XY_CRUISE."""
+        return self.asked or self._params["MPC_XY_CRUISE"]
+
+    @property
+    def top(self) -> float:
+        """MPC_XY_VEL_MAX."""
+        return self._params["MPC_XY_VEL_MAX"]
+
+    @property
+    def climb(self) -> float:
+        """MPC_Z_VEL_MAX_UP."""
+        return self._params["MPC_Z_VEL_MAX_UP"]
+
+    @property
+    def sink(self) -> float:
+        """MPC_Z_VEL_MAX_DN."""
+        return self._params["MPC_Z_VEL_MAX_DN"]
+
+    @property
+    def takeoff(self) -> float:
+        """MPC_TKO_SPEED."""
+        return self._params["MPC_TKO_SPEED"]
+
+    @property
+    def landing(self) -> tuple[float, float, float]:
+        """MPC_Z_VEL_MAX_DN above MPC_LAND_ALT1, MPC_LAND_SPEED below."""
+        return self.sink, self._params["MPC_LAND_SPEED"], self._params["MPC_LAND_ALT1"]
+
+    @property
+    def nose_follows(self) -> bool:
+        """Never."""
+        return False

@@ -1,0 +1,285 @@
+"""What is known of one vehicle: a frozen value, and how each message changes it. No I/O, no clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Vector3
+from fleet_mavlink.messages import (
+    Attitude,
+    BatteryStatus,
+    EkfStatusReport,
+    ExtendedSysState,
+    GlobalPositionInt,
+    GpsRawInt,
+    Heartbeat,
+    HomePosition,
+    Message,
+    MissionCurrent,
+    MissionItemReached,
+    SysStatus,
+    SystemTime,
+)
+from fleet_mavlink.words import ARMED_FLAG, FIX_TYPES, PREARM_OK, Landed, Status
+
+SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
+_BEATS_TO_RETURN = 2
+_FRESH = 1.0  # s for which a position or attitude may be steered by
+_BACKWARDS = 2000  # ms by which the time since boot must fall to mean a reboot
+_CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock starts again without a reboot
+_UNKNOWN_16 = 65535
+_AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
+
+
+class Battery(msgspec.Struct, frozen=True):
+    """The main battery: percent 0 to 100, volts, amperes; None where unknown."""
+
+    percent: float | None = None
+    voltage: float | None = None
+    current: float | None = None
+
+
+class Fix(msgspec.Struct, frozen=True):
+    """The satellite receiver's fix; accuracies in metres."""
+
+    point: GeoPoint
+    kind: str
+    satellites: int | None
+    horizontal_accuracy: float | None
+    vertical_accuracy: float | None
+
+
+class Angles(msgspec.Struct, frozen=True):
+    """Attitude, FRD in NED, radians."""
+
+    roll: float
+    pitch: float
+    yaw: float
+
+
+class VehicleState(msgspec.Struct, frozen=True):
+    """Everything known; times are monotonic seconds of arrival, None where nothing was heard."""
+
+    heartbeat: Heartbeat | None = None
+    heartbeat_at: float = -math.inf
+    beats: int = 0  # heartbeats since the last silence
+    boot_ms: int | None = None
+    reboots: int = 0
+    landed: Landed = Landed.UNDEFINED
+    position: GeoPoint | None = None  # altitude AMSL
+    position_at: float = -math.inf
+    relative_altitude: float | None = None  # m above home, as the autopilot says
+    velocity: Vector3 | None = None  # NED, m/s
+    heading: float | None = None  # degrees clockwise from north
+    attitude: Angles | None = None
+    attitude_at: float = -math.inf
+    battery: Battery = Battery()
+    battery_has_own_message: bool = False
+    fix: Fix | None = None
+    home: GeoPoint | None = None
+    prearm_ok: bool | None = None
+    estimator_flags: int | None = None
+    mission_current: int | None = None
+    mission_total: int | None = None
+    mission_reached: int | None = None
+
+    @property
+    def armed(self) -> bool:
+        """True when the motors may turn."""
+        return self.heartbeat is not None and bool(self.heartbeat.base_mode & ARMED_FLAG)
+
+    @property
+    def failsafe(self) -> bool:
+        """True when the autopilot acts on its own to save itself."""
+        return self.heartbeat is not None and self.heartbeat.system_status >= Status.CRITICAL
+
+    @property
+    def in_air(self) -> bool | None:
+        """Whether the vehicle flies, None when that cannot be told."""
+        if self.landed is not Landed.UNDEFINED:
+            return self.landed is not Landed.ON_GROUND
+        if self.heartbeat is not None and not self.armed:
+            return False
+        if self.relative_altitude is not None and self.relative_altitude > _AIRBORNE:
+            return True
+        return None
+
+    @property
+    def home_altitude(self) -> float | None:
+        """Altitude of home, m AMSL, None unless home is known; newer than HOME_POSITION itself."""
+        if self.home is None or self.position is None or self.relative_altitude is None:
+            return None
+        return self.position.altitude - self.relative_altitude
+
+    @property
+    def speed(self) -> float:
+        """Speed over all axes in m/s, infinite while unknown."""
+        return self.velocity.norm() if self.velocity is not None else math.inf
+
+    def connected(self, now: float) -> bool:
+        """Return whether heartbeats come: lost after 3 s, back with the second one."""
+        return now - self.heartbeat_at <= SILENCE and self.beats >= _BEATS_TO_RETURN
+
+    def knows_where(self, now: float) -> bool:
+        """Return whether position and attitude are fresh enough to be steered by."""
+        return now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
+
+
+def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
+    """Return what is known once ``message`` arrived at monotonic ``now``."""
+    state = _noticing_reboot(state, message)
+    change = _CHANGES.get(type(message))
+    return msgspec.structs.replace(state, **change(state, message, now)) if change else state
+
+
+def _noticing_reboot(state: VehicleState, message: Message) -> VehicleState:
+    """Forget everything when the vehicle's own clock shows that it started again."""
+    boot_ms: int | None = getattr(message, "time_boot_ms", None)
+    if boot_ms is None:
+        return state
+    before = state.boot_ms
+    if before is not None and boot_ms + _BACKWARDS < before < _CLOCK_WRAP:
+        return _rebooted(state, boot_ms)
+    return msgspec.structs.replace(state, boot_ms=boot_ms)
+
+
+def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
+    """Return what is still known of a vehicle that started again."""
+    return VehicleState(
+        heartbeat=state.heartbeat,
+        heartbeat_at=state.heartbeat_at,
+        beats=state.beats,
+        boot_ms=boot_ms,
+        reboots=state.reboots + 1,
+    )
+
+
+def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str, Any]:
+    """Count heartbeats; one from the start of the boot, after being up, means a reboot."""
+    beats = state.beats + 1 if now - state.heartbeat_at <= SILENCE else 1
+    if state.heartbeat is None:
+        beats = _BEATS_TO_RETURN  # a first meeting needs no proof; a return does
+    news: dict[str, Any] = {"heartbeat": message, "heartbeat_at": now, "beats": beats}
+    was_up = state.heartbeat is not None and state.heartbeat.system_status > Status.CALIBRATING
+    # PX4 says UNINIT also of a vehicle that is up and may not arm just now; ArduPilot says BOOT at boot only.
+    if was_up and message.system_status == Status.BOOT:
+        news |= msgspec.structs.asdict(_rebooted(state, None)) | news
+    return news
+
+
+def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, Any]:
+    """Take the arming check, and the battery unless it has a message of its own."""
+    news: dict[str, Any] = {"prearm_ok": bool(message.onboard_control_sensors_health & PREARM_OK)}
+    if not state.battery_has_own_message:
+        millivolts = message.voltage_battery
+        news["battery"] = Battery(
+            percent=_percent(message.battery_remaining),
+            voltage=None if millivolts in {0, _UNKNOWN_16} else millivolts / 1000,
+            current=_amperes(message.current_battery),
+        )
+    return news
+
+
+def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -> dict[str, Any]:
+    """Take the first battery."""
+    if message.id != 0:
+        return {}
+    cells = [cell for cell in message.voltages if cell not in {0, _UNKNOWN_16}]
+    battery = Battery(
+        percent=_percent(message.battery_remaining),
+        voltage=sum(cells) / 1000 if cells else None,
+        current=_amperes(message.current_battery),
+    )
+    return {"battery": battery, "battery_has_own_message": True}
+
+
+def _percent(remaining: int) -> float | None:
+    """Return a charge, None where it is unknown or nonsense."""
+    return float(remaining) if 0 <= remaining <= 100 else None
+
+
+def _amperes(centiamperes: int) -> float | None:
+    """Return a current, None where it is unknown."""
+    return centiamperes / 100 if centiamperes >= 0 else None
+
+
+def _gps(_state: VehicleState, message: GpsRawInt, _now: float) -> dict[str, Any]:
+    """Take a fix of two or three dimensions, forget it when it is lost."""
+    kind = FIX_TYPES.get(message.fix_type)
+    if kind is None or not _is_place(message.lat, message.lon):
+        return {"fix": None}
+    fix = Fix(
+        point=GeoPoint(message.lat / 1e7, message.lon / 1e7, message.alt / 1000),
+        kind=kind,
+        satellites=None if message.satellites_visible == 255 else message.satellites_visible,
+        horizontal_accuracy=message.h_acc / 1000 or None,
+        vertical_accuracy=message.v_acc / 1000 or None,
+    )
+    return {"fix": fix}
+
+
+def _is_place(latitude: int, longitude: int) -> bool:
+    """Return whether degrees times 1e7 name a place; 0/0 is how autopilots say that they do not know."""
+    return (
+        (latitude, longitude) != (0, 0) and abs(latitude) <= 900_000_000 and abs(longitude) <= 1_800_000_000
+    )
+
+
+def _attitude(_state: VehicleState, message: Attitude, now: float) -> dict[str, Any]:
+    """Take an attitude that is made of numbers."""
+    if not all(map(math.isfinite, (message.roll, message.pitch, message.yaw))):
+        return {}
+    return {"attitude": Angles(message.roll, message.pitch, message.yaw), "attitude_at": now}
+
+
+def _position(_state: VehicleState, message: GlobalPositionInt, now: float) -> dict[str, Any]:
+    """Take a position, unless the estimator has none yet."""
+    if not _is_place(message.lat, message.lon):
+        return {}
+    return {
+        "position": GeoPoint(message.lat / 1e7, message.lon / 1e7, message.alt / 1000),
+        "position_at": now,
+        "relative_altitude": message.relative_alt / 1000,
+        "velocity": Vector3(message.vx / 100, message.vy / 100, message.vz / 100),
+        "heading": None if message.hdg == _UNKNOWN_16 else message.hdg / 100,
+    }
+
+
+def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str, Any]:
+    """Take the home position."""
+    if not _is_place(message.latitude, message.longitude):
+        return {}
+    return {"home": GeoPoint(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1000)}
+
+
+def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, Any]:
+    """Take whether it is on the ground."""
+    known = message.landed_state in set(Landed)
+    return {"landed": Landed(message.landed_state) if known else Landed.UNDEFINED}
+
+
+def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, Any]:
+    """Take the active item of the stored mission; 0 and 65535 items mean that there is none."""
+    total = message.total if message.total not in {0, _UNKNOWN_16} else None
+    return {"mission_current": message.seq, "mission_total": total}
+
+
+_CHANGES: Mapping[type[Message], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
+    Attitude: _attitude,
+    BatteryStatus: _battery_status,
+    EkfStatusReport: lambda _state, message, _now: {"estimator_flags": message.flags},
+    ExtendedSysState: _landed,
+    GlobalPositionInt: _position,
+    GpsRawInt: _gps,
+    Heartbeat: _heartbeat,
+    HomePosition: _home,
+    MissionCurrent: _mission,
+    MissionItemReached: lambda _state, message, _now: {"mission_reached": message.seq},
+    SysStatus: _sys_status,
+    SystemTime: lambda _state, _message, _now: {},
+}

@@ -1,0 +1,129 @@
+"""Asking the vehicle for the messages we need, and asking again for those that do not come.
+
+ArduPilot sends nothing but heartbeats and texts unless asked, and forgets the rates when it reboots.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Mapping
+
+from fleet.errors import CommandError
+from fleet_mavlink.commander import Commander
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import (
+    INCOMING,
+    Attitude,
+    BatteryStatus,
+    CommandLong,
+    ExtendedSysState,
+    GlobalPositionInt,
+    GpsRawInt,
+    HomePosition,
+    MissionCurrent,
+    RequestDataStream,
+    SysStatus,
+    SystemTime,
+)
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import AUTOPILOT, Cmd
+
+_LOG = logging.getLogger(__name__)
+_LOOK = 1.0  # s between looks at what comes
+_PATIENCE = 3.0  # s, or three periods, without a message after which it is asked for again
+_ASK_AGAIN = 5.0  # s between asking for the same message
+_OLD_WAY_AFTER = 2  # times asked for the attitude in vain
+_KIND = {kind.message_id: kind for kind in INCOMING}
+
+
+def wanted_rates(pose: float, flavour: Flavour) -> Mapping[int, float]:
+    """Return message id -> Hz; ``pose`` is the rate of position and attitude."""
+    return {
+        Attitude.message_id: pose,
+        GlobalPositionInt.message_id: pose,
+        ExtendedSysState.message_id: 2.0,
+        SysStatus.message_id: 1.0,
+        GpsRawInt.message_id: 1.0,
+        HomePosition.message_id: 1.0,
+        BatteryStatus.message_id: 0.5,
+        MissionCurrent.message_id: 0.5,
+        SystemTime.message_id: 1.0,
+        **flavour.rates,
+    }
+
+
+class Streams:
+    """Keeps the rates of one vehicle as wanted."""
+
+    def __init__(self, vehicle: Vehicle, commander: Commander, pose: float) -> None:
+        self._vehicle = vehicle
+        self._commander = commander
+        self._pose = pose
+        self._asked_at: dict[int, float] = {}
+        self._in_vain = 0
+        self._refused: set[int] = set()
+
+    async def keep(self) -> None:
+        """Ask, look, ask again, until cancelled."""
+        reboots = 0
+        while True:
+            if not self._vehicle.connected or self._vehicle.state.reboots != reboots:
+                reboots = self._vehicle.state.reboots
+                self._forget()
+            flavour = self._vehicle.flavour
+            if self._vehicle.connected and not self._vehicle.clashing and flavour is not None:
+                await self._ask_for_missing(flavour)
+            await asyncio.sleep(_LOOK)
+
+    def _forget(self) -> None:
+        """Begin anew: whatever was agreed is gone."""
+        self._asked_at.clear()
+        self._refused.clear()
+        self._in_vain = 0
+
+    async def _ask_for_missing(self, flavour: Flavour) -> None:
+        """Ask for each message once, and again when it does not come."""
+        for message_id, rate in wanted_rates(self._pose, flavour).items():
+            if message_id not in self._refused and self._is_due(message_id, rate):
+                await self._ask(message_id, rate)
+        if self._in_vain > _OLD_WAY_AFTER:
+            self._ask_the_old_way(flavour)
+
+    def _is_due(self, message_id: int, rate: float) -> bool:
+        """Return whether a message was never asked for, or is overdue."""
+        now = self._vehicle.clock.monotonic()
+        asked = self._asked_at.get(message_id)
+        if asked is None:
+            return True
+        seen = self._vehicle.seen_at.get(_KIND[message_id], -math.inf)
+        patience = max(_PATIENCE, 3 / rate)
+        return now - seen > patience and now - asked > max(_ASK_AGAIN, patience)
+
+    async def _ask(self, message_id: int, rate: float) -> None:
+        """Ask for one message; a refusal stands until the vehicle reboots."""
+        if message_id == Attitude.message_id and message_id in self._asked_at:
+            self._in_vain += 1
+        self._asked_at[message_id] = self._vehicle.clock.monotonic()
+        interval = 1e6 / rate
+        ask = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
+        try:
+            await self._commander.ask(ask, tries=1)
+        except CommandError as error:
+            _LOG.info("system %s does not send message %s: %s", self._vehicle.system, message_id, error)
+            if error.device_result is not None:
+                self._refused.add(message_id)
+
+    def _ask_the_old_way(self, flavour: Flavour) -> None:
+        """Ask for groups of messages, as old firmware wants it; nothing answers to this."""
+        self._in_vain = 0
+        for stream in flavour.data_streams:
+            self._vehicle.send(
+                RequestDataStream(
+                    target_system=self._vehicle.system,
+                    target_component=AUTOPILOT,
+                    req_stream_id=stream,
+                    req_message_rate=max(1, round(self._pose)),
+                )
+            )

@@ -1,0 +1,77 @@
+"""STATUSTEXT: pieces joined into whole sentences, and the sentences said lately."""
+
+from __future__ import annotations
+
+import re
+
+import msgspec
+
+from fleet_mavlink.messages import StatusText
+
+CHUNK = 50  # characters of a full piece
+PATIENCE = 1.0  # s to wait for the next piece
+_OPEN = 8  # unfinished sentences of one vehicle; more are let go, oldest first
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
+WARNING = 4  # MAV_SEVERITY: this or lower is trouble
+
+
+class Sentence(msgspec.Struct, frozen=True):
+    """What the autopilot said, ``severity`` 0 (emergency) to 7 (debug), heard at monotonic ``at``."""
+
+    text: str
+    severity: int
+    at: float
+
+
+class _Pieces:
+    """The pieces of one sentence that have arrived."""
+
+    def __init__(self, severity: int, at: float) -> None:
+        self.severity = severity
+        self.at = at
+        self.texts: dict[int, str] = {}
+        self.last: int | None = None
+
+    def whole(self) -> bool:
+        """Return True when every piece up to the last one is there."""
+        return self.last is not None and all(index in self.texts for index in range(self.last + 1))
+
+    def joined(self) -> str:
+        """Return the sentence, with a mark where a piece is missing."""
+        count = max(self.texts) + 1
+        return "".join(self.texts.get(index, "[...]") for index in range(count))
+
+
+class Joiner:
+    """Joins the pieces of one component's sentences; a piece that never comes is waited for 1 s."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, _Pieces] = {}
+
+    def feed(self, piece: StatusText, now: float) -> list[Sentence]:
+        """Take a piece; return the sentences that are finished."""
+        if piece.id == 0:
+            return _sentences(piece.text, piece.severity, now)
+        pieces = self._open.setdefault(piece.id, _Pieces(piece.severity, now))
+        pieces.texts[piece.chunk_seq] = piece.text
+        if len(piece.text.encode()) < CHUNK:
+            pieces.last = piece.chunk_seq
+        if pieces.whole():
+            return self._close(piece.id)
+        return self._close(next(iter(self._open))) if len(self._open) > _OPEN else []
+
+    def late(self, now: float) -> list[Sentence]:
+        """Return the sentences whose next piece is overdue."""
+        overdue = [key for key, pieces in self._open.items() if now - pieces.at > PATIENCE]
+        return [sentence for key in overdue for sentence in self._close(key)]
+
+    def _close(self, key: int) -> list[Sentence]:
+        """Return an open sentence as it is."""
+        pieces = self._open.pop(key)
+        return _sentences(pieces.joined(), pieces.severity, pieces.at)
+
+
+def _sentences(text: str, severity: int, at: float) -> list[Sentence]:
+    """Return one sentence without control characters (PX4 ends its own with a tab); none if empty."""
+    clean = _CONTROL.sub(" ", text).strip()
+    return [Sentence(clean, severity, at)] if clean else []

@@ -1,0 +1,136 @@
+"""One vehicle on a link: what is known of it, the way to it, and who waits for what."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections import deque
+from collections.abc import Callable
+
+from fleet.clock import Clock
+from fleet.link.base import Address
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.flavours import flavour_of
+from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
+from fleet_mavlink.state import SILENCE, VehicleState, reduce
+from fleet_mavlink.texts import Joiner, Sentence
+from fleet_mavlink.words import NO_AUTOPILOT
+
+_LOG = logging.getLogger(__name__)
+_REMEMBERED = 64  # sentences
+
+Condition = Callable[[VehicleState], bool]
+
+
+class Vehicle:
+    """The autopilot with one system id; only what comes from it, by one address, is believed.
+
+    ``send`` writes a message to it. ``on_heartbeat``, ``on_ack`` and ``on_sentence`` are called for
+    what it says, before those who wait for a state are woken.
+    """
+
+    def __init__(self, system: int, clock: Clock, send: Callable[[Message, Address], None]) -> None:
+        self.system = system
+        self.clock = clock
+        self.state = VehicleState()
+        self.address: Address = None
+        self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
+        self.seen_at: dict[type[Message], float] = {}
+        self.on_heartbeat: Callable[[], None] = _nothing
+        self.on_ack: Callable[[CommandAck], None] = _ignore
+        self.on_sentence: Callable[[Sentence], None] = _ignore
+        self._send = send
+        self._joiner = Joiner()
+        self._heard_at = -math.inf
+        self._clash_at = -math.inf
+        self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
+
+    @property
+    def flavour(self) -> Flavour | None:
+        """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
+        return flavour_of(self.state.heartbeat) if self.state.heartbeat else None
+
+    @property
+    def connected(self) -> bool:
+        """True while heartbeats come."""
+        return self.state.connected(self.clock.monotonic())
+
+    @property
+    def clashing(self) -> bool:
+        """True while a second vehicle uses the same system id."""
+        return self.clock.monotonic() - self._clash_at <= SILENCE
+
+    def send(self, message: Message) -> None:
+        """Write to the vehicle, by the address it was heard from; raises LinkLost."""
+        self._send(message, self.address)
+
+    def take(self, message: Message, address: Address) -> None:
+        """Believe a message from this system's autopilot, unless it comes from elsewhere."""
+        now = self.clock.monotonic()
+        if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
+            return
+        if self.state.heartbeat is None and not isinstance(message, Heartbeat):
+            return
+        if not self._is_ours(address, now):
+            return
+        self.state = reduce(self.state, message, now)
+        self.seen_at[type(message)] = now
+        if isinstance(message, Heartbeat):
+            self.on_heartbeat()
+        elif isinstance(message, CommandAck):
+            self.on_ack(message)
+        elif isinstance(message, StatusText):
+            self._say(self._joiner.feed(message, now))
+        self._wake()
+
+    def _is_ours(self, address: Address, now: float) -> bool:
+        """Learn the address; another one within 3 s is another vehicle with the same id."""
+        if now - self._heard_at > SILENCE:
+            self.address = address
+        elif address != self.address:
+            if not self.clashing:
+                _LOG.error("two vehicles use system id %s: at %s and %s", self.system, self.address, address)
+            self._clash_at = now
+            return False
+        self._heard_at = now
+        return True
+
+    def tick(self) -> None:
+        """Let go of sentences whose end never came."""
+        self._say(self._joiner.late(self.clock.monotonic()))
+
+    def _say(self, sentences: list[Sentence]) -> None:
+        """Remember sentences and pass them on."""
+        for sentence in sentences:
+            self.sentences.append(sentence)
+            self.on_sentence(sentence)
+
+    def _wake(self) -> None:
+        """Wake those whose condition has become true."""
+        for condition, future in self._waiting:
+            if not future.done() and condition(self.state):
+                future.set_result(None)
+
+    async def until(self, condition: Condition, seconds: float) -> bool:
+        """Wait until the state meets a condition; return whether it did in time."""
+        if condition(self.state):
+            return True
+        waiter = (condition, asyncio.get_running_loop().create_future())
+        self._waiting.append(waiter)
+        try:
+            async with asyncio.timeout(seconds):
+                await waiter[1]
+        except TimeoutError:
+            return False
+        finally:
+            self._waiting.remove(waiter)
+        return True
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+def _ignore(_said: object) -> None:
+    """Do nothing."""

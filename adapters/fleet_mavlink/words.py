@@ -1,0 +1,104 @@
+"""The numbers of MAVLink that this adapter uses, by name."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+
+NAN = math.nan
+AUTOPILOT = 1  # the component that flies the vehicle
+NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: stations, cameras, gimbals
+ARMED_FLAG = 0x80  # in the heartbeat's base_mode
+CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: the mode is the autopilot's own
+FORCE = 21196.0  # param2 of ARM_DISARM: without the checks
+PREARM_OK = 0x1000_0000  # in the sensor health of SYS_STATUS
+
+
+class Cmd(enum.IntEnum):
+    """MAV_CMD."""
+
+    NAV_TAKEOFF = 22
+    CONDITION_YAW = 115
+    DO_SET_MODE = 176
+    DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_REPOSITION = 192
+    PREFLIGHT_REBOOT_SHUTDOWN = 246
+    COMPONENT_ARM_DISARM = 400
+    SET_MESSAGE_INTERVAL = 511
+
+
+class Result(enum.IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
+    COMMAND_UNSUPPORTED_MAV_FRAME = 9
+
+
+class Frame(enum.IntEnum):
+    """MAV_FRAME."""
+
+    GLOBAL = 0
+    LOCAL_NED = 1
+    GLOBAL_INT = 5
+    GLOBAL_RELATIVE_ALT_INT = 6
+
+
+class Landed(enum.IntEnum):
+    """MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+class Status(enum.IntEnum):
+    """MAV_STATE."""
+
+    UNINIT = 0
+    BOOT = 1
+    CALIBRATING = 2
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+    EMERGENCY = 6
+    POWEROFF = 7
+    FLIGHT_TERMINATION = 8
+
+
+FIX_TYPES: Mapping[int, str] = {
+    2: "2d",
+    3: "3d",
+    4: "dgps",
+    5: "rtk_float",
+    6: "rtk_fixed",
+    7: "static",
+    8: "ppp",
+}
+VEHICLE_TYPES: Mapping[int, str] = {
+    2: "quadrotor",
+    3: "coaxial",
+    4: "helicopter",
+    13: "hexarotor",
+    14: "octorotor",
+    15: "tricopter",
+    29: "dodecarotor",
+    35: "decarotor",
+}
+"""The vehicle types that fly as a multirotor does; others are not flown."""
+
+
+def result_name(result: int) -> str:
+    """Return the name of a MAV_RESULT, or its number."""
+    return Result(result).name if result in set(Result) else f"result {result}"

@@ -1,0 +1,142 @@
+"""What the benchmarks share: a broker, a fleet process, simulated vehicles, and figures."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import uuid
+from pathlib import Path
+
+import psutil
+
+NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def twin_of(name):
+    return str(uuid.uuid5(NAMESPACE, name))
+
+
+@contextlib.contextmanager
+def process(*command, stdout=subprocess.DEVNULL, **options):
+    """Run a program for as long as the block lasts; it is interrupted, and killed if that does not help."""
+    running = subprocess.Popen(command, stdout=stdout, stderr=subprocess.DEVNULL, **options)
+    try:
+        yield running
+    finally:
+        running.send_signal(signal.SIGINT)
+        try:
+            running.wait(20)
+        except subprocess.TimeoutExpired:
+            running.kill()
+            running.wait()
+
+
+@contextlib.contextmanager
+def mosquitto():
+    """A Mosquitto on a free port."""
+    program = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin")
+    if program is None:
+        sys.exit("the benchmarks need mosquitto: apt-get install mosquitto")
+    port = free_port()
+    with tempfile.TemporaryDirectory() as folder:
+        config = Path(folder) / "mosquitto.conf"
+        config.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\n")
+        with process(program, "-c", str(config)):
+            wait_for(lambda: socket.create_connection(("127.0.0.1", port), 1).close() is None, (OSError,))
+            yield port
+
+
+class Fleet:
+    """A running ``fleet run``: when each robot was first told to be well."""
+
+    def __init__(self, running):
+        self.pid = running.pid
+        self.began = time.monotonic()
+        self.well = {}
+        threading.Thread(target=self._read, args=(running.stdout,), daemon=True).start()
+
+    def _read(self, lines):
+        for text in lines:
+            state = json.loads(text)
+            if state["health"] == "ok":
+                self.well.setdefault(state["name"], time.monotonic() - self.began)
+
+    def all_well(self, number):
+        """Wait until so many robots are well; return the seconds that the first took."""
+        wait_for(lambda: len(self.well) >= number)
+        return min(self.well.values())
+
+
+@contextlib.contextmanager
+def fleet(robots, broker):
+    """A ``fleet run`` of these robots."""
+    with tempfile.TemporaryDirectory(prefix="fb") as folder:
+        path = Path(folder) / "fleet.yaml"
+        cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
+        path.write_text(json.dumps({"edge": {"id": "bench"}, "cloud": cloud, "robots": robots}))
+        command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
+        environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
+        with process(*command, stdout=subprocess.PIPE, env=environment) as running:
+            yield Fleet(running)
+
+
+def robot(number, port):
+    """One drone of the fleet file; all share one UDP port, as on a radio."""
+    return {
+        "name": f"drone-{number}",
+        "twin": twin_of(f"drone-{number}"),
+        "adapter": "mavlink",
+        "link": f"udpin:127.0.0.1:{port}",
+        "system_id": number,
+    }
+
+
+@contextlib.contextmanager
+def vehicles(number, *, to, flavour="px4"):
+    """Simulated vehicles in a process of their own, speaking to HOST:PORT."""
+    command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", flavour, "--vehicles", str(number)]
+    with process(*command, "--to", to, "--ready-after", "0") as running:
+        yield running
+
+
+def wait_for(holds, ignored=(), within=60.0):
+    """Return the first true value of ``holds``."""
+    end = time.monotonic() + within
+    while time.monotonic() < end:
+        with contextlib.suppress(*ignored):
+            value = holds()
+            if value:
+                return value
+        time.sleep(0.05)
+    sys.exit("a benchmark waited in vain")
+
+
+def cpu_seconds(pid):
+    """Return the processor time that a process has used."""
+    times = psutil.Process(pid).cpu_times()
+    return times.user + times.system
+
+
+def quantiles(samples):
+    """Return (p50, p99)."""
+    cuts = statistics.quantiles(samples, n=100)
+    return cuts[49], cuts[98]
+
+
+def line(name, figure, aim=""):
+    """Print one figure."""
+    print(f"  {name:<58} {figure:>18}   {aim}", flush=True)

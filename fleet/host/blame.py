@@ -1,0 +1,60 @@
+"""Whose code the event loop is in, seen from another thread: for the watchdog, to name who blocks it."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+from fleet.host.wheel import OWNER
+
+
+class LoopThread:
+    """The thread of an event loop; ``ident`` is its ``threading.get_ident()``."""
+
+    def __init__(self, ident: int) -> None:
+        self._ident = ident
+        self.cpu = _cpu_of(ident)
+
+    def frame(self) -> FrameType | None:
+        """Return where the thread is."""
+        return sys._current_frames().get(self._ident)  # noqa: SLF001 - there is no public way
+
+    def owner(self) -> str:
+        """Return the robot on whose behalf the loop runs what it is in, empty when it is nobody's.
+
+        Tasks, callbacks of links and timers are all run by a handle, with the context they were made in.
+        """
+        frame = self.frame()
+        while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:  # noqa: SLF001
+            frame = frame.f_back
+        if frame is None:
+            return ""
+        return str(frame.f_locals["self"]._context.get(OWNER, ""))  # noqa: SLF001
+
+    def place(self) -> str:
+        """Return the innermost place outside the standard library, as file:line in function."""
+        frame = self.frame()
+        if frame is None:
+            return "an unknown place"
+        stack = traceback.extract_stack(frame)
+        own = [entry for entry in stack if not _is_library(entry.filename)]
+        last = own[-1] if own else stack[-1]
+        return f"{Path(last.filename).name}:{last.lineno} in {last.name}"
+
+
+def _is_library(filename: str) -> bool:
+    """Return True for code that only carries out what somebody else asked."""
+    return "/lib/python3" in filename and "/site-packages/" not in filename
+
+
+def _cpu_of(ident: int) -> Callable[[], float]:
+    """Return what tells the CPU seconds that a thread has used; always 0 where the system does not say."""
+    if not hasattr(time, "pthread_getcpuclockid"):
+        return lambda: 0.0
+    clock = time.pthread_getcpuclockid(ident)
+    return lambda: time.clock_gettime(clock)

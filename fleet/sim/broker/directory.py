@@ -1,0 +1,86 @@
+"""Who gets what: sessions by client, matches by topic, and the retained messages."""
+
+from __future__ import annotations
+
+import mqtt5
+import msgspec
+
+from fleet.cloud.topics import matches
+from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.session import Session, Subscription
+
+_REMEMBERED = 10_000
+"""Topics whose matches are remembered."""
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """A message with the time, on the monotonic clock, at which it is worth nothing any more."""
+
+    packet: mqtt5.PublishPacket
+    deadline: float | None
+
+
+class Directory:
+    """The broker's tables; no I/O, no clock."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.sessions: dict[str, Session] = {}
+        self._limits = limits
+        self._retained_bytes = 0
+        self._retained: dict[str, Kept] = {}
+        self._matches: dict[str, list[tuple[Session, list[Subscription]]]] = {}
+
+    def add(self, session: Session) -> None:
+        """Add a session, in place of an older one of the same client."""
+        self.sessions[session.client_id] = session
+        self._matches.clear()
+
+    def remove(self, session: Session) -> None:
+        """Forget a session."""
+        self.sessions.pop(session.client_id, None)
+        self._matches.clear()
+
+    def subscribe(self, session: Session, subscription: Subscription) -> bool:
+        """Add a subscription or replace the one with the same filter; tell whether it is new."""
+        pattern = subscription.options.pattern
+        new = pattern not in session.subscriptions
+        session.subscriptions[pattern] = subscription
+        self._matches.clear()
+        return new
+
+    def unsubscribe(self, session: Session, pattern: str) -> bool:
+        """Remove a subscription; tell whether there was one."""
+        self._matches.clear()
+        return session.subscriptions.pop(pattern, None) is not None
+
+    def match(self, topic: str) -> list[tuple[Session, list[Subscription]]]:
+        """Return the sessions that want a topic, each with its subscriptions that match."""
+        if (known := self._matches.get(topic)) is not None:
+            return known
+        found = []
+        for session in self.sessions.values():
+            wanted = [one for pattern, one in session.subscriptions.items() if matches(pattern, topic)]
+            if wanted:
+                found.append((session, wanted))
+        if len(self._matches) >= _REMEMBERED:
+            self._matches.clear()
+        self._matches[topic] = found
+        return found
+
+    def retain(self, kept: Kept) -> None:
+        """Keep a message for later; an empty one clears the topic, a full store takes no new topic."""
+        topic, size = kept.packet.topic, len(kept.packet.payload)
+        if older := self._retained.pop(topic, None):
+            self._retained_bytes -= len(older.packet.payload)
+        room = self._retained_bytes + size <= self._limits.retained_bytes
+        if size and room and len(self._retained) < self._limits.retained:
+            self._retained[topic] = kept
+            self._retained_bytes += size
+
+    def retained(self, pattern: str, now: float) -> list[Kept]:
+        """Return the retained messages that a filter takes and that are still worth something."""
+        return [
+            kept
+            for topic, kept in self._retained.items()
+            if matches(pattern, topic) and (kept.deadline is None or kept.deadline > now)
+        ]

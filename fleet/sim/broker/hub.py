@@ -1,0 +1,206 @@
+"""The broker without sockets: lets clients in, routes what they publish, keeps what they leave behind."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import uuid
+from collections.abc import Callable
+from typing import Protocol
+
+import mqtt5
+
+from fleet.clock import Clock
+from fleet.cloud.topics import matches
+from fleet.sim.broker.directory import Directory, Kept
+from fleet.sim.broker.faults import Faults
+from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.session import NEVER, Copy, Session, Subscription
+
+logger = logging.getLogger(__name__)
+
+Check = Callable[[str | None, bytes | None], bool]
+"""Tells whether a user name and a password are accepted."""
+
+
+class Peer(Protocol):
+    """The connection of one client, as the hub sees it."""
+
+    def flush(self) -> None:
+        """Write what waits in the client's session."""
+
+    def expel(self, reason: mqtt5.DisconnectReasonCode) -> None:
+        """End the connection with a reason."""
+
+
+class Hub:
+    """One broker's state. All of it lives on one event loop."""
+
+    def __init__(self, clock: Clock, limits: Limits, faults: Faults, check: Check | None) -> None:
+        self.clock = clock
+        self.limits = limits
+        self.faults = faults
+        self.peers: dict[str, Peer] = {}
+        self._check = check
+        self._directory = Directory(limits)
+        self._behind: set[Peer] = set()
+        self._wills: dict[str, asyncio.TimerHandle] = {}
+
+    def refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
+        """Return why a client is not let in, None when it is."""
+        if self.faults.refuse is not None:
+            return mqtt5.ConnAckReasonCode(self.faults.refuse)
+        if packet.authentication_method is not None:
+            return mqtt5.ConnAckReasonCode.BAD_AUTHENTICATION_METHOD
+        if self._check and not self._check(packet.username, packet.password):
+            return mqtt5.ConnAckReasonCode.BAD_USER_NAME_OR_PASSWORD
+        if packet.client_id not in self._directory.sessions and self._is_full():
+            return mqtt5.ConnAckReasonCode.QUOTA_EXCEEDED
+        return None
+
+    def admit(self, packet: mqtt5.ConnectPacket, peer: Peer) -> tuple[Session, bool]:
+        """Let a client in, in place of its older connection; return its session and whether it is old."""
+        client_id = packet.client_id or f"auto-{uuid.uuid4().hex}"
+        if older := self.peers.get(client_id):
+            older.expel(mqtt5.DisconnectReasonCode.SESSION_TAKEN_OVER)
+        if will := self._wills.pop(client_id, None):
+            will.cancel()
+        self.expire()
+        session = None if packet.clean_start else self._directory.sessions.get(client_id)
+        present = session is not None
+        if session is None:
+            session = Session(client_id, self.limits)
+            self._directory.add(session)
+        session.expiry, session.ends = packet.session_expiry_interval, None
+        session.window = min(packet.receive_max, self.limits.receive)
+        self.peers[client_id] = peer
+        return session, present
+
+    def leave(self, session: Session, will: mqtt5.Will | None) -> None:
+        """Note that a client is gone; its will, if any is left, is published now or after its delay."""
+        self._behind.discard(self.peers.pop(session.client_id))
+        session.ends = None if session.expiry == NEVER else self.clock.monotonic() + session.expiry
+        delay = min(will.will_delay_interval, session.expiry) if will else 0
+        if will and delay:
+            loop = asyncio.get_running_loop()
+            self._wills[session.client_id] = loop.call_later(delay, self._publish_will, will, session)
+        elif will:
+            self._publish_will(will, session)
+        self.expire()
+
+    def expire(self) -> None:
+        """Forget the sessions whose time is over."""
+        now = self.clock.monotonic()
+        for session in list(self._directory.sessions.values()):
+            if session.ends is not None and session.ends <= now:
+                self._directory.remove(session)
+
+    def publish(self, packet: mqtt5.PublishPacket, publisher: Session) -> bool:
+        """Route a message; tell whether anybody gets it."""
+        if self.faults.drop and matches(self.faults.drop, packet.topic):
+            return True
+        lifetime = packet.message_expiry_interval
+        kept = Kept(packet, None if lifetime is None else self.clock.monotonic() + lifetime)
+        if packet.retain:
+            self._directory.retain(kept)
+        receivers = [
+            (session, heard)
+            for session, wanted in self._directory.match(packet.topic)
+            if (heard := [one for one in wanted if not (one.options.no_local and session is publisher)])
+        ]
+        if self.faults.delay:
+            asyncio.get_running_loop().call_later(self.faults.delay, self._deliver_all, kept, receivers)
+        else:
+            self._deliver_all(kept, receivers)
+        return bool(receivers)
+
+    def subscribe(self, session: Session, subscription: Subscription) -> None:
+        """Add a subscription and queue the retained messages it asks for."""
+        options = subscription.options
+        new = self._directory.subscribe(session, subscription)
+        handling = int(options.retain_handling)
+        if handling == mqtt5.RetainHandling.SEND_NEVER or (handling and not new):
+            return
+        for kept in self._directory.retained(options.pattern, self.clock.monotonic()):
+            self._offer(session, _copy(kept, [subscription], retain=True))
+
+    def unsubscribe(self, session: Session, pattern: str) -> bool:
+        """Remove a subscription; tell whether there was one."""
+        return self._directory.unsubscribe(session, pattern)
+
+    def close(self) -> None:
+        """Forget the wills that still wait."""
+        for will in self._wills.values():
+            will.cancel()
+
+    def _is_full(self) -> bool:
+        """Tell whether no new session fits, after forgetting those whose time is over."""
+        self.expire()
+        return len(self._directory.sessions) >= self.limits.sessions
+
+    def _deliver_all(self, kept: Kept, receivers: list[tuple[Session, list[Subscription]]]) -> None:
+        """Deliver one message to everybody who wants it."""
+        times = 2 if self.faults.duplicate and matches(self.faults.duplicate, kept.packet.topic) else 1
+        for session, wanted in receivers:
+            as_published = any(one.options.retain_as_published for one in wanted)
+            for _ in range(times):
+                self._offer(session, _copy(kept, wanted, retain=kept.packet.retain and as_published))
+
+    def _offer(self, session: Session, copy: Copy) -> None:
+        """Queue a message for a client; one that is away forgets its oldest when there is no room."""
+        peer = self.peers.get(session.client_id)
+        if peer:
+            self._offer_to(peer, session, copy)
+        elif copy.qos:
+            session.offer_at_any_cost(copy)
+
+    def _offer_to(self, peer: Peer, session: Session, copy: Copy) -> None:
+        """Queue a message for a client that is there, and expel it when it is too slow.
+
+        What one turn of the loop brings is written at once.
+        """
+        if not session.offer(copy):
+            peer.flush()
+            if not session.offer(copy):
+                logger.warning("the client %s is too slow", session.client_id)
+                peer.expel(mqtt5.DisconnectReasonCode.QUOTA_EXCEEDED)
+                return
+        if not self._behind:
+            asyncio.get_running_loop().call_soon(self._flush)
+        self._behind.add(peer)
+
+    def _flush(self) -> None:
+        """Write what waits for each client."""
+        behind, self._behind = self._behind, set()
+        for peer in behind:
+            peer.flush()
+
+    def _publish_will(self, will: mqtt5.Will, session: Session) -> None:
+        """Publish a client's last message."""
+        self._wills.pop(session.client_id, None)
+        packet = mqtt5.PublishPacket(
+            will.topic,
+            will.payload or b"",
+            qos=will.qos,
+            packet_id=1 if int(will.qos) else None,
+            retain=will.retain,
+            payload_format_indicator=will.payload_format_indicator,
+            message_expiry_interval=will.message_expiry_interval,
+            content_type=will.content_type,
+            response_topic=will.response_topic,
+            correlation_data=will.correlation_data,
+            user_properties=will.user_properties,
+        )
+        self.publish(packet, session)
+
+
+def _copy(kept: Kept, wanted: list[Subscription], *, retain: bool) -> Copy:
+    """Return one client's copy: the best QoS that it subscribed to and that was published."""
+    best = max(int(one.options.max_qos) for one in wanted)
+    return Copy(
+        packet=kept.packet,
+        qos=min(best, int(kept.packet.qos)),
+        retain=retain,
+        identifiers=[one.identifier for one in wanted if one.identifier is not None],
+        deadline=kept.deadline,
+    )

@@ -1,0 +1,92 @@
+"""The broker as something that listens on a port."""
+
+from __future__ import annotations
+
+import asyncio
+from types import TracebackType
+from typing import Self
+
+import mqtt5
+
+from fleet.clock import Clock, SystemClock
+from fleet.sim.broker.connection import Connection
+from fleet.sim.broker.faults import Faults
+from fleet.sim.broker.hub import Check, Hub
+from fleet.sim.broker.limits import Limits
+
+_TICK = 0.1
+"""Seconds between two looks at the clock."""
+
+
+class Broker:
+    """An MQTT broker for as long as an ``async with`` block lasts; ``port`` is where it listens.
+
+    ``check`` decides about user names and passwords; without it everybody may come in.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        faults: Faults | None = None,
+        *,
+        limits: Limits | None = None,
+        check: Check | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.host = host
+        self.port = port
+        self.faults = faults or Faults()
+        self._hub = Hub(clock or SystemClock(), limits or Limits(), self.faults, check)
+        self._connections: set[Connection] = set()
+        self._server: asyncio.Server | None = None
+        self._ticking: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(
+            lambda: Connection(self._hub, self._connections), self.host, self.port
+        )
+        self.port = self._server.sockets[0].getsockname()[1]
+        self._ticking = asyncio.create_task(self._tick())
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._server
+        assert self._ticking
+        self._ticking.cancel()
+        self._server.close()
+        self.disconnect_all(mqtt5.DisconnectReasonCode.SERVER_SHUTTING_DOWN)
+        await asyncio.sleep(0)
+        for connection in list(self._connections):
+            connection.drop()
+        self._hub.close()
+        await self._server.wait_closed()
+
+    @property
+    def clients(self) -> list[str]:
+        """Return the names of the clients that are connected."""
+        return sorted(self._hub.peers)
+
+    def disconnect_all(self, reason: int | None = None) -> None:
+        """End every connection: with a reason code for MQTT 5 clients, or cut without a word."""
+        for connection in list(self._connections):
+            if reason is None:
+                connection.drop()
+            else:
+                connection.expel(mqtt5.DisconnectReasonCode(int(reason)))
+
+    def half_open(self, client_id: str) -> None:
+        """Forget a client while its socket stays open, as after a power cut on this side."""
+        for connection in list(self._connections):
+            if connection.client_id == client_id:
+                connection.forget()
+
+    async def _tick(self) -> None:
+        """Look after time-outs, and after the freeze."""
+        while True:
+            for connection in list(self._connections):
+                connection.watch()
+            await asyncio.sleep(_TICK)

@@ -1,0 +1,285 @@
+"""A vehicle that says what a test wants, recordings of real ones, and a sky for simulated ones."""
+
+import asyncio
+import contextlib
+import logging
+import math
+import selectors
+import time
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import all as mav
+
+from fleet.commands import arguments
+from fleet.link.memory import MemoryRobot
+from fleet.testing.clock import ManualClock
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_mavlink.codec import Parser
+from fleet_mavlink.config import MavlinkConfig
+from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.sim.vehicle import SimVehicle
+from fleet_mavlink.sim.wire import Wire
+from fleet_mavlink.vehicle import Vehicle
+
+RECORDINGS = Path(__file__).parents[2] / "data" / "mavlink"
+TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
+AUTOPILOTS = {"ardupilot": 3, "px4": 12}
+
+
+def framed(message, *, system=1, component=1):
+    """Return a message as a foreign implementation frames it."""
+    return bytes(message.pack(mav.MAVLink(None, srcSystem=system, srcComponent=component)))
+
+
+def records(name):
+    """Yield (seconds, frame) of a recording: 8 bytes of big-endian microseconds before each frame."""
+    data = (RECORDINGS / f"{name}.tlog").read_bytes()
+    at = 0
+    while at < len(data):
+        stamp = int.from_bytes(data[at : at + 8], "big") / 1e6
+        begin = at + 8
+        long = data[begin] == 0xFD
+        signature = 13 if long and data[begin + 2] & 1 else 0
+        at = begin + (12 if long else 8) + data[begin + 1] + signature
+        yield stamp, data[begin:at]
+
+
+@pytest.fixture
+def recording():
+    return records
+
+
+@pytest.fixture
+def frame_of():
+    return framed
+
+
+class Told:
+    """A vehicle on a clock of the test's own; ``sent`` is what was written to it."""
+
+    def __init__(self, flavour="px4"):
+        self.clock = ManualClock()
+        self.sent = []
+        self.vehicle = Vehicle(1, self.clock, lambda message, _address: self.sent.append(message))
+        self._autopilot = AUTOPILOTS[flavour]
+
+    def beat(self, *, mode=0x03040000, armed=False, status=3, address=None):
+        """Let it beat once."""
+        beat = Heartbeat(2, self._autopilot, 0x80 if armed else 0, mode, status)
+        self.vehicle.take(beat, address)
+
+    def say(self, *messages):
+        """Let it say something."""
+        for message in messages:
+            self.vehicle.take(message, None)
+
+
+@pytest.fixture
+def told():
+    return Told
+
+
+class _Jumping(selectors.SelectSelector):
+    """Never waits: the loop's time jumps to where it would have woken up."""
+
+    def __init__(self):
+        super().__init__()
+        self.jumped = 0.0
+
+    def select(self, timeout=None):
+        ready = super().select(0)
+        if ready or timeout is None:
+            return ready or super().select(timeout)
+        self.jumped += max(timeout, 0.0)
+        return []
+
+
+class JumpingLoop(asyncio.SelectorEventLoop):
+    """An event loop whose seconds pass as soon as nothing is left to do in them."""
+
+    def __init__(self):
+        self._jumping = _Jumping()
+        self._began = time.monotonic()
+        super().__init__(self._jumping)
+
+    def time(self):
+        return 1000.0 + self._jumping.jumped
+
+
+class LoopRobot:
+    """The host's side of one run, in the loop's own time."""
+
+    name = "kestrel"
+
+    def __init__(self):
+        self.loop = asyncio.get_running_loop()
+        self.clock = self
+        self.log = logging.getLogger("fleet.robot.kestrel")
+        self.reports, self.healths, self.losses = [], [], []
+        self._timers = {}
+
+    def monotonic(self):
+        return self.loop.time()
+
+    def time(self):
+        return 1_800_000_000.0 + self.loop.time()
+
+    def report(self, report):
+        self.reports.append(report)
+
+    def health(self, health):
+        if not self.healths or self.healths[-1] != health:
+            self.healths.append(health)
+
+    def authority_lost(self, reason):
+        self.losses.append(reason)
+
+    def every(self, seconds, call):
+        def again():
+            self._timers[call] = self.loop.call_later(seconds, again)
+            call()
+
+        self._timers[call] = self.loop.call_later(seconds, again)
+
+    def share(self, key, make):
+        return make()
+
+    def close(self):
+        for timer in self._timers.values():
+            timer.cancel()
+
+
+class Sky:
+    """A simulated vehicle, and the adapter that flies it over a memory link."""
+
+    def __init__(self, flavour, *, ready=0.0, faults=None, **config):
+        self.sim = SimVehicle(flavour, ready_after=ready, faults=faults)
+        self.wire = Wire(self.sim)
+        self.commands = []  # every COMMAND_LONG and COMMAND_INT that was heard
+        self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
+        self.order = []  # the command, or 0 for a setpoint, of all that was heard
+        self.radio = True
+        basics = {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"memory:{id(self)}"}
+        self.adapter = MavlinkAdapter(MavlinkConfig.model_validate(basics | config))
+        self._peer = MemoryRobot(str(id(self)), self._heard)
+        self._parser = mav.MAVLink(None)
+        self._parser.robust_parsing = True
+
+    async def __aenter__(self):
+        self.robot = LoopRobot()
+        self._origin = self.robot.monotonic()
+        self._peer.__enter__()
+        self.run = asyncio.ensure_future(self.adapter.run(self.robot))
+        self._turning = asyncio.ensure_future(self._turn())
+        return self
+
+    async def __aexit__(self, *_):
+        self.robot.close()
+        for task in (self.run, self._turning):
+            task.cancel()
+        await asyncio.gather(self.run, self._turning, return_exceptions=True)
+        self._peer.__exit__(None, None, None)
+
+    @property
+    def now(self):
+        return self.robot.monotonic() - self._origin
+
+    def _heard(self, data):
+        for message in self._parser.parse_buffer(bytearray(data)) or ():
+            if message.get_type() in {"COMMAND_LONG", "COMMAND_INT"}:
+                self.commands.append(message)
+                self.order.append(message.command)
+            elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+                self.setpoints.append((self.now, message))
+                self.order.append(0)
+        frames = self.wire.receive(data, self.now) if self.radio else []
+        return b"".join(frames)
+
+    async def _turn(self):
+        while True:
+            frames = self.wire.step(self.now)
+            if frames and self.radio:
+                self._peer.say(b"".join(frames))
+            await asyncio.sleep(0.02)
+
+    @property
+    def mode(self):
+        return self.sim.pilot.mode.name
+
+    @property
+    def armed(self):
+        return self.sim.pilot.armed
+
+    @property
+    def height(self):
+        return -self.sim.body.down
+
+    @property
+    def place(self):
+        """Return metres north and east of where it began, and up."""
+        return self.sim.body.north, self.sim.body.east, self.height
+
+    @property
+    def speed(self):
+        body = self.sim.body
+        return math.hypot(body.vn, body.ve, body.vd)
+
+    @property
+    def state(self):
+        return self.adapter._session.vehicle.state
+
+    def asked(self, command):
+        """Return what was asked by a command, in order."""
+        return [each for each in self.commands if each.command == command]
+
+    async def until(self, holds, within=120.0):
+        """Let time pass until something holds; return the seconds it took."""
+        began = self.now
+        while not holds():
+            assert self.now - began < within, f"not within {within} s"
+            await asyncio.sleep(0.05)
+        return self.now - began
+
+    async def met(self):
+        """Let time pass until the adapter knows the vehicle and where it is."""
+        await self.until(lambda: self.adapter._session and self.state.home_altitude is not None)
+        return self
+
+    async def do(self, name, **data):
+        """Carry out a command; return its progress in percent."""
+        spec = self.adapter.commands()[name]
+        doing = getattr(self.adapter, spec.method)(**arguments(spec, data))
+        if not spec.streams:
+            await doing
+            return []
+        async with contextlib.aclosing(doing):
+            return [progress.percent async for progress in doing]
+
+    async def drive(self, velocity, seconds):
+        """Ask for a velocity at 10 Hz, as an operator does."""
+        for _ in range(round(seconds * 10)):
+            self.adapter.drive(velocity)
+            await asyncio.sleep(0.1)
+
+
+@pytest.fixture
+def sky():
+    return Sky
+
+
+@pytest.fixture
+def fly():
+    """Run a coroutine in a loop whose time jumps."""
+
+    def run(main):
+        with asyncio.Runner(loop_factory=JumpingLoop) as runner:
+            return runner.run(main)
+
+    return run
+
+
+@pytest.fixture
+def decoded():
+    """Decode whole frames."""
+    return lambda data: Parser().feed(data)

@@ -1,0 +1,102 @@
+"""JSON lines to a running simulator, and its sockets."""
+
+import asyncio
+import contextlib
+
+import msgspec
+import pytest
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.control import answer
+from fleet_mavlink.sim.server import SimServer
+from fleet_mavlink.sim.spec import SimSpec
+
+
+@pytest.fixture
+async def server():
+    made = SimServer()
+    wheel = asyncio.create_task(made.run())
+    yield made
+    wheel.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await wheel
+
+
+async def ask(server, line):
+    return msgspec.json.decode(await answer(server, msgspec.json.encode(line)))
+
+
+class Listener(asyncio.DatagramProtocol):
+    def __init__(self):
+        self.messages = asyncio.Queue()
+        self._parser = mav.MAVLink(None)
+
+    def datagram_received(self, data, addr):
+        for message in self._parser.parse_buffer(data) or ():
+            self.messages.put_nowait((addr, message))
+
+
+async def heard(listener, kind, *, system=1):
+    async with asyncio.timeout(20):
+        while True:
+            _, message = await listener.messages.get()
+            if message.get_type() == kind and message.get_srcSystem() == system:
+                return message
+
+
+async def listen(**where):
+    loop = asyncio.get_running_loop()
+    return await loop.create_datagram_endpoint(Listener, **where)
+
+
+async def test_an_added_vehicle_waits_to_be_heard(server):
+    told = await ask(server, {"add": {"flavour": "px4", "system_id": 4, "ready": 0}})
+    transport, listener = await listen(remote_addr=("127.0.0.1", told["added"]["port"]))
+    transport.sendto(bytes(mav.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(mav.MAVLink(None, 255, 190))))
+    assert (await heard(listener, "HEARTBEAT", system=4)).autopilot == mav.MAV_AUTOPILOT_PX4
+    transport.close()
+
+
+async def test_vehicles_may_share_the_port_they_speak_to(server):
+    transport, listener = await listen(local_addr=("127.0.0.1", 0))
+    target = transport.get_extra_info("sockname")
+    for system_id in (1, 2):
+        await server.add_udp(SimSpec("ardupilot", system_id=system_id, ready=0.0), target)
+    for system_id in (1, 2):
+        await heard(listener, "HEARTBEAT", system=system_id)
+    transport.close()
+
+
+async def test_a_fault_is_begun_and_ended(server):
+    await ask(server, {"add": {"flavour": "px4", "system_id": 4}})
+    assert await ask(server, {"fault": {"system_id": 4, "name": "loss", "value": 0.1}}) == {
+        "fault": {"name": "loss", "vehicles": 1}
+    }
+    assert server.stations[0].wire.vehicle.faults == {"loss": 0.1}
+    await ask(server, {"fault": {"name": "loss", "value": None}})
+    assert server.stations[0].wire.vehicle.faults == {}
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (b"nonsense", "malformed"),
+        (b"{}", "one of add and fault"),
+        (b'{"add": {"flavour": "rover"}}', "Invalid enum value"),
+        (b'{"add": {"flavour": "px4", "system_id": 0}}', "system id 0"),
+        (b'{"fault": {"name": "loss"}}', "no such vehicle"),
+        (b'{"fly": 1}', "unknown field"),
+    ],
+)
+async def test_what_makes_no_sense_is_answered_with_the_reason(server, line, says):
+    assert says in msgspec.json.decode(await answer(server, line))["error"]
+
+
+async def test_tcp_begins_with_text_and_goes_on_with_frames(server):
+    station = await server.add_tcp(SimSpec("ardupilot", ready=0.0), 0)
+    reader, writer = await asyncio.open_connection("127.0.0.1", station.port)
+    async with asyncio.timeout(20):
+        assert (await reader.readexactly(18)) == b"\n\nInit ArduCopter "
+        assert await reader.readuntil(b"\xfd")
+    writer.close()
+    await writer.wait_closed()

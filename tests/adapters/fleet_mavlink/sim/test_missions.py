@@ -1,0 +1,165 @@
+"""The mission protocol and the flight of a mission, on both flavours."""
+
+import pytest
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NO_MISSION, NOT_STARTED, PAUSED
+
+LAT, LON = 473977420, 85455940
+
+
+def item(seq, command, *, east=0, height=10.0, frame=6, p1=0.0):
+    x, y = (LAT, LON + east) if command in {16, 21} else (0, 0)
+    return mav.MAVLink_mission_item_int_message(1, 1, seq, frame, command, 0, 1, p1, 0, 0, 0, x, y, height, 0)
+
+
+def plan(ardupilot):
+    """Take off, two waypoints, land; ArduPilot's item 0 is home."""
+    flown = [(22, 0), (16, 1000), (16, 2000), (21, 2000)]
+    first = [item(0, 16, frame=0)] if ardupilot else []
+    return first + [item(len(first) + n, command, east=east) for n, (command, east) in enumerate(flown)]
+
+
+def upload(bench, items):
+    bench.run(0.2)
+    answers = bench.tell(mav.MAVLink_mission_count_message(1, 1, len(items), 0))
+    asked = "MISSION_REQUEST" if bench.ardupilot else "MISSION_REQUEST_INT"
+    for seq, message in enumerate(items):
+        assert [(m.get_type(), m.seq) for m in answers] == [(asked, seq)]
+        answers = bench.tell(message)
+    assert [(m.get_type(), m.type) for m in answers] == [("MISSION_ACK", 0)]
+
+
+@pytest.fixture(params=["ardupilot", "px4"])
+def loaded(request, bench):
+    made = bench(request.param)
+    upload(made, plan(made.ardupilot))
+    return made
+
+
+def start(bench):
+    if bench.ardupilot:
+        bench.set_mode("GUIDED")
+        assert bench.asks(400, 1) == [0]
+    assert bench.asks(300) == [0]
+
+
+def test_what_was_uploaded_comes_back(loaded):
+    (count,) = loaded.tell(mav.MAVLink_mission_request_list_message(1, 1, 0))
+    assert count.count == len(plan(loaded.ardupilot))
+    (got,) = loaded.tell(mav.MAVLink_mission_request_int_message(1, 1, count.count - 2, 0))
+    assert (got.command, got.y, got.z) == (16, LON + 2000, 10.0)
+    assert got.frame == (3 if loaded.ardupilot else 6)
+
+
+def test_ardupilots_item_0_is_home(bench):
+    ap = bench("ardupilot")
+    upload(ap, plan(ardupilot=True))
+    (got,) = ap.tell(mav.MAVLink_mission_request_int_message(1, 1, 0, 0))
+    assert (got.frame, got.command, got.z) == (0, 16, pytest.approx(488, abs=0.1))
+
+
+def test_a_mission_is_flown_to_its_end(loaded):
+    start(loaded)
+    assert loaded.pilot.missions.state == ACTIVE
+    loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
+    loaded.until(lambda: not loaded.pilot.armed)
+    reached = {m.seq for m in loaded.said("MISSION_ITEM_REACHED")}
+    first = 1 if loaded.ardupilot else 0
+    assert reached == {first, first + 1, first + 2, first + 3}
+    assert loaded.body.east == pytest.approx(15, abs=1.5)
+
+
+def test_the_current_item_never_passes_the_count(loaded):
+    start(loaded)
+    loaded.until(lambda: loaded.pilot.missions.state == COMPLETE, 120)
+    loaded.run(5)
+    loaded.asks(512, 42)
+    current = loaded.last("MISSION_CURRENT")
+    assert current.seq == len(plan(loaded.ardupilot)) - 1
+    assert current.mission_state == COMPLETE
+
+
+def test_leaving_the_mode_pauses_and_coming_back_goes_on(loaded):
+    start(loaded)
+    loaded.until(lambda: loaded.pilot.missions.current == (2 if loaded.ardupilot else 1), 40)
+    loaded.set_mode("GUIDED" if loaded.ardupilot else "LOITER")
+    assert loaded.pilot.missions.state == PAUSED
+    current = loaded.pilot.missions.current
+    loaded.set_mode("AUTO" if loaded.ardupilot else "MISSION")
+    assert (loaded.pilot.missions.state, loaded.pilot.missions.current) == (ACTIVE, current)
+
+
+def test_a_running_mission_is_cleared_only_by_px4(loaded):
+    start(loaded)
+    (ack,) = loaded.tell(mav.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert ack.type == (mav.MAV_MISSION_ERROR if loaded.ardupilot else mav.MAV_MISSION_ACCEPTED)
+
+
+def test_a_mission_that_asks_for_rtl_returns(bench):
+    px4 = bench("px4")
+    upload(px4, [item(0, 22), item(1, 16, east=1000), item(2, 20)])
+    start(px4)
+    px4.until(lambda: px4.mode == "RTL", 60)
+
+
+def test_clearing_forgets_the_mission(loaded):
+    loaded.tell(mav.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert loaded.pilot.missions.state == NO_MISSION
+    assert not loaded.pilot.missions.loaded
+
+
+def test_a_missing_item_is_asked_for_again_and_at_last_given_up(bench):
+    ap = bench("ardupilot")
+    ap.run(0.2)
+    ap.tell(mav.MAVLink_mission_count_message(1, 1, 2, 0))
+    ap.run(9)
+    assert 7 <= len(ap.said("MISSION_REQUEST")) <= 9
+    assert ap.last("MISSION_ACK").type == mav.MAV_MISSION_OPERATION_CANCELLED
+
+
+def test_ardupilot_tells_a_repeated_item_and_goes_on(bench):
+    ap = bench("ardupilot")
+    ap.run(0.2)
+    ap.tell(mav.MAVLink_mission_count_message(1, 1, 2, 0))
+    ap.tell(item(0, 16))
+    (ack,) = ap.tell(item(0, 16))
+    assert ack.type == mav.MAV_MISSION_INVALID_SEQUENCE
+    (denied,) = ap.tell(mav.MAVLink_mission_request_list_message(1, 1, 0))
+    assert denied.type == mav.MAV_MISSION_DENIED
+    (done,) = ap.tell(item(1, 22))
+    assert done.type == mav.MAV_MISSION_ACCEPTED
+    assert ap.pilot.missions.state == NOT_STARTED
+
+
+def test_px4_says_nothing_to_a_repeated_item(bench):
+    px4 = bench("px4")
+    px4.run(0.2)
+    px4.tell(mav.MAVLink_mission_count_message(1, 1, 2, 0))
+    px4.tell(item(0, 22))
+    assert px4.tell(item(0, 22)) == []
+
+
+def test_navigation_that_cannot_be_flown_is_refused(bench):
+    px4 = bench("px4")
+    px4.run(0.2)
+    px4.tell(mav.MAVLink_mission_count_message(1, 1, 1, 0))
+    (ack,) = px4.tell(item(0, 31))
+    assert ack.type == mav.MAV_MISSION_UNSUPPORTED
+
+
+def test_the_old_float_item_is_understood(bench):
+    ap = bench("ardupilot")
+    ap.run(0.2)
+    ap.tell(mav.MAVLink_mission_count_message(1, 1, 1, 0))
+    old = mav.MAVLink_mission_item_message(1, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 47.5, 8.5, 10, 0)
+    (ack,) = ap.tell(old)
+    assert ack.type == 0
+    assert ap.pilot.missions.items[0].x == pytest.approx(475000000, abs=20)
+
+
+def test_the_mission_survives_a_reboot(loaded):
+    loaded.vehicle.set_fault("reboot", 1)
+    loaded.run(3)
+    assert loaded.pilot.missions.state == NOT_STARTED
+    assert loaded.pilot.missions.loaded

@@ -1,0 +1,82 @@
+"""Who has the vehicle."""
+
+import pytest
+
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import VehicleState
+
+PX4 = Px4()
+
+
+class Watched:
+    """An authority, and the reasons for which it was lost."""
+
+    def __init__(self):
+        self.reasons = []
+        self.authority = Authority(self.reasons.append)
+
+    def see(self, *modes, armed=True, status=4):
+        for mode in modes:
+            beat = Heartbeat(2, 12, 0x80 if armed else 0, PX4.number_of(mode), status)
+            self.authority.observe(VehicleState(heartbeat=beat), PX4)
+        return self
+
+
+@pytest.fixture
+def watched():
+    return Watched()
+
+
+def test_a_mode_that_we_asked_for_is_ours(watched):
+    watched.see("AUTO.LOITER")
+    watched.authority.expect("OFFBOARD")
+    watched.see("AUTO.LOITER", "OFFBOARD", "OFFBOARD")
+    assert watched.reasons == []
+    assert watched.authority.lost_to == ""
+
+
+def test_a_mode_that_we_did_not_ask_for_is_told_once(watched):
+    watched.see("AUTO.LOITER", "POSCTL", "POSCTL", "ALTCTL")
+    assert watched.reasons == [
+        "mode changed from AUTO.LOITER to POSCTL, not by us: a pilot or another station"
+    ]
+    assert watched.authority.lost_to == "ALTCTL"
+
+
+def test_a_fail_safe_is_told_as_what_it_is(watched):
+    watched.see("AUTO.LOITER").see("AUTO.RTL", status=5)
+    assert watched.reasons[0].endswith("its own fail-safe")
+
+
+def test_it_is_ours_again_with_the_next_command(watched):
+    watched.see("AUTO.LOITER", "POSCTL")
+    watched.authority.expect("AUTO.LOITER")
+    watched.see("POSCTL")
+    assert watched.authority.lost_to == ""
+    watched.see("AUTO.LOITER", "POSCTL")
+    assert len(watched.reasons) == 2
+
+
+def test_the_end_of_a_takeoff_is_no_surprise(watched):
+    watched.see("AUTO.TAKEOFF", "AUTO.LOITER")
+    assert watched.reasons == []
+
+
+def test_a_pilot_may_choose_any_mode_on_the_ground(watched):
+    watched.see("AUTO.LOITER", "POSCTL", "MANUAL", armed=False)
+    assert watched.reasons == []
+    assert watched.authority.lost_to == ""
+
+
+def test_landing_it_gives_it_back(watched):
+    watched.see("AUTO.LOITER", "POSCTL").see("POSCTL", armed=False)
+    assert watched.authority.lost_to == ""
+
+
+@pytest.mark.parametrize(("mode", "lost_to"), [("POSCTL", "POSCTL"), ("OFFBOARD", ""), ("AUTO.LOITER", "")])
+def test_a_vehicle_met_in_flight_is_the_pilots_when_he_flies_it(watched, mode, lost_to):
+    watched.see(mode)
+    assert watched.authority.lost_to == lost_to
+    assert watched.reasons == []

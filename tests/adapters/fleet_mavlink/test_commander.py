@@ -1,0 +1,316 @@
+"""Asking, and what comes back or does not."""
+
+import asyncio
+
+import pytest
+
+from fleet import NotReady, Refused, TimedOut, Unsupported
+from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusText
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.words import Cmd, Result
+
+ARM = CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0)
+LOITER, OFFBOARD = 0x03040000, 0x00060000
+MODE = Px4().mode_of
+
+
+class Talk:
+    """A commander in a loop whose time jumps; ``later`` lets the vehicle say something after a while."""
+
+    def __init__(self, told):
+        loop = asyncio.get_running_loop()
+        self.told = told()
+        self.told.clock.monotonic = loop.time
+        self.commander = Commander(self.told.vehicle, Timing())
+        self.loop = loop
+        self.told.beat()
+
+    @property
+    def sent(self):
+        return self.told.sent
+
+    def later(self, seconds, *messages):
+        self.loop.call_later(seconds, self.told.say, *messages)
+
+    def beats_later(self, seconds, **beat):
+        self.loop.call_later(seconds, lambda: self.told.beat(**beat))
+
+
+@pytest.fixture
+def talk(fly, told):
+    """Run a test with a Talk."""
+    return lambda test: fly(_with(test, told))
+
+
+async def _with(test, told):
+    await test(Talk(told))
+
+
+def ack(result, command=Cmd.COMPONENT_ARM_DISARM):
+    return CommandAck(command, result)
+
+
+def test_an_accepted_command_is_sent_once_and_addressed(talk):
+    async def test(it):
+        it.later(0.01, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+        (sent,) = it.sent
+        assert (sent.target_system, sent.target_component, sent.confirmation) == (1, 1, 0)
+
+    talk(test)
+
+
+def test_an_unanswered_command_is_sent_four_times_a_second_apart_counting(talk):
+    async def test(it):
+        began = it.loop.time()
+        with pytest.raises(TimedOut, match="did not answer COMPONENT_ARM_DISARM"):
+            await it.commander.ask(ARM)
+        assert it.loop.time() - began == pytest.approx(4.0, abs=0.1)
+        assert [sent.confirmation for sent in it.sent] == [0, 1, 2, 3]
+
+    talk(test)
+
+
+def test_a_command_with_a_place_is_repeated_as_it_is(talk):
+    async def test(it):
+        it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        await it.commander.ask(CommandInt(Cmd.DO_REPOSITION, x=5))
+        assert it.sent[0] == it.sent[1]
+
+    talk(test)
+
+
+def test_the_answer_to_another_command_is_none_to_this_one(talk):
+    async def test(it):
+        it.later(0.1, ack(Result.FAILED, Cmd.NAV_TAKEOFF))
+        it.later(0.2, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+
+    talk(test)
+
+
+def test_an_answer_that_came_before_is_none_to_this_one(talk):
+    async def test(it):
+        it.told.say(ack(Result.FAILED))
+        it.later(0.2, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+
+    talk(test)
+
+
+@pytest.mark.parametrize("before", [0.005, 0.015])
+def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_last(talk, before):
+    async def test(it):
+        it.later(
+            before, StatusText(2, "Arm: Need Position Estimate"), StatusText(2, "Arm: Gyros inconsistent")
+        )
+        it.later(0.01, ack(Result.FAILED))
+        with pytest.raises(Refused) as refused:
+            await it.commander.ask(ARM)
+        assert refused.value.reason == "Arm: Need Position Estimate; Arm: Gyros inconsistent"
+        assert refused.value.messages == ("Arm: Need Position Estimate", "Arm: Gyros inconsistent")
+        assert refused.value.device_result == "FAILED"
+
+    talk(test)
+
+
+def test_what_was_said_before_the_command_is_no_reason(talk):
+    async def test(it):
+        it.told.say(StatusText(2, "PreArm: Old news"))
+        await asyncio.sleep(1)
+        it.later(0.01, ack(Result.DENIED))
+        with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
+            await it.commander.ask(ARM)
+
+    talk(test)
+
+
+def test_small_talk_is_no_reason_where_there_is_trouble(talk):
+    async def test(it):
+        it.later(0.005, StatusText(6, "EKF3 IMU0 is using GPS"), StatusText(2, "Arm: Throttle too high"))
+        it.later(0.01, ack(Result.FAILED))
+        with pytest.raises(Refused) as refused:
+            await it.commander.ask(ARM)
+        assert refused.value.reason == "Arm: Throttle too high"
+
+    talk(test)
+
+
+@pytest.mark.parametrize(
+    ("result", "error"),
+    [
+        (Result.DENIED, Refused),
+        (Result.FAILED, Refused),
+        (Result.CANCELLED, Refused),
+        (Result.UNSUPPORTED, Unsupported),
+        (Result.COMMAND_INT_ONLY, Unsupported),
+        (99, Refused),
+    ],
+)
+def test_each_refusal_has_its_meaning_and_is_not_asked_again(talk, result, error):
+    async def test(it):
+        it.later(0.01, ack(result))
+        with pytest.raises(error) as refused:
+            await it.commander.ask(ARM)
+        assert refused.value.device_result
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
+def test_what_is_rejected_for_the_moment_is_asked_again(talk):
+    async def test(it):
+        it.later(0.01, ack(Result.TEMPORARILY_REJECTED))
+        it.later(0.6, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+        assert len(it.sent) == 2
+
+    talk(test)
+
+
+def test_what_stays_rejected_is_not_ready(talk):
+    async def test(it):
+        for at in range(1, 10):
+            it.later(at * 0.5, ack(Result.TEMPORARILY_REJECTED))
+        with pytest.raises(NotReady) as refused:
+            await it.commander.ask(ARM)
+        assert refused.value.device_result == "TEMPORARILY_REJECTED"
+        assert len(it.sent) < 8
+
+    talk(test)
+
+
+def test_work_in_progress_is_waited_for_and_not_asked_again(talk):
+    async def test(it):
+        for at in (0.1, 3.0, 7.0):
+            it.later(at, ack(Result.IN_PROGRESS))
+        it.later(10.0, ack(Result.ACCEPTED))
+        await it.commander.ask(ARM)
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
+def test_work_that_never_ends_is_told(talk):
+    async def test(it):
+        it.later(0.1, ack(Result.IN_PROGRESS))
+        with pytest.raises(TimedOut, match="did not say how it ended"):
+            await it.commander.ask(ARM)
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
+def test_what_was_seen_to_be_done_is_not_sent_again(talk):
+    async def test(it):
+        it.beats_later(0.9, armed=True)
+        await it.commander.ask(ARM, seen=lambda state: state.armed)
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
+def test_a_refused_repetition_of_what_was_done_is_no_refusal(talk):
+    async def test(it):
+        it.later(1.1, ack(Result.FAILED))
+        it.beats_later(1.5, armed=True)
+        await it.commander.ask(ARM, seen=lambda state: state.armed)
+        assert len(it.sent) == 2
+
+    talk(test)
+
+
+def test_commands_go_one_after_the_other(talk):
+    async def test(it):
+        first = asyncio.ensure_future(it.commander.ask(ARM))
+        second = asyncio.ensure_future(it.commander.ask(CommandLong(Cmd.NAV_TAKEOFF)))
+        await asyncio.sleep(0.1)
+        assert [sent.command for sent in it.sent] == [Cmd.COMPONENT_ARM_DISARM]
+        it.told.say(ack(Result.ACCEPTED))
+        await first
+        it.later(0.1, ack(Result.ACCEPTED, Cmd.NAV_TAKEOFF))
+        await second
+
+    talk(test)
+
+
+def test_something_urgent_ends_what_is_under_way_at_once(talk):
+    async def test(it):
+        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        await asyncio.sleep(0.1)
+        began = it.loop.time()
+        it.commander.supersede("stop")
+        with pytest.raises(Refused, match="superseded: stop"):
+            await doing
+        assert it.loop.time() == began
+
+    talk(test)
+
+
+def offboard():
+    return Px4().mode_command("OFFBOARD")
+
+
+def test_a_mode_is_believed_from_the_heartbeat_only(talk):
+    async def test(it):
+        it.later(0.003, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        it.beats_later(0.9, mode=OFFBOARD)
+        await it.commander.enter("OFFBOARD", MODE, offboard())
+        assert MODE(it.told.vehicle.state) == "OFFBOARD"
+
+    talk(test)
+
+
+def test_px4s_second_answer_refuses_a_mode(talk):
+    async def test(it):
+        it.later(0.003, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        it.later(0.012, ack(Result.TEMPORARILY_REJECTED, Cmd.DO_SET_MODE))
+        it.later(0.013, StatusText(2, "Switching to Offboard is currently not available\t"))
+        it.beats_later(0.8)
+        with pytest.raises(NotReady, match="Switching to Offboard is currently not available"):
+            await it.commander.enter("OFFBOARD", MODE, offboard())
+
+    talk(test)
+
+
+def test_a_late_refusal_of_the_last_mode_is_not_taken_for_this_one(talk):
+    async def test(it):
+        it.later(0.001, ack(Result.TEMPORARILY_REJECTED, Cmd.DO_SET_MODE))
+        it.beats_later(0.002)
+        it.beats_later(0.9, mode=OFFBOARD)
+        await it.commander.enter("OFFBOARD", MODE, offboard())
+
+    talk(test)
+
+
+def test_a_mode_that_never_shows_is_asked_for_four_times(talk):
+    async def test(it):
+        for at in range(1, 8):
+            it.beats_later(float(at))
+        with pytest.raises(TimedOut, match=r"does not change to OFFBOARD, it stays in AUTO\.LOITER"):
+            await it.commander.enter("OFFBOARD", MODE, offboard())
+        assert len(it.sent) == 4
+
+    talk(test)
+
+
+def test_a_mode_that_it_is_in_is_asked_for_all_the_same(talk):
+    async def test(it):
+        it.later(0.01, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        await it.commander.enter("AUTO.LOITER", MODE, Px4().hold_command())
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
+def test_a_change_of_mode_gives_way_to_something_urgent(talk):
+    async def test(it):
+        doing = asyncio.ensure_future(it.commander.enter("OFFBOARD", MODE, offboard()))
+        await asyncio.sleep(0.1)
+        it.commander.supersede("stop")
+        it.told.say(StatusText(6, "anything"))
+        with pytest.raises(Refused, match="superseded: stop"):
+            await doing
+
+    talk(test)

@@ -1,0 +1,127 @@
+"""The differences between autopilots, one by one."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet import GeoPoint, Vector3, Velocity
+from fleet_mavlink.ardupilot import ArduCopter
+from fleet_mavlink.flavour import arm_command, setpoint
+from fleet_mavlink.flavours import flavour_of
+from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import Cmd
+
+ARDUPILOT, PX4 = ArduCopter(), Px4()
+PLACE = GeoPoint(47.3977421, -8.5455941, 503.0)
+flavours = pytest.mark.parametrize("flavour", [ARDUPILOT, PX4])
+
+
+@pytest.mark.parametrize(
+    ("kind", "autopilot", "name"),
+    [(2, 3, "ardupilot"), (13, 3, "ardupilot"), (2, 12, "px4"), (10, 3, None), (1, 12, None), (2, 4, None)],
+)
+def test_only_multirotors_on_ardupilot_and_px4_are_flown(kind, autopilot, name):
+    flavour = flavour_of(Heartbeat(kind, autopilot))
+    assert (flavour.name if flavour else None) == name
+
+
+@flavours
+def test_every_mode_that_is_used_has_a_number(flavour):
+    used = flavour.ours | {flavour.land, flavour.return_home} | set(flavour.follows)
+    assert {flavour.mode_name(flavour.number_of(mode)) for mode in used} == used
+
+
+@flavours
+def test_a_mode_without_a_name_is_told_by_its_number(flavour):
+    assert flavour.mode_name(0x77777777) == "MODE(0x77777777)"
+
+
+def test_modes_are_set_as_each_autopilot_wants_it():
+    assert ARDUPILOT.mode_command("BRAKE") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=17.0)
+    assert PX4.mode_command("AUTO.LAND") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=4.0, param3=6.0)
+    assert PX4.mode_command("OFFBOARD") == CommandLong(Cmd.DO_SET_MODE, param1=1.0, param2=6.0, param3=0.0)
+
+
+def test_ardupilot_never_holds_in_a_mode_that_needs_a_stick():
+    assert ARDUPILOT.hold not in {"LOITER", "ALT_HOLD", "POSHOLD", "STABILIZE"}
+
+
+def test_takeoff_is_above_home_for_ardupilot_and_above_the_sea_for_px4():
+    assert ARDUPILOT.takeoff_command(10.0, 488.0).param7 == 10.0
+    command = PX4.takeoff_command(10.0, 488.0)
+    assert command.param7 == 498.0
+    assert math.isnan(command.param5)
+    assert math.isnan(command.param6)
+
+
+def test_a_place_is_above_home_for_ardupilot_and_above_the_sea_for_px4():
+    ours, theirs = ARDUPILOT.go_command(PLACE, 488.0, 3.0, 1.0), PX4.go_command(PLACE, 488.0, 3.0, 1.0)
+    assert isinstance(ours, CommandInt)
+    assert isinstance(theirs, CommandInt)
+    assert (ours.frame, ours.z) == (6, 15.0)
+    assert (theirs.frame, theirs.z) == (5, 503.0)
+    assert (ours.x, ours.y) == (theirs.x, theirs.y) == (473977421, -85455941)
+    assert ours.param2 == theirs.param2 == 1.0
+
+
+def test_speed_and_heading_go_with_px4s_command_and_after_ardupilots():
+    command = PX4.go_command(PLACE, 488.0, 3.0, 1.0)
+    assert (command.param1, command.param4) == (3.0, 1.0)
+    assert PX4.after_go(3.0) is None
+    assert PX4.turn_command(1.0) is None
+    assert ARDUPILOT.after_go(3.0) == CommandLong(Cmd.DO_CHANGE_SPEED, param1=1.0, param2=3.0, param3=-1.0)
+    assert ARDUPILOT.turn_command(math.pi).param1 == pytest.approx(180.0)
+
+
+def test_px4_without_a_heading_keeps_its_own():
+    assert math.isnan(PX4.go_command(PLACE, 488.0, 3.0, None).param4)
+
+
+def test_forcing_skips_the_checks_of_what_is_asked_and_of_nothing_else():
+    assert arm_command(arm=True, force=True) == CommandLong(400, param1=1.0, param2=21196.0)
+    assert arm_command(arm=True, force=False) == CommandLong(400, param1=1.0, param2=0.0)
+    assert arm_command(arm=False, force=True) == CommandLong(400, param1=0.0, param2=21196.0)
+
+
+@pytest.mark.parametrize(
+    ("heading", "north", "east"), [(0.0, 1, 0), (math.pi / 2, 0, 1), (math.pi, -1, 0), (-math.pi / 2, 0, -1)]
+)
+def test_forward_is_where_the_nose_points(heading, north, east):
+    sent = setpoint(Velocity(Vector3(1.0, 0.0, 0.0)), heading, 1)
+    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((north, east, 0.0), abs=1e-9)
+
+
+def test_left_up_and_turning_left_have_their_signs():
+    sent = setpoint(Velocity(Vector3(0.0, 1.0, 2.0), yaw_rate=0.5), 0.0, 3)
+    assert (sent.vx, sent.vy, sent.vz) == pytest.approx((0.0, -1.0, -2.0), abs=1e-9)
+    assert sent.yaw_rate == -0.5
+    assert (sent.coordinate_frame, sent.type_mask, sent.target_system) == (1, 1479, 3)
+
+
+small = st.floats(-20, 20)
+
+
+@given(small, small, small, st.floats(-math.pi, math.pi))
+def test_turning_a_velocity_changes_no_speed(x, y, z, heading):
+    sent = setpoint(Velocity(Vector3(x, y, z)), heading, 1)
+    assert math.hypot(sent.vx, sent.vy) == pytest.approx(math.hypot(x, y), abs=1e-9)
+    assert sent.vz == -z
+
+
+def test_ardupilot_is_ready_once_the_check_passes_and_the_position_is_usable():
+    ready = ARDUPILOT.ready_to_arm
+    assert ready(VehicleState()) is None
+    assert ready(VehicleState(prearm_ok=True)) is None
+    assert ready(VehicleState(prearm_ok=True, estimator_flags=0xA7)) is False
+    assert ready(VehicleState(prearm_ok=False, estimator_flags=0x33F)) is False
+    assert ready(VehicleState(prearm_ok=True, estimator_flags=0x33F)) is True
+
+
+def test_px4_is_ready_once_the_check_passes_and_home_is_known():
+    assert PX4.ready_to_arm(VehicleState()) is None
+    assert PX4.ready_to_arm(VehicleState(prearm_ok=True)) is False
+    assert PX4.ready_to_arm(VehicleState(prearm_ok=True, home=PLACE)) is True

@@ -1,0 +1,247 @@
+"""Take-offs, landings and the other commands, on both simulated autopilots."""
+
+import asyncio
+
+import pytest
+
+from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
+from fleet.errors import CommandError
+from fleet.model.health import Level
+from fleet.model.report import FlightStateReport
+from fleet_mavlink.words import Cmd
+
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
+EXTERNAL = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
+FORWARD = Velocity(Vector3(2.0, 0.0, 0.0))
+STILL = Velocity()
+
+
+def of(reports, kind):
+    return [report for report in reports if isinstance(report, kind)]
+
+
+@both
+def test_it_takes_off_and_lands(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            percents = await it.do("takeoff", altitude=8.0)
+            assert it.height == pytest.approx(8.0, abs=0.7)
+            assert percents == sorted(percents)
+            assert percents[-1] == 100.0
+            await it.until(lambda: of(it.robot.reports, FlightStateReport)[-1].is_flying)
+            await it.do("land")
+            assert not it.armed
+            assert it.height < 0.2
+
+    fly(main())
+
+
+@both
+def test_a_takeoff_without_altitude_takes_the_configured_one(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, takeoff_altitude=4.0) as it:
+            await it.met()
+            await it.do("takeoff")
+            assert it.height == pytest.approx(4.0, abs=0.7)
+
+    fly(main())
+
+
+@both
+def test_a_takeoff_in_the_air_never_descends(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            await it.do("takeoff")
+            await it.do("takeoff", altitude=3.0)
+            await asyncio.sleep(5)
+            assert it.height > 7.0
+            await it.do("takeoff", altitude=12.0)
+            assert it.height == pytest.approx(12.0, abs=0.7)
+
+    fly(main())
+
+
+@both
+def test_it_climbs_and_sinks_by_a_distance_but_not_to_the_ground(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            before = it.height
+            await it.do("ascend", distance=3.0)
+            assert it.height == pytest.approx(before + 3.0, abs=0.7)
+            before = it.height
+            await it.do("descend", distance=4.0)
+            assert it.height == pytest.approx(before - 4.0, abs=0.7)
+            with pytest.raises(Refused, match="below 1 m"):
+                await it.do("descend", distance=4.0)
+            with pytest.raises(Refused, match="over the limit of 120 m"):
+                await it.do("ascend", distance=400.0)
+
+    fly(main())
+
+
+@both
+def test_it_returns_home_and_lands(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            async for _ in it.adapter.navigate(GoTo(Goal(position=Vector3(8.0, 8.0, 6.0)))):
+                pass
+            await it.do("return_to_home")
+            assert not it.armed
+            assert it.place == pytest.approx((0.0, 0.0, 0.0), abs=1.0)
+
+    fly(main())
+
+
+@both
+def test_a_refused_takeoff_is_told_in_the_autopilots_words(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            it.sim.set_fault("not_ready", 1.0)
+            with pytest.raises(CommandError) as refused:
+                await it.do("takeoff")
+            assert refused.value.messages
+            assert refused.value.reason == "; ".join(refused.value.messages)
+            assert refused.value.reason.startswith(("Arm: ", "Arming denied: "))
+            assert refused.value.device_result in {"FAILED", "TEMPORARILY_REJECTED"}
+            assert not it.armed
+
+    fly(main())
+
+
+@both
+def test_lost_acknowledgements_do_not_make_it_do_things_twice(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            it.sim.set_fault("no_ack", 1.0)
+            await it.do("takeoff", altitude=5.0)
+            assert it.height == pytest.approx(5.0, abs=0.7)
+            assert len(it.asked(Cmd.COMPONENT_ARM_DISARM)) <= 2
+
+    fly(main())
+
+
+@both
+def test_a_silent_link_is_told_and_nothing_moves_when_it_comes_back(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 2.0)
+            it.radio = False
+            await it.until(lambda: it.robot.healths[-1].level is Level.OFFLINE, within=6.0)
+            assert "no heartbeat from system 1" in it.robot.healths[-1].cause
+            with pytest.raises(NotReady, match="no heartbeat"):
+                it.adapter.drive(FORWARD)
+            it.radio = True
+            await it.until(lambda: it.robot.healths[-1].level < Level.OFFLINE, within=6.0)
+            heard = len(it.setpoints)
+            await asyncio.sleep(3)
+            moving = [each for _, each in it.setpoints[heard:] if (each.vx, each.vy, each.vz) != (0, 0, 0)]
+            assert moving == []
+
+    fly(main())
+
+
+@both
+def test_after_a_reboot_the_messages_are_asked_for_again(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await asyncio.sleep(10)
+            await it.do("reboot")
+            await it.until(lambda: it.state.reboots == 1)
+            await it.until(lambda: it.state.home_altitude is not None)
+            again = it.now
+            await it.until(lambda: it.state.knows_where(it.robot.monotonic()))
+            assert it.now - again < 15.0
+            await it.do("takeoff")
+
+    fly(main())
+
+
+@both
+def test_it_is_not_rebooted_nor_disarmed_in_the_air(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            with pytest.raises(Refused, match="armed"):
+                await it.do("reboot")
+            for force in (False, True):
+                with pytest.raises(Refused, match="in the air"):
+                    await it.do("disarm", force=force)
+            assert it.armed
+
+    fly(main())
+
+
+@both
+def test_it_is_armed_and_disarmed_on_the_ground(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("arm")
+            assert it.armed
+            await it.do("disarm")
+            assert not it.armed
+
+    fly(main())
+
+
+@both
+def test_a_landing_can_be_cancelled(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            landing = asyncio.ensure_future(it.do("land"))
+            await it.until(lambda: it.height < 8.0)
+            await it.do("cancel_landing")
+            with pytest.raises(Refused):
+                await landing
+            assert it.mode == HOLD[flavour]
+            height = it.height
+            await asyncio.sleep(5)
+            assert it.height == pytest.approx(height, abs=1.5)
+
+    fly(main())
+
+
+@both
+def test_home_is_set_here(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            async for _ in it.adapter.navigate(GoTo(Goal(position=Vector3(10.0, 0.0, 6.0)))):
+                pass
+            await it.do("set_home_here")
+            await asyncio.sleep(3)
+            assert it.state.relative_altitude == pytest.approx(6.0, abs=1.0)
+            await it.do("return_to_home")
+            assert it.place[:2] == pytest.approx((0.0, 10.0), abs=1.5)
+
+    fly(main())
+
+
+@both
+def test_a_command_while_the_vehicle_is_silent_says_so(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            it.radio = False
+            await asyncio.sleep(1)
+            for name in ("takeoff", "land", "arm", "disarm", "reboot", "battery_check", "set_home_here"):
+                with pytest.raises(NotReady, match="no heartbeat"):
+                    await it.do(name)
+
+    fly(main())

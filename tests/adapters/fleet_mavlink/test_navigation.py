@@ -1,0 +1,132 @@
+"""Goals, flown by both simulated autopilots."""
+
+import itertools
+import math
+
+import pytest
+
+from fleet import FollowPath, Goal, GoTo, Refused, RelativeMove, Vector3, Velocity
+from fleet.model.report import PoseReport
+from fleet_mavlink.words import Cmd
+
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
+EXTERNAL = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
+FORWARD = Velocity(Vector3(2.0, 0.0, 0.0))
+STILL = Velocity()
+
+
+def of(reports, kind):
+    return [report for report in reports if isinstance(report, kind)]
+
+
+async def exhausted(steps):
+    """Let something run to its end."""
+    async for _ in steps:
+        pass
+
+
+@both
+def test_it_goes_to_a_place_in_the_world(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            goal = Goal(position=Vector3(10.0, 6.0, 7.0), yaw=math.pi)
+            steps = [step async for step in it.adapter.navigate(GoTo(goal))]
+            percents = [step.percent for step in steps]
+            assert percents == sorted(percents)
+            assert percents[-1] == 100.0
+            assert not any(step.blocked for step in steps)
+            assert it.place == pytest.approx((6.0, 10.0, 7.0), abs=0.7)
+            assert math.degrees(it.sim.body.heading) % 360 == pytest.approx(270.0, abs=12)
+            pose = of(it.robot.reports, PoseReport)[-1]
+            assert (pose.position.x, pose.position.y, pose.position.z) == pytest.approx((10, 6, 7), abs=1.0)
+
+    fly(main())
+
+
+@both
+def test_it_keeps_the_speed_that_a_goal_asks(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            task = GoTo(Goal(position=Vector3(0.0, 20.0, 5.0)))
+            task = GoTo(task.goal, constraints=type(task.constraints)(max_speed=1.0))
+            fastest = 0.0
+            async for _ in it.adapter.navigate(task):
+                fastest = max(fastest, it.sim.body.vn)
+            assert 0.7 < fastest < 1.3
+
+    fly(main())
+
+
+@both
+def test_a_path_is_flown_in_order_with_its_waits(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            goals = (Goal(position=Vector3(0, 5, 5), wait=4.0), Goal(position=Vector3(5, 5, 5)))
+            reached, at = [], []
+            async for step in it.adapter.navigate(FollowPath(goals, loops=2)):
+                reached.append(step.reached)
+                at.append(it.now)
+            assert reached == sorted(reached)
+            assert reached[-1] == 4
+            assert it.place[:2] == pytest.approx((5.0, 5.0), abs=0.7)
+            assert max(later - sooner for sooner, later in itertools.pairwise(at)) >= 4.0
+
+    fly(main())
+
+
+@both
+def test_a_relative_move_starts_from_where_it_is_and_looks(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(Velocity(yaw_rate=-0.5), 3.2)
+            await it.drive(STILL, 3.0)
+            heading = it.sim.body.heading
+            async for _ in it.adapter.navigate(RelativeMove(Vector3(6.0, 0.0, 1.0))):
+                pass
+            expected = (6 * math.cos(heading), 6 * math.sin(heading), 6.0)
+            assert it.place == pytest.approx(expected, abs=0.9)
+
+    fly(main())
+
+
+@both
+def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
+            await it.met()
+            await it.do("takeoff")
+            before = len(it.commands)
+            for place in (Vector3(0, 0, 21), Vector3(60, 0, 5), Vector3(0, 0, 0), Vector3(0, 0, -400)):
+                with pytest.raises(Refused):
+                    await anext(aiter(it.adapter.navigate(GoTo(Goal(position=place)))))
+            with pytest.raises(Refused):
+                await it.do("takeoff", altitude=21.0)
+            assert [each for each in it.commands[before:] if each.command != Cmd.SET_MESSAGE_INTERVAL] == []
+
+    fly(main())
+
+
+@both
+def test_a_takeover_ends_a_goal(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            going = it.adapter.navigate(GoTo(Goal(position=Vector3(40.0, 0.0, 10.0))))
+            while (await anext(going)).percent < 20:
+                pass
+            it.sim.set_fault("pilot_takeover", 1.0)
+            with pytest.raises(Refused, match="taken over"):
+                await exhausted(going)
+            assert it.mode in {"LOITER", "POSCTL"}
+
+    fly(main())

@@ -1,0 +1,100 @@
+"""What is told of a vehicle, and what is rather left out."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet import GeoOrigin, GeoPoint, Vector3
+from fleet.model.geodesy import geo_from_world
+from fleet_mavlink import reports
+from fleet_mavlink.frames import origin_of, pose_of
+from fleet_mavlink.messages import Heartbeat
+from fleet_mavlink.px4 import Px4
+from fleet_mavlink.state import Angles, Battery, Fix, VehicleState
+from fleet_mavlink.texts import Sentence
+from fleet_mavlink.words import Landed
+
+HOME = GeoOrigin(47.397742, 8.545594, 488.0)
+PX4 = Px4()
+NOTHING = VehicleState()
+
+
+def test_of_a_vehicle_of_which_nothing_is_known_nothing_is_told():
+    assert reports.pose_report(NOTHING, HOME, 1.0) is None
+    assert reports.gps_report(NOTHING, 1.0) is None
+    assert reports.battery_report(NOTHING, 1.0) is None
+    assert reports.flight_state_report(NOTHING, PX4, 1.0) is None
+    assert reports.flight_controller_report(NOTHING, PX4, (), 1, connected=True, stamp=1.0) is None
+    assert reports.metrics_report(NOTHING, PX4, 1.0).power == {}
+
+
+def test_without_an_origin_there_is_no_pose():
+    state = VehicleState(position=GeoPoint(47.0, 8.0, 500.0), attitude=Angles(0, 0, 0))
+    assert reports.pose_report(state, None, 1.0) is None
+
+
+def test_north_is_y_and_a_nose_to_the_north_is_a_quarter_turn():
+    place = geo_from_world(HOME, Vector3(0.0, 30.0, 5.0))
+    pose = pose_of(VehicleState(position=place, attitude=Angles(0, 0, 0)), HOME)
+    assert (pose.position.x, pose.position.y, pose.position.z) == pytest.approx((0, 30, 5), abs=0.01)
+    assert pose.rotation.yaw == pytest.approx(math.pi / 2)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-180, 180))
+def test_a_nose_along_the_worlds_y_axis_is_a_quarter_turn_wherever_that_points(yaw, bearing):
+    origin = GeoOrigin(47.0, 8.0, 0.0, heading=bearing)
+    ahead = VehicleState(
+        position=GeoPoint(47.0, 8.0, 0.0), attitude=Angles(0, 0, math.radians(bearing) + yaw)
+    )
+    turned = pose_of(ahead, origin).rotation.yaw
+    assert math.remainder(turned - (math.pi / 2 - yaw), math.tau) == pytest.approx(0, abs=1e-6)
+
+
+def test_the_origin_is_home_at_the_height_of_home():
+    state = VehicleState(
+        home=GeoPoint(47.0, 8.0, 480.0), position=GeoPoint(47.0, 8.0, 498.0), relative_altitude=10.0
+    )
+    assert origin_of(state) == GeoOrigin(47.0, 8.0, 488.0)
+    assert origin_of(NOTHING) is None
+
+
+def test_a_fix_and_a_battery_are_told_as_known():
+    place = GeoPoint(47.0, 8.0, 500.0)
+    state = VehicleState(
+        fix=Fix(place, "3d", 12, 0.9, None), battery=Battery(50.0, 15.3, None), heading=270.0
+    )
+    gps = reports.gps_report(state, 7.0)
+    assert (gps.point, gps.fix_type, gps.satellites, gps.heading) == (place, "3d", 12, 270.0)
+    battery = reports.battery_report(state, 7.0)
+    assert (battery.stamp, battery.percent, battery.voltage, battery.current) == (7.0, 50.0, 15.3, None)
+    assert reports.metrics_report(state, PX4, 7.0).power == {"battery_percent": 50.0, "voltage": 15.3}
+
+
+def test_the_flight_controllers_state_is_told_in_its_words():
+    beat = Heartbeat(2, 12, 0x80, 0x05040000, 5)
+    state = VehicleState(heartbeat=beat, landed=Landed.IN_AIR, prearm_ok=True, reboots=2, mission_current=3)
+    said = [Sentence("Returning to launch", 6, 0.0)]
+    report = reports.flight_controller_report(state, PX4, said, 9, connected=False, stamp=1.0)
+    assert (report.armed, report.mode, report.failsafe, report.autopilot) == (True, "AUTO.RTL", True, "px4")
+    assert (report.vehicle, report.system_id, report.reboots, report.connected) == ("quadrotor", 9, 2, False)
+    assert [(text.text, text.severity) for text in report.status_texts] == [("Returning to launch", 6)]
+    assert report.mission is None
+    assert reports.flight_state_report(state, PX4, 1.0).is_flying
+
+
+@pytest.mark.parametrize(
+    ("severity", "level"),
+    [
+        (0, "CRITICAL"),
+        (2, "CRITICAL"),
+        (3, "ERROR"),
+        (4, "WARNING"),
+        (6, "INFO"),
+        (7, "DEBUG"),
+        (200, "DEBUG"),
+    ],
+)
+def test_what_it_says_is_logged_at_its_weight(severity, level):
+    assert reports.log_report(Sentence("x", severity, 0.0), 1.0).level == level

@@ -1,0 +1,181 @@
+"""The bridge with the real cloud client, against the demo broker and Mosquitto."""
+
+import json
+import threading
+
+import pytest
+from cyberwave.mqtt import CyberwaveMQTTClient
+
+from fleet.bridge.bridge import Bridge
+from fleet.clock import SystemClock
+from fleet.cloud.client import CloudClient
+from fleet.cloud.values import CloudSettings, CloudState
+from fleet.model.command import Reply, ReplyStatus
+from fleet.testing.waiting import wait_until
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
+T = f"cyberwave/twin/{TWIN}/"
+
+
+def settings(port, name=""):
+    return CloudSettings(host="127.0.0.1", port=port, tls=False, client_id=name, keepalive=1)
+
+
+class Listener:
+    """A client that hears all there is, and can speak."""
+
+    def __init__(self, port):
+        self.heard = []
+        self.client = CloudClient(
+            settings(port, "listener"),
+            {"cyberwave/#": 1},
+            on_message=self._take,
+            on_state=lambda *_: None,
+            clock=SystemClock(),
+        )
+        self.client.start()
+        wait_until("the listener is in", lambda: self.client.state is CloudState.CONNECTED)
+
+    def _take(self, messages):
+        self.heard += [(message.topic, json.loads(message.payload)) for message in messages]
+
+    def telemetry(self, twin=TWIN):
+        topic = f"cyberwave/twin/{twin}/telemetry"
+        return [message["type"] for heard, message in list(self.heard) if heard == topic]
+
+
+@pytest.fixture(params=["broker", "mosquitto"])
+def port(request):
+    """Serve the test once with each broker."""
+    return request.getfixturevalue(request.param).port
+
+
+@pytest.fixture
+def listener(port):
+    listener = Listener(port)
+    yield listener
+    listener.client.close()
+
+
+@pytest.fixture
+def make_bridge(topics, ports):
+    """Build bridges whose loop is whatever thread calls; close what is still open."""
+    made = []
+
+    def make_bridge(port):
+        bridge = Bridge(
+            settings(port),
+            topics,
+            ports,
+            edge="yard-1",
+            soon=lambda call: call(),
+            alive=lambda _name: True,
+            clock=SystemClock(),
+        )
+        made.append(bridge)
+        bridge.start()
+        wait_until("the bridge is in", lambda: bridge.client.state is CloudState.CONNECTED)
+        return bridge
+
+    yield make_bridge
+    for bridge in made:
+        bridge.client.close()
+
+
+@pytest.fixture
+def bridge(make_bridge, port):
+    return make_bridge(port)
+
+
+def test_reports_cross_with_the_next_turn(bridge, listener, pose):
+    bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
+    bridge.turn()
+    position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
+    assert position["position"]["x"] == 4.0
+    assert position["session_id"].startswith("fleet_live_")
+
+
+def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
+    monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
+    bridge.turn()
+
+
+def test_every_twin_has_a_heartbeat(bridge, listener):
+    bridge.beat({"cpu_temp_c": 41.5})
+    wait_until("both are heard", lambda: len(listener.heard) == 2)
+    beats = dict(listener.heard)
+    assert set(beats) == {f"{T}edge_health", f"cyberwave/twin/{OTHER}/edge_health"}
+    beat = beats[f"{T}edge_health"]
+    assert (beat["type"], beat["edge_id"], beat["streams"]) == ("edge_health", "yard-1", {})
+    assert (beat["cpu_temp_c"], beat["source_type"], beat["twin_uuid"]) == (41.5, "edge", TWIN)
+    assert beats[f"cyberwave/twin/{OTHER}/edge_health"]["source_type"] == "sim"
+
+
+def test_whoever_ends_says_that_its_twins_are_disconnected(bridge, listener):
+    bridge.close()
+    wait_until("both are heard", lambda: len(listener.heard) == 2)
+    assert listener.telemetry() == listener.telemetry(OTHER) == ["disconnected"]
+    assert {message["reason"] for _, message in listener.heard} == {"the edge ends"}
+
+
+def test_only_what_asks_something_of_our_twins_is_subscribed(broker, make_bridge, topics, ports):
+    bridge = make_bridge(broker.port)
+    (mine,) = broker.call(lambda: list(broker.broker._hub._directory.sessions.values()))
+    leaves = {"command": 1, "navigate/command": 1, "motion/command": 0}
+    wanted = {topics.twin(twin, leaf): qos for twin in ports for leaf, qos in leaves.items()}
+    given = {pattern: one.options for pattern, one in mine.subscriptions.items()}
+    assert {pattern: int(options.max_qos) for pattern, options in given.items()} == wanted
+    assert all(options.no_local for options in given.values())
+    assert bridge.client.stats.refused_subscriptions == 0
+
+
+def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
+    rex.answers = lambda *_: Reply("takeoff", ReplyStatus.DENIED, "no GPS", device_result="MAV_RESULT_DENIED")
+    sdk = CyberwaveMQTTClient(
+        mqtt_broker="127.0.0.1", mqtt_port=port, use_tls=False, api_key="x", topic_prefix=""
+    )
+    sdk.connect()
+    try:
+        answer = sdk.request_command(TWIN, "takeoff", {"altitude": 2.0}, timeout_s=30.0)
+    finally:
+        sdk.disconnect()
+    assert (answer["status"], answer["reason"], answer["device_result"]) == (
+        "denied",
+        "no GPS",
+        "MAV_RESULT_DENIED",
+    )
+    ((kind, payload, request_id),) = rex.received
+    assert (kind, json.loads(payload)["data"]) == ("command", {"altitude": 2.0})
+    assert request_id
+
+
+def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
+    rex.answers = lambda *_: Reply("land", ReplyStatus.ACCEPTED)
+    listener.client.publish(f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, urgent=True)
+    wait_until("command and status are heard", lambda: len(listener.heard) >= 1)
+    bridge.beat({})  # comes after the status on the same connection
+    wait_until("the heartbeats are heard", lambda: [t for t, _ in listener.heard if "edge_health" in t])
+    assert len(rex.received) == 1
+
+
+def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_there(broker, make_bridge):
+    listener = Listener(broker.port)
+    try:
+        make_bridge(broker.port)
+        (us,) = [name for name in broker.call(lambda: broker.broker.clients) if name != "listener"]
+        broker.call(broker.broker.half_open, us)
+        wait_until("the will is heard", lambda: "disconnected" in listener.telemetry())
+        wait_until("it is taken back", lambda: "connected" in listener.telemetry())
+        assert listener.telemetry() == ["disconnected", "connected"]
+        assert listener.telemetry(OTHER) == ["connected"]
+    finally:
+        listener.client.close()
+
+
+def test_an_answer_does_not_wait_for_the_wheel(bridge, listener, rex):
+    answered = threading.Event()
+    rex.answers = lambda *_: answered.set() or Reply("land", ReplyStatus.REJECTED, "stale")
+    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, urgent=True)
+    assert answered.wait(60)
+    wait_until("the status is heard", lambda: [m for _, m in listener.heard if m.get("reason") == "stale"])

@@ -1,0 +1,314 @@
+import itertools
+import json
+import sys
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.bridge.uplink import STRANGERS, WAITING, TwinInfo, Uplink
+from fleet.model.navigation import ActionState
+from fleet.model.report import BatteryReport, LogReport, NavigationReport, TelemetryReport
+from fleet.testing.waiting import DEADLINE
+from fleet.wire.databus import encode_report
+from fleet.wire.rules import CHANNEL_LEAVES, RULES
+from fleet.wire.topics import Topics
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c99"
+POSITION = f"cw/{TWIN}/data/position"
+BATTERY = f"cw/{TWIN}/data/battery"
+STATUS = f"cw/{TWIN}/data/navigate_status"
+LOG = f"cw/{TWIN}/data/driverlog"
+TICK = 0.02
+
+
+class Bench:
+    """An uplink, and what it publishes at which time."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+        self.alive = True
+        self.sent: list[tuple[float, str, dict, int]] = []
+        self.uplink = Uplink(
+            Topics(""),
+            {TWIN: TwinInfo("rex", "edge")},
+            session="us",
+            publish=self._publish,
+            alive=lambda name: self.alive and name == "rex",
+        )
+
+    def _publish(self, topic, payload, qos):
+        self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
+
+    def turn(self, seconds=TICK):
+        self.now += seconds
+        self.uplink.turn(self.now)
+
+    def run(self, seconds):
+        for _ in range(round(seconds / TICK)):
+            self.turn()
+
+    def of(self, leaf):
+        return [(when, message) for when, sent, message, _ in self.sent if sent == leaf]
+
+
+def battery(percent):
+    return encode_report(BatteryReport(1.0, percent), 0)
+
+
+def status(action, progress=0.0):
+    return encode_report(NavigationReport(1.0, action, ActionState.RUNNING, progress), 0)
+
+
+def line(text):
+    return encode_report(LogReport(1.0, "WARNING", text), 0)
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+def test_a_pose_becomes_two_topics_in_the_cloud_s_form(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn()
+    assert [(leaf, qos) for _, leaf, _, qos in bench.sent] == [("position", 0), ("rotation", 0)]
+    message = bench.sent[0][2]
+    assert message["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+    assert (message["source_type"], message["session_id"]) == ("edge", "us")
+
+
+def test_of_many_poses_in_a_turn_only_the_newest_crosses(bench, pose):
+    for x in range(10):
+        bench.uplink.arrived(POSITION, pose(x))
+    bench.turn()
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [9.0]
+    assert bench.uplink.conflated == 9
+
+
+def test_a_pose_that_came_too_early_crosses_when_its_time_is_there(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn()
+    bench.uplink.arrived(POSITION, pose(2.0))
+    bench.turn()
+    assert len(bench.of("position")) == 1
+    bench.run(0.1)
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(("channel", "leaves"), CHANNEL_LEAVES.items())
+def test_the_leaves_of_one_channel_have_one_rule(channel, leaves):
+    rules = {(RULES[leaf].traffic, RULES[leaf].max_rate, RULES[leaf].repeat) for leaf in leaves}
+    assert len(rules) == 1
+
+
+def test_a_pose_is_said_again_while_the_robot_answers_and_only_then(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.run(5.0)
+    assert 5 <= len(bench.of("position")) <= 6
+    bench.alive = False
+    before = len(bench.sent)
+    bench.run(5.0)
+    assert len(bench.sent) == before
+
+
+def test_what_has_no_repeat_is_said_once(bench):
+    key = f"cw/{TWIN}/data/metrics"
+    bench.uplink.arrived(key, b'{"ts": 1.0, "power": {"voltage": 12.0}}')
+    bench.run(20.0)
+    assert len(bench.of("metrics")) == 1
+
+
+def test_events_keep_their_order_and_are_all_sent(bench):
+    for number in range(100):
+        bench.uplink.arrived(STATUS, status(f"a{number % 2}", number % 100))
+    bench.turn()
+    assert [message["progress"] for _, message in bench.of("navigate/status")] == list(range(100))
+    assert {qos for *_, qos in bench.sent} == {1}
+
+
+def test_beyond_their_bound_the_oldest_events_are_dropped_counted_and_told(bench, caplog):
+    for number in range(WAITING + 3):
+        bench.uplink.arrived(STATUS, status("a", number % 100))
+    bench.turn()
+    assert len(bench.sent) == WAITING
+    assert bench.sent[0][2]["progress"] == 3
+    assert bench.uplink.dropped == 3
+    assert caplog.messages == ["3 events came faster than they may cross to the cloud and were dropped"]
+
+
+def test_a_flood_of_log_lines_is_thinned_and_told_now_and_then(bench, caplog):
+    for _ in range(100):
+        for number in range(20):
+            bench.uplink.arrived(LOG, line(f"line {number}"))
+        bench.uplink.arrived(STATUS, status("a"))
+        bench.turn(0.1)
+    assert len(bench.of("navigate/status")) == 100, "the flood must not thin anything else"
+    assert 100 <= len(bench.of("driverlog")) <= 110
+    assert bench.uplink.dropped == 2000 - len(bench.of("driverlog"))
+    assert len(caplog.records) <= 2
+
+
+def test_a_few_log_lines_at_once_all_cross(bench):
+    for number in range(8):
+        bench.uplink.arrived(LOG, line(f"line {number}"))
+    bench.turn()
+    assert [message["message"] for _, message in bench.of("driverlog")] == [f"line {n}" for n in range(8)]
+
+
+def test_the_twins_of_others_are_not_ours_to_tell(bench, pose):
+    bench.uplink.arrived(f"cw/{OTHER}/data/position", pose(1.0))
+    bench.turn()
+    assert bench.sent == []
+    assert bench.uplink.received == 0
+
+
+def test_a_sensor_s_value_is_not_the_robot_s(bench, pose):
+    bench.uplink.arrived(f"{POSITION}/gripper", pose(1.0))
+    bench.turn()
+    assert bench.sent == []
+
+
+@pytest.mark.parametrize("channel", ["commands/velocity", "frames", "model_output", "x"])
+def test_channels_without_a_rule_stay_on_the_bus(bench, channel):
+    bench.uplink.arrived(f"cw/{TWIN}/data/{channel}", b"{}")
+    bench.turn()
+    assert bench.sent == []
+
+
+def test_invented_keys_do_not_fill_the_memory(bench, pose):
+    for number in range(STRANGERS + 100):
+        bench.uplink.arrived(f"cw/{number}/data/position", b"x")
+    assert len(bench.uplink._slots) == STRANGERS
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn()
+    assert len(bench.of("position")) == 1
+
+
+def test_a_sample_that_cannot_be_read_is_counted_and_the_first_of_a_row_told(bench, caplog, pose):
+    for _ in range(10):
+        bench.uplink.arrived(POSITION, b"garbage")
+        bench.run(2.0)
+    assert bench.uplink.refused == 10
+    assert len(caplog.records) == 1
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn(1.0)
+    bench.uplink.arrived(POSITION, b"garbage")
+    bench.turn(1.0)
+    assert len(bench.of("position")) == 1
+    assert len(caplog.records) == 2
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(sorted(CHANNEL_LEAVES)),
+            st.binary(max_size=60)
+            | st.recursive(
+                st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+                lambda inner: (
+                    st.lists(inner, max_size=3)
+                    | st.dictionaries(
+                        st.sampled_from(
+                            ["ts", "x", "names", "positions", "type", "fields", "level", "message"]
+                        ),
+                        inner,
+                        max_size=5,
+                    )
+                ),
+                max_leaves=6,
+            ).map(lambda value: json.dumps(value).encode()),
+        ),
+        max_size=10,
+    )
+)
+def test_no_garbage_on_the_bus_stops_the_uplink(samples):
+    bench = Bench()
+    for channel, sample in samples:
+        bench.uplink.arrived(f"cw/{TWIN}/data/{channel}", sample)
+        bench.turn(10.0)
+    bench.uplink.arrived(BATTERY, battery(50.0))
+    bench.turn(10.0)
+    assert bench.of("battery/status")[-1][1]["percentage"] == 50.0
+
+
+@given(st.lists(st.tuples(st.sampled_from(["pose", "battery"]), st.integers(0, 30)), max_size=60))
+def test_no_sequence_of_arrivals_is_above_the_rate_or_loses_the_newest(arrivals):
+    from_kind = {"pose": (POSITION, "position", 20.0), "battery": (BATTERY, "battery/status", 1.0)}
+    bench = Bench()
+    newest = {}
+    for number, (kind, turns) in enumerate(arrivals):
+        key = from_kind[kind][0]
+        sample = (
+            json.dumps({"ts": number, "x": 1, "y": 1, "z": 1, "qx": 0, "qy": 0, "qz": 0, "qw": 1})
+            if kind == "pose"
+            else json.dumps({"ts": number, "charge_pct": 50.0})
+        )
+        bench.uplink.arrived(key, sample.encode())
+        newest[kind] = number
+        bench.run(turns * TICK)
+    bench.run(1.5)
+    for kind, number in newest.items():
+        _, leaf, rate = from_kind[kind]
+        told = bench.of(leaf)
+        assert told[-1][1]["timestamp"] == number
+        stamps = [message["timestamp"] for _, message in told]
+        assert stamps == sorted(stamps), "an older value after a newer one"
+        times = [when for when, _ in told]
+        assert all(b - a >= 1 / rate - 1e-6 for a, b in itertools.pairwise(times))
+
+
+@pytest.fixture
+def hasty_threads():
+    """Let threads take turns after every few instructions."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
+
+
+def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, pose, hasty_threads):
+    """A sample that comes at any point of a turn leaves with that turn or a later one."""
+    sample, last = pose(1.0), pose(2.0)
+    done = threading.Event()
+
+    def arrive():
+        for _ in range(100_000):
+            bench.uplink.arrived(POSITION, sample)
+        bench.uplink.arrived(POSITION, last)
+        done.set()
+
+    thread = threading.Thread(target=arrive)
+    thread.start()
+    while not done.is_set():
+        bench.now += 1.0
+        bench.uplink.turn(bench.now)
+    thread.join(DEADLINE)
+    bench.run(0.1)
+    assert bench.of("position")[-1][1]["position"]["x"] == 2.0
+
+
+def test_a_sample_between_the_reading_of_the_queue_and_its_end_is_not_lost(bench, pose):
+    """Forces the one order of events that threads meet by chance: arriving while a turn publishes."""
+    publish = bench.uplink._publish
+    late = [pose(2.0)]
+
+    def publish_and_be_overtaken(topic, payload, qos):
+        publish(topic, payload, qos)
+        if late:
+            bench.uplink.arrived(POSITION, late.pop())
+
+    bench.uplink._publish = publish_and_be_overtaken
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.run(0.2)
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [1.0, 2.0]
+
+
+def test_telemetry_crosses_with_its_own_fields(bench):
+    report = TelemetryReport(1.0, "vehicle_state", {"armed": True})
+    bench.uplink.arrived(f"cw/{TWIN}/data/telemetry", encode_report(report, 0))
+    bench.turn()
+    assert bench.of("telemetry")[0][1]["type"] == "vehicle_state"
+    assert bench.of("telemetry")[0][1]["armed"] is True

@@ -1,0 +1,105 @@
+import os
+import socket
+import stat
+from pathlib import Path
+
+import pytest
+
+from fleet.bus.settings import (
+    BusSettings,
+    is_running,
+    running_edges,
+    runtime_dir,
+    socket_path,
+    users_file,
+    zenoh_settings,
+)
+from fleet.errors import BusError
+
+
+def test_the_sockets_are_in_a_directory_of_the_users_own(tmp_path):
+    path = runtime_dir({"XDG_RUNTIME_DIR": str(tmp_path)})
+    assert path == tmp_path / "fleet"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_without_a_runtime_directory_it_is_below_the_temporary_one(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    path = runtime_dir({})
+    assert path == tmp_path / f"fleet-{os.getuid()}"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_a_directory_that_others_may_enter_is_closed_to_them(tmp_path):
+    given = tmp_path / "run"
+    given.mkdir(mode=0o755)
+    given.chmod(0o777)
+    runtime_dir({"FLEET_RUNTIME_DIR": str(given)})
+    assert stat.S_IMODE(given.stat().st_mode) == 0o700
+
+
+def test_a_directory_that_leads_elsewhere_is_refused(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with pytest.raises(BusError, match="not a directory of this user; set FLEET_RUNTIME_DIR"):
+        runtime_dir({"FLEET_RUNTIME_DIR": str(tmp_path / "link")})
+
+
+def test_a_directory_of_another_user_is_refused(tmp_path, monkeypatch):
+    owner = tmp_path.stat().st_uid
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    with pytest.raises(BusError, match="not a directory of this user"):
+        runtime_dir({"FLEET_RUNTIME_DIR": str(tmp_path)})
+
+
+def test_a_directory_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BusError, match=r"cannot make .*file/run"):
+        runtime_dir({"FLEET_RUNTIME_DIR": str(tmp_path / "file" / "run")})
+
+
+def test_a_path_too_long_for_a_socket_says_what_to_do():
+    with pytest.raises(BusError, match="too long for a Unix socket; set FLEET_RUNTIME_DIR"):
+        socket_path("yard", "control", Path("/" + "x" * 100))
+
+
+def test_an_edge_that_died_does_not_run(directory):
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(directory / "yard.control.sock"))
+    assert not is_running("yard", directory)
+    assert running_edges(directory) == []
+
+
+def test_an_edge_runs_however_full_its_queue_of_callers_is(directory):
+    path = str(directory / "yard.control.sock")
+    with socket.socket(socket.AF_UNIX) as frozen, socket.socket(socket.AF_UNIX) as caller:
+        frozen.bind(path)
+        frozen.listen(0)
+        caller.connect(path)
+        assert is_running("yard", directory)
+        assert running_edges(directory) == ["yard"]
+
+
+def test_nothing_is_found_by_multicast_unless_asked_for():
+    settings = zenoh_settings(BusSettings("yard"), mode="peer", listen=(), connect=())
+    assert settings["scouting/multicast/enabled"] is False
+    settings = zenoh_settings(BusSettings("yard", scouting=True), mode="peer", listen=(), connect=())
+    assert settings["scouting/multicast/enabled"] is True
+
+
+def test_the_file_of_users_is_for_us_alone(directory):
+    path = users_file(BusSettings("yard", user="anna", password="a:b c"), directory)
+    assert path.read_text() == "anna:a:b c\n"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert users_file(BusSettings("yard"), directory) is None
+
+
+@pytest.mark.parametrize(
+    ("user", "password"),
+    [("anna", ""), ("anna", " x"), ("anna", "x\ny"), ("an:na", "x"), ("anna ", "x"), ("anna", "x\u2028y")],
+)
+def test_a_password_that_zenoh_would_misread_is_refused(directory, user, password):
+    with pytest.raises(BusError, match="bus user and password") as error:
+        users_file(BusSettings("yard", user=user, password=password), directory)
+    assert "\n" not in str(error.value)
+    assert list(directory.iterdir()) == []

@@ -1,0 +1,124 @@
+import os
+import signal
+
+import pytest
+
+from fleet.model.geometry import Vector3
+from fleet.model.state import EdgeState, RobotState
+
+EDGE_FIELDS = set(EdgeState.__struct_fields__)
+ROBOT_FIELDS = set(RobotState.__struct_fields__)
+
+
+def test_without_an_edge_it_says_how_to_start_one(fleet, runtime):
+    result = fleet("ps")
+    assert (result.code, result.out) == (4, "")
+    assert (
+        result.err
+        == "fleet: no edge is running here; start one with: fleet run fleet.yaml (or: fleet demo)\n"
+    )
+
+
+def test_without_the_edge_of_the_file_it_says_that(fleet, runtime):
+    result = fleet("ps", "-f", "fleet.yaml")
+    assert result.code == 4
+    assert "edge yard-1: edge 'yard-1' does not run here" in result.err
+
+
+def test_a_broken_file_is_told_as_such(fleet, place, runtime):
+    (place / "fleet.yaml").write_text("edge: {id: 5")
+    assert fleet("ps", "-f", "fleet.yaml").code == 3
+
+
+def test_robots_and_edges_of_all_edges_are_shown(fleet, play_edge):
+    play_edge("yard-1", robots={"rex": {"health": "ok", "battery": 81.4, "mode": "GUIDED", "armed": True}})
+    play_edge("barn", robots={"kestrel": {"cause": "no heartbeat"}})
+    result = fleet("ps")
+    assert result.code == 0
+    rows = result.out.splitlines()
+    assert rows[0].split() == ["ROBOT", "HEALTH", "MODE", "BATTERY", "DOING", "LAST", "COMMAND"]
+    assert rows[1].split() == ["kestrel", "offline", "-", "-", "-", "-"]
+    assert rows[2].split() == ["rex", "ok", "GUIDED", "armed", "81", "%", "-", "-"]
+    assert "kestrel: no heartbeat" in rows
+    assert any(row.startswith("edge barn: ok") for row in rows)
+    assert any(row.startswith("edge yard-1: ok") for row in rows)
+
+
+def test_json_has_every_field_of_everything(fleet, play_edge):
+    play_edge("yard-1", robots={"rex": {"health": "offline", "position": Vector3(1.0, 2.0, 3.0)}})
+    result = fleet("ps", "--json")
+    (edge,) = result.json["edges"]
+    (robot,) = result.json["robots"]
+    assert set(edge) == EDGE_FIELDS
+    assert set(robot) == ROBOT_FIELDS
+    assert (edge["health"], robot["health"], robot["armed"]) == ("ok", "offline", None)
+    assert robot["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+
+
+def test_what_a_robot_says_cannot_steer_the_terminal(fleet, play_edge):
+    play_edge("yard-1", robots={"rex": {"cause": "\x1b[2Jgone\r\nedge", "mode": "\x1b]0;x\x07"}})
+    result = fleet("ps")
+    assert not {"\x1b", "\r", "\x07"} & set(result.out + result.err)
+    assert "rex: \\x1b[2Jgone\\r\\nedge" in result.out
+
+
+def test_the_newest_of_several_words_about_a_robot_counts(fleet, play_edge):
+    edge = play_edge("yard-1", robots={"rex": {"health": "ok", "stamp": 2.0}})
+    edge.also_speaks("rex", health="offline", stamp=1.0)
+    assert [robot["health"] for robot in fleet("ps", "--json").json["robots"]] == ["ok"]
+
+
+def test_an_answer_that_cannot_be_read_hides_no_other(fleet, play_edge, caplog):
+    edge = play_edge("yard-1", robots={"rex": {"health": "ok"}})
+    edge.garbles("ghost")
+    result = fleet("ps", "--json")
+    assert [robot["name"] for robot in result.json["robots"]] == ["rex"]
+    assert "fleet/yard-1/robots/ghost/state cannot be read" in caplog.text
+
+
+def test_edges_that_are_linked_are_shown_once(fleet, play_edge, port):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{port}",))
+    play_edge("barn", connect=(f"tcp/127.0.0.1:{port}",)).sees("yard-1")
+    result = fleet("ps", "--json")
+    assert [edge["edge"] for edge in result.json["edges"]] == ["barn", "yard-1"]
+    assert len(result.json["robots"]) == 1
+
+
+def test_an_edge_with_a_password_is_not_reached_without_its_file(fleet, play_edge):
+    play_edge("yard-1", user="anna", password="secret")
+    result = fleet("ps")
+    assert result.code == 4
+    assert "edge yard-1: nobody lets us in" in result.err
+    assert "if it has a password, give its file: -f fleet.yaml" in result.err
+
+
+def test_an_edge_with_a_password_is_reached_with_its_file(fleet, place, play_edge):
+    play_edge("yard-1", user="anna", password="secret")
+    text = (place / "fleet.yaml").read_text()
+    (place / "fleet.yaml").write_text(f"bus: {{user: anna, password: secret}}\n{text}")
+    result = fleet("ps", "--json", "-f", "fleet.yaml")
+    assert [edge["edge"] for edge in result.json["edges"]] == ["yard-1"]
+
+
+def test_a_frozen_edge_is_told_and_hides_no_other(fleet, play_edge, spawn_edge):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}})
+    os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
+    result = fleet("ps", "--json")
+    assert [robot["name"] for robot in result.json["robots"]] == ["rex"]
+    assert "edge barn: nobody lets us in" in result.err
+    assert result.code == 0
+
+
+def test_an_edge_that_answers_nothing_is_told(fleet, spawn_edge):
+    spawn_edge("barn")
+    result = fleet("ps")
+    assert result.code == 4
+    assert "does not answer" in result.err
+
+
+@pytest.mark.parametrize("arguments", [("--json",), ()])
+def test_an_edge_without_robots_is_shown(fleet, play_edge, arguments):
+    play_edge("yard-1")
+    result = fleet("ps", *arguments)
+    assert result.code == 0
+    assert "yard-1" in result.out

@@ -1,0 +1,276 @@
+import json
+import os
+import signal
+
+import pytest
+
+from fleet.model.command import Reply, ReplyStatus
+
+ACCEPTED = Reply("takeoff", ReplyStatus.ACCEPTED)
+DONE = Reply("takeoff", ReplyStatus.ACCEPTED, done=True)
+DENIED = Reply("takeoff", ReplyStatus.DENIED, "no GPS", "wait for a fix", device_result="MAV_RESULT_DENIED")
+LATE = Reply("takeoff", ReplyStatus.TIMEOUT, "the robot is silent")
+
+
+@pytest.fixture
+def yard(play_edge):
+    """Play an edge with three robots, two of them in a group."""
+    robots = {name: {"health": "ok"} for name in ("rex", "beast", "kestrel")}
+    return play_edge("yard-1", robots=robots, groups={"ground": ["rex", "beast"]})
+
+
+def test_a_command_that_was_taken_is_told(fleet, yard):
+    asked = yard.answers("rex", ACCEPTED)
+    result = fleet("send", "rex", "takeoff", "altitude=5", "name=a b", 'list=[1, "x"]')
+    assert (result.code, result.out, result.err) == (0, "rex: takeoff accepted\n", "")
+    message = json.loads(asked[0].payload)
+    assert (message["command"], message["data"]) == (
+        "takeoff",
+        {"altitude": 5, "name": "a b", "list": [1, "x"]},
+    )
+    assert message["timestamp"] > 1.7e9
+    assert asked[0].parameters == {"kind": "command", "wait": "0"}
+
+
+def test_whoever_waits_hears_the_end(fleet, yard):
+    asked = yard.answers("rex", ACCEPTED, DONE)
+    result = fleet("send", "rex", "takeoff", "--wait")
+    assert (result.code, result.out) == (0, "rex: takeoff accepted\nrex: takeoff done\n")
+    assert asked[0].parameters["wait"] == "1"
+
+
+def test_a_refusal_is_told_with_what_to_do(fleet, yard):
+    yard.answers("rex", DENIED)
+    result = fleet("send", "rex", "takeoff")
+    assert (result.code, result.out) == (5, "rex: takeoff denied: no GPS (wait for a fix)\n")
+
+
+def test_a_command_that_fails_after_it_was_taken_is_a_refusal(fleet, yard):
+    yard.answers("rex", ACCEPTED, Reply("takeoff", ReplyStatus.DENIED, "motor 3", done=False))
+    result = fleet("send", "rex", "takeoff", "--wait")
+    assert (result.code, result.out.splitlines()[-1]) == (5, "rex: takeoff failed: motor 3")
+
+
+def test_a_robot_that_is_silent_is_told_once(fleet, yard):
+    yard.answers("rex", LATE)
+    result = fleet("send", "rex", "takeoff")
+    assert (result.code, result.out, result.err) == (6, "rex: takeoff timeout: the robot is silent\n", "")
+
+
+def test_a_command_without_any_answer_has_timed_out(fleet, yard):
+    yard.answers("rex")
+    result = fleet("send", "rex", "takeoff")
+    assert (result.code, result.out) == (6, "")
+    assert result.err == "rex: takeoff timeout: no answer within 15 s\n"
+
+
+def test_a_command_whose_end_is_not_seen_has_timed_out(fleet, yard):
+    yard.answers("rex", ACCEPTED)
+    result = fleet("send", "rex", "takeoff", "--wait", "--timeout", "30", "--json")
+    assert result.code == 6
+    (answer,) = result.json["answers"]
+    assert (answer["status"], answer["done"]) == ("timeout", None)
+    assert result.err == "rex: takeoff timeout: taken, but not seen to be done within 30 s\n"
+
+
+def test_json_has_every_field_of_every_answer(fleet, yard):
+    yard.answers("rex", DENIED)
+    result = fleet("send", "rex", "takeoff", "--json")
+    assert result.json == {
+        "answers": [
+            {
+                "robot": "rex",
+                "command": "takeoff",
+                "status": "denied",
+                "reason": "no GPS",
+                "hint": "wait for a fix",
+                "device_result": "MAV_RESULT_DENIED",
+                "messages": [],
+                "done": None,
+            }
+        ]
+    }
+
+
+def test_what_a_robot_answers_cannot_steer_the_terminal(fleet, yard):
+    yard.answers("rex", Reply("\x1b[2J", ReplyStatus.REJECTED, "\x1b]0;\x07", "\r"))
+    result = fleet("send", "rex", "takeoff")
+    assert not {"\x1b", "\r", "\x07"} & set(result.out + result.err)
+
+
+def test_an_unknown_robot_is_told_with_the_nearest(fleet, yard):
+    result = fleet("send", "kestral", "land")
+    assert (result.code, result.err) == (5, "fleet: there is no robot 'kestral' (did you mean 'kestrel'?)\n")
+
+
+def test_an_unknown_robot_that_resembles_none_is_told_with_all(fleet, yard):
+    result = fleet("send", "zzz", "land")
+    assert result.err == "fleet: there is no robot 'zzz' (there are: beast, kestrel, rex)\n"
+
+
+def test_all_of_a_group_are_asked_at_once(fleet, yard):
+    """Each robot answers only when both were asked."""
+    asked = yard.answers_together({"rex": ACCEPTED, "beast": ACCEPTED})
+    result = fleet("send", "ground", "takeoff")
+    assert (result.code, len(asked)) == (0, 2)
+    assert sorted(result.out.splitlines()) == ["beast: takeoff accepted", "rex: takeoff accepted"]
+
+
+def test_of_a_group_some_may_fail(fleet, yard):
+    yard.answers("rex", ACCEPTED)
+    yard.answers("beast", DENIED)
+    assert fleet("send", "ground", "takeoff").code == 7
+
+
+def test_a_group_of_which_all_refuse_is_a_refusal(fleet, yard):
+    yard.answers("rex", DENIED)
+    yard.answers("beast", DENIED)
+    assert fleet("send", "ground", "takeoff").code == 5
+
+
+def test_a_robot_of_a_group_that_does_not_run_is_not_passed_over(fleet, play_edge):
+    edge = play_edge("yard-1", robots={"rex": {"health": "ok"}}, groups={"ground": ["rex", "beast"]})
+    edge.answers("rex", ACCEPTED)
+    result = fleet("send", "ground", "takeoff")
+    assert result.code == 7
+    assert result.err == "beast: takeoff timeout: it does not run on yard-1\n"
+
+
+def test_groups_of_one_name_on_two_edges_are_both_meant(fleet, yard, play_edge):
+    barn = play_edge("barn", robots={"mule": {"health": "ok"}}, groups={"ground": ["mule"]})
+    for edge, robot in ((yard, "rex"), (yard, "beast"), (barn, "mule")):
+        edge.answers(robot, ACCEPTED)
+    result = fleet("send", "ground", "takeoff")
+    assert sorted(line.partition(":")[0] for line in result.out.splitlines()) == ["beast", "mule", "rex"]
+
+
+def test_a_name_that_two_edges_have_is_not_guessed(fleet, yard, play_edge):
+    barn = play_edge("barn", robots={"rex": {"health": "ok"}})
+    there, here = yard.answers("rex", ACCEPTED), barn.answers("rex", ACCEPTED)
+    result = fleet("send", "rex", "takeoff")
+    assert result.code == 5
+    assert "there are several robots 'rex' (say which one: barn/rex, yard-1/rex)" in result.err
+    assert (there, here) == ([], [])
+    assert fleet("send", "barn/rex", "takeoff").code == 0
+    assert (len(there), len(here)) == (0, 1)
+
+
+def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, port):
+    yard = play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{port}",))
+    play_edge("barn", connect=(f"tcp/127.0.0.1:{port}",)).sees("yard-1")
+    asked = yard.answers("rex", ACCEPTED)
+    assert fleet("send", "rex", "takeoff").code == 0
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("send", "rex", "takeoff", "altitude"), "'altitude' is not key=value"),
+        (("send", "rex", "takeoff", "=5"), "'=5' is not key=value"),
+        (("send", "rex", "takeoff", "a=1", "a=2"), "a key stands twice"),
+        (("send", "rex", "takeoff", "altitude=NaN"), "not finite"),
+        (("send", "rex", "takeoff", "altitude=1e999"), "not finite"),
+        (("goto", "rex", "nan", "0"), "not finite"),
+        (("goto", "rex", "1", "0", "--speed", "inf"), "not finite"),
+        (("goto", "rex", "here", "0"), "'here' is not a valid float"),
+        (("send", "rex", "land", "--timeout", "0"), "0 is not within 0 and 86400 seconds"),
+        (("send", "rex", "land", "--timeout", "-1"), "is not within"),
+        (("send", "rex", "land", "--timeout", "nan"), "is not within"),
+        (("stop",), "name the robots to stop, or --all"),
+        (("stop", "rex", "--all"), "name the robots to stop, or --all"),
+    ],
+)
+def test_a_wrong_command_line_reaches_no_robot(fleet, yard, arguments, complaint):
+    asked = yard.answers("rex", ACCEPTED)
+    result = fleet(*arguments)
+    assert result.code == 2
+    assert complaint in result.err
+    assert asked == []
+    assert yard.stops == []
+
+
+def test_data_too_deep_to_be_json_is_text(fleet, yard):
+    asked = yard.answers("rex", ACCEPTED)
+    deep = "[" * 100_000
+    assert fleet("send", "rex", "takeoff", f"x={deep}").code == 0
+    assert json.loads(asked[0].payload)["data"] == {"x": deep}
+
+
+def test_a_goal_is_sent_as_navigation(fleet, yard):
+    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    assert fleet("goto", "rex", "-10", "0.5", "5", "--yaw", "-1.5", "--speed", "2").code == 0
+    message = json.loads(asked[0].payload)
+    assert asked[0].parameters["kind"] == "navigate"
+    assert (message["command"], message["position"], message["yaw"]) == ("goto", [-10.0, 0.5, 5.0], -1.5)
+    assert message["constraints"] == {"max_speed_ms": 2.0}
+    assert message["action_id"]
+
+
+def test_a_place_on_earth_is_sent_as_such(fleet, yard):
+    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    fleet("goto", "rex", "47.1", "-8.5", "20", "--geo")
+    place = json.loads(asked[0].payload)["geodetic_position"]
+    assert place == {"latitude": 47.1, "longitude": -8.5, "altitude": 20.0}
+
+
+def test_no_two_goals_are_the_same_action(fleet, yard):
+    asked = yard.answers("rex", Reply("navigate", ReplyStatus.ACCEPTED))
+    for _ in range(2):
+        fleet("goto", "rex", "1", "2")
+    assert len({json.loads(question.payload)["action_id"] for question in asked}) == 2
+
+
+def test_robots_are_stopped_and_how_they_are_released_is_told(fleet, yard):
+    result = fleet("stop", "rex")
+    assert (result.code, result.out) == (0, "rex: stopped\n")
+    assert result.err == "released with: fleet send ROBOT release_emergency_stop\n"
+    assert yard.stops == [["rex"]]
+
+
+def test_a_group_is_stopped(fleet, yard):
+    result = fleet("stop", "ground")
+    assert (result.code, result.out) == (0, "beast: stopped\nrex: stopped\n")
+
+
+def test_everything_is_stopped_on_every_edge(fleet, yard, play_edge):
+    barn = play_edge("barn", robots={"mule": {}})
+    result = fleet("stop", "--all", "--json")
+    assert result.code == 0
+    assert result.json == {"stopped": ["beast", "kestrel", "mule", "rex"], "missing": []}
+    assert yard.stops == barn.stops == [[]]
+
+
+def test_who_was_not_stopped_is_told(fleet, yard):
+    result = fleet("stop", "rex", "kestral")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert "kestral: NOT STOPPED" in result.err
+
+
+def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
+    result = fleet("stop", "kestral")
+    assert (result.code, result.out) == (5, "")
+    assert "kestral: NOT STOPPED" in result.err
+
+
+def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
+    yard.falls_silent()
+    result = fleet("stop", "rex", "ghost")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+
+
+def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_edge):
+    os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
+    result = fleet("stop", "--all")
+    assert result.code == 7
+    assert result.out == "beast: stopped\nkestrel: stopped\nrex: stopped\n"
+    assert "edge barn: nobody lets us in" in result.err
+
+
+@pytest.mark.parametrize(
+    "arguments", [("send", "rex", "land"), ("goto", "rex", "1", "2"), ("stop", "rex"), ("stop", "--all")]
+)
+def test_without_an_edge_nothing_is_claimed(fleet, runtime, arguments):
+    result = fleet(*arguments)
+    assert (result.code, result.out) == (4, "")
+    assert "no edge is running here" in result.err

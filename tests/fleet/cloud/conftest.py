@@ -1,0 +1,174 @@
+import contextlib
+import socket
+import subprocess
+import threading
+
+import pytest
+
+from fleet.clock import SystemClock
+from fleet.cloud.client import CloudClient
+from fleet.cloud.values import CloudSettings, CloudState
+
+WITHIN = 30.0  # s
+
+
+class Watched:
+    """A cloud client whose callbacks a test can wait for."""
+
+    def __init__(self, port, name="edge", subscriptions=None, **settings):
+        self.states = []
+        self.messages = []
+        self.outcomes = []
+        self.broken = False
+        self._news = threading.Condition()
+        chosen = {"host": "127.0.0.1", "port": port, "tls": False, "client_id": name} | settings
+        self.client = CloudClient(
+            CloudSettings(**chosen),
+            subscriptions or {},
+            on_message=self._on_message,
+            on_state=lambda state, cause: self._note(self.states, (state, cause)),
+            clock=SystemClock(),
+        )
+
+    def start(self):
+        self.client.start()
+        return self
+
+    def connected(self):
+        """Start, and wait until messages can flow."""
+        self.start().until(lambda: self.client.state is CloudState.CONNECTED)
+        return self
+
+    def until(self, reached):
+        with self._news:
+            assert self._news.wait_for(reached, WITHIN), (self.states, vars(self.client.stats))
+
+    def reaches(self, state, words=""):
+        """Wait until the client has told of a state with these words in its cause."""
+        self.until(lambda: any(one is state and words in cause for one, cause in self.states))
+
+    def publish(self, topic, payload=b"", **options):
+        """Publish and note what becomes of it."""
+        done = lambda outcome: self._note(self.outcomes, (topic, outcome))  # noqa: E731
+        return self.client.publish(topic, payload, on_done=done, **options)
+
+    def payloads(self, count):
+        """Wait for that many messages and return what they carry."""
+        self.until(lambda: len(self.messages) >= count)
+        return [message.payload for message in self.messages]
+
+    def _note(self, where, what):
+        with self._news:
+            where.append(what)
+            self._news.notify_all()
+
+    def _on_message(self, messages):
+        for message in messages:
+            self._note(self.messages, message)
+        if self.broken:
+            raise RuntimeError("the one who takes messages is broken")
+
+
+@pytest.fixture
+def watched():
+    """Make cloud clients: ``watched(port, name, {filter: qos}, **settings)``; closed when the test ends."""
+    made = []
+
+    def make(port, *arguments, **settings):
+        made.append(Watched(port, *arguments, **settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.client.close(0.5)
+        assert one.client.state is CloudState.CLOSED or not one.states
+
+
+@pytest.fixture(params=["broker", "mosquitto"])
+def any_broker(request):
+    """Run each broker in turn, where everybody may come in."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture
+def listener():
+    """Listen like a broker that says only what the test says: ``listener.accept()``."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(WITHIN)
+        yield server
+
+
+class Relay:
+    """Passes bytes on to a port that may change, until it is cut."""
+
+    def __init__(self, target):
+        self.target = target
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        self._open = []
+        self._threads = [self._spawn(self._accept)]
+
+    def cut(self):
+        """End every connection that is open."""
+        for one in self._open:
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+    def close(self):
+        self._server.shutdown(socket.SHUT_RDWR)
+        self.cut()
+        for thread in self._threads:
+            thread.join()
+        for one in (self._server, *self._open):
+            one.close()
+
+    def _spawn(self, function, *arguments):
+        thread = threading.Thread(target=function, args=arguments)
+        thread.start()
+        return thread
+
+    def _accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                self._join(near)
+
+    def _join(self, near):
+        self._open.append(near)
+        try:
+            far = socket.create_connection(("127.0.0.1", self.target))
+        except OSError:
+            near.shutdown(socket.SHUT_RDWR)
+            return
+        self._open.append(far)
+        self._threads += [self._spawn(self._pump, near, far), self._spawn(self._pump, far, near)]
+
+    def _pump(self, source, sink):
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.fixture
+def relay():
+    """Stand between a client and a broker: ``relay(port)`` has ``port``, ``target`` and ``cut()``."""
+    made = []
+
+    def make(target):
+        made.append(Relay(target))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.fixture
+def certificate(tmp_path):
+    """Make a certificate of its own authority for ``localhost``; return the paths of it and of its key."""
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2"
+    names = ("-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost", "-keyout", key, "-out")
+    subprocess.run([*command.split(), *names, certificate], check=True, capture_output=True)
+    return certificate, key

@@ -1,0 +1,329 @@
+import threading
+
+import mqtt5
+import paho.mqtt.publish
+import pytest
+
+from fleet.cloud.packets import Decoder
+from fleet.cloud.values import CloudState, Outcome, Will
+from fleet.errors import CloudError
+
+CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED
+REFUSED, CLOSED = CloudState.REFUSED, CloudState.CLOSED
+CONNACK = mqtt5.ConnAckPacket().write()
+
+
+@pytest.fixture(params=[5, 311])
+def protocol(request):
+    return request.param
+
+
+def test_messages_arrive_in_order_and_are_acknowledged(any_broker, watched, protocol):
+    hears = watched(any_broker.port, "hears", {"t/+": 1}, protocol=protocol).connected()
+    says = watched(any_broker.port, "says", protocol=protocol).connected()
+    wanted = [b"%d" % number for number in range(2000)]
+    for payload in wanted:
+        assert says.publish("t/x", payload, qos=1)
+    says.client.flush()
+    assert hears.payloads(2000) == wanted
+    says.until(lambda: says.outcomes == [("t/x", Outcome.ACKED)] * 2000)
+    assert (says.client.stats.acked, says.client.stats.queued, says.client.stats.inflight) == (2000, 0, 0)
+    assert says.client.stats.rtt > 0
+
+
+@pytest.mark.parametrize("qos", [0, 1, 2])
+def test_messages_of_others_arrive_once_at_every_quality(any_broker, watched, protocol, qos):
+    hears = watched(any_broker.port, "hears", {"t": 2}, protocol=protocol).connected()
+    many = [("t", f"{number}", qos, False) for number in range(50)]
+    paho.mqtt.publish.multiple([*many, ("t", "end", 2, False)], "127.0.0.1", any_broker.port)
+    hears.until(lambda: hears.messages and hears.messages[-1].payload == b"end")
+    assert [one.payload for one in hears.messages] == [*(b"%d" % n for n in range(50)), b"end"]
+    assert {one.qos for one in hears.messages[:-1]} == {qos}
+
+
+def test_an_old_message_is_marked_and_a_live_one_is_not(any_broker, watched, protocol):
+    paho.mqtt.publish.single("t", "old", 1, retain=True, hostname="127.0.0.1", port=any_broker.port)
+    hears = watched(any_broker.port, "hears", {"t": 1}, protocol=protocol).connected()
+    hears.payloads(1)
+    paho.mqtt.publish.single("t", "new", 1, retain=True, hostname="127.0.0.1", port=any_broker.port)
+    hears.payloads(2)
+    assert [(one.payload, one.retain) for one in hears.messages] == [(b"old", True), (b"new", False)]
+
+
+def test_nobody_listening_is_told_by_mqtt_5_only(any_broker, watched, protocol):
+    says = watched(any_broker.port, "says", protocol=protocol).connected()
+    says.publish("nobody", qos=1, urgent=True)
+    says.until(lambda: says.outcomes)
+    assert says.outcomes == [("nobody", Outcome.HELD if protocol == 5 else Outcome.ACKED)]
+
+
+def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
+    both = watched(any_broker.port, "both", {"t": 1}).connected()
+    both.publish("t", b"mine", qos=1, urgent=True)
+    both.until(lambda: both.outcomes)
+    paho.mqtt.publish.single("t", "yours", 1, hostname="127.0.0.1", port=any_broker.port)
+    assert both.payloads(1) == [b"yours"]
+
+
+def test_a_message_that_nobody_flushes_leaves_by_itself(broker, watched):
+    hears = watched(broker.port, "hears", {"t": 0}).connected()
+    says = watched(broker.port, "says").connected()
+    for _ in range(3):
+        before = len(hears.messages)
+        says.publish("t", b"x")
+        hears.payloads(before + 1)
+    says.until(lambda: says.outcomes == [("t", Outcome.SENT)] * 3)
+
+
+def test_urgent_messages_overtake_what_waits(any_broker, watched):
+    hears = watched(any_broker.port, "hears", {"t": 1}).connected()
+    says = watched(any_broker.port, "says")
+    for number in range(200):
+        says.publish("t", b"%d" % number, qos=1)
+    says.publish("t", b"stop", qos=1, urgent=True)
+    says.connected()
+    assert hears.payloads(201)[0] == b"stop"
+
+
+def test_many_threads_publish_and_each_keeps_its_order(broker, watched):
+    hears = watched(broker.port, "hears", {"t/#": 1}).connected()
+    says = watched(broker.port, "says").connected()
+
+    def talk(name):
+        for number in range(300):
+            says.client.publish(f"t/{name}", b"%d" % number, qos=1)
+
+    threads = [threading.Thread(target=talk, args=(name,)) for name in "abcd"]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    hears.payloads(1200)
+    for name in "abcd":
+        heard = [int(one.payload) for one in hears.messages if one.topic == f"t/{name}"]
+        assert heard == list(range(300))
+
+
+def test_a_fallen_connection_comes_back_with_its_subscriptions(any_broker, relay, watched, protocol):
+    between = relay(any_broker.port)
+    hears = watched(between.port, "hears", {"t": 1}, protocol=protocol).connected()
+    between.cut()
+    hears.reaches(DISCONNECTED, "fell")
+    hears.until(lambda: hears.client.stats.connects == 2 and hears.client.state is CONNECTED)
+    paho.mqtt.publish.single("t", "again", 1, hostname="127.0.0.1", port=any_broker.port)
+    hears.payloads(1)
+    assert (hears.messages[0].payload, hears.messages[0].qos) == (b"again", 1)
+
+
+def test_what_is_published_while_a_broker_restarts_arrives_in_order(run_mosquitto, relay, watched):
+    first = run_mosquitto()
+    between = relay(first.port)
+    says = watched(between.port, "says").connected()
+    first.stop()
+    says.reaches(DISCONNECTED)
+    for number in range(500):
+        assert says.publish("t", b"%d" % number, qos=1)
+    second = first.__enter__()
+    hears = watched(second.port, "hears", {"t": 1}).connected()
+    between.target = second.port
+    assert hears.payloads(500) == [b"%d" % number for number in range(500)]
+
+
+def test_what_was_not_acknowledged_is_sent_again_in_order(broker, relay, watched):
+    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    between = relay(broker.port)
+    says = watched(between.port, "says").connected()
+    broker.broker.faults.no_puback = True
+    for number in range(5):
+        says.publish("t", b"%d" % number, qos=1)
+    hears.payloads(5)
+    broker.broker.faults.no_puback = False
+    between.cut()
+    says.until(lambda: len(says.outcomes) == 5)
+    assert hears.payloads(10) == [b"%d" % number for number in range(5)] * 2
+
+
+def test_without_a_connection_qos_0_is_refused_and_counted(listener, watched):
+    says = watched(listener.getsockname()[1])
+    assert not says.publish("t", b"x")
+    assert says.publish("t", b"x", qos=1)
+    assert (says.client.stats.dropped, says.client.stats.queued) == (1, 1)
+
+
+def test_a_full_queue_drops_its_oldest_and_says_so(broker, watched):
+    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    says = watched(broker.port, "says", queue_messages=3)
+    for number in range(5):
+        assert says.publish("t", b"%d" % number, qos=1)
+    says.connected()
+    assert hears.payloads(3) == [b"2", b"3", b"4"]
+    says.until(lambda: len(says.outcomes) == 5)
+    assert sorted(says.outcomes) == [("t", Outcome.ACKED)] * 3 + [("t", Outcome.DROPPED)] * 2
+
+
+def test_a_message_that_ran_out_of_time_is_never_sent(broker, watched):
+    hears = watched(broker.port, "hears", {"#": 1}).connected()
+    says = watched(broker.port, "says")
+    says.publish("late", qos=1, expiry=0.0)
+    says.publish("timely", qos=1, expiry=60.0)
+    says.connected()
+    hears.payloads(1)
+    says.until(lambda: len(says.outcomes) == 2)
+    assert dict(says.outcomes) == {"late": Outcome.DROPPED, "timely": Outcome.ACKED}
+    assert [one.topic for one in hears.messages] == ["timely"]
+
+
+def test_a_message_that_no_broker_would_take_is_an_error(broker, watched):
+    client = watched(broker.port).client
+    for topic, qos in (("a/+", 0), ("", 1), ("a", 2)):
+        with pytest.raises(ValueError, match=r"topic|QoS"):
+            client.publish(topic, b"", qos=qos)
+
+
+def test_overlapping_filters_are_an_error(watched):
+    with pytest.raises(ValueError, match="overlap"):
+        watched(1, "edge", {"a/+": 1, "a/b": 1})
+
+
+@pytest.mark.parametrize("code", [0x87, 0x89, 0x8A])
+def test_a_refusal_is_told_and_tried_again_slowly(broker, watched, code):
+    broker.broker.faults.refuse = code
+    edge = watched(broker.port, refused_backoff=(0.1, 0.1)).start()
+    edge.reaches(REFUSED, "the broker")
+    broker.broker.faults.refuse = None
+    edge.reaches(CONNECTED)
+
+
+def test_a_broker_that_does_not_know_us_refuses(run_mosquitto, watched, protocol):
+    port = run_mosquitto("allow_anonymous false").port
+    edge = watched(port, protocol=protocol, username="a", password="b").start()
+    edge.reaches(REFUSED, "the broker does not a")
+
+
+def test_a_broker_without_mqtt_5_is_named_as_such(listener, watched):
+    edge = watched(listener.getsockname()[1]).start()
+    with listener.accept()[0] as broker:
+        broker.sendall(b"\x20\x02\x00\x01")
+        edge.reaches(REFUSED, "protocol version")
+
+
+def test_two_clients_of_one_name_do_not_fight(broker, watched):
+    first = watched(broker.port, "same").connected()
+    second = watched(broker.port, "same").connected()
+    first.reaches(REFUSED, "client id")
+    assert second.client.state is CONNECTED
+
+
+def test_a_dead_link_is_noticed_and_healed(broker, watched):
+    edge = watched(broker.port, keepalive=1, connect_timeout=0.5).connected()
+    broker.broker.faults.freeze = True
+    edge.reaches(DISCONNECTED, "silent for 1.6 s")
+    broker.broker.faults.freeze = False
+    edge.until(lambda: edge.client.state is CONNECTED)
+
+
+def test_a_quiet_link_is_kept_alive(listener, watched):
+    edge = watched(listener.getsockname()[1], keepalive=1).start()
+    with listener.accept()[0] as broker:
+        broker.recv(4096)
+        broker.sendall(CONNACK)
+        for _ in range(3):
+            assert broker.recv(4096) == mqtt5.PingReqPacket().write()
+            broker.sendall(mqtt5.PingRespPacket().write())
+        assert edge.client.state is CONNECTED
+
+
+def test_a_broker_that_never_answers_is_given_up(listener, watched):
+    edge = watched(listener.getsockname()[1], connect_timeout=0.2).start()
+    with listener.accept()[0], listener.accept()[0]:
+        edge.reaches(DISCONNECTED, "did not answer within 0.2 s")
+
+
+def test_nobody_at_the_port_is_told(listener, watched):
+    port = listener.getsockname()[1]
+    listener.close()
+    watched(port).start().reaches(DISCONNECTED, f"127.0.0.1:{port} cannot be reached")
+
+
+def test_a_broker_that_talks_nonsense_is_told_so_and_left(listener, watched):
+    edge = watched(listener.getsockname()[1]).start()
+    with listener.accept()[0] as broker:
+        broker.settimeout(20.0)
+        broker.recv(4096)
+        broker.sendall(CONNACK + b"\x00\x00")
+        edge.reaches(DISCONNECTED, "not an MQTT packet")
+        (goodbye,) = Decoder(5, 100).feed(broker.recv(4096))
+    assert goodbye.reason_code == mqtt5.DisconnectReasonCode.MALFORMED_PACKET
+
+
+def test_the_broker_speaks_for_a_client_that_vanishes(any_broker, relay, watched, protocol):
+    hears = watched(any_broker.port, "hears", {"gone": 1}).connected()
+    between = relay(any_broker.port)
+    watched(between.port, "edge", protocol=protocol, will=Will("gone", b"edge", 1)).connected()
+    between.cut()
+    assert hears.payloads(1) == [b"edge"]
+
+
+def test_a_client_that_closes_takes_its_will_along(any_broker, watched, protocol):
+    hears = watched(any_broker.port, "hears", {"gone": 1, "end": 1}).connected()
+    edge = watched(any_broker.port, "edge", protocol=protocol, will=Will("gone", b"edge", 1)).connected()
+    edge.publish("end", b"last words", qos=1)
+    edge.client.close()
+    assert edge.outcomes == [("end", Outcome.ACKED)]
+    assert hears.payloads(1) == [b"last words"]
+
+
+def test_a_closed_client_takes_nothing_and_tells_what_is_left(listener, watched):
+    edge = watched(listener.getsockname()[1]).start()
+    edge.publish("t", qos=1)
+    edge.client.close()
+    assert edge.outcomes == [("t", Outcome.DROPPED)]
+    assert edge.states[-1][0] is CLOSED
+    assert not edge.publish("t", qos=1)
+    edge.client.close()
+
+
+def test_a_client_that_was_never_started_can_be_closed(watched):
+    edge = watched(1)
+    edge.client.close()
+    assert not edge.publish("t", qos=1)
+
+
+def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
+    hears = watched(broker.port, "hears", {"t": 1}).connected()
+    says = watched(broker.port, "says").connected()
+    hears.broken = True
+    for number in range(2):
+        says.publish("t", b"%d" % number, qos=1, urgent=True)
+        hears.payloads(number + 1)
+    assert "the one who takes messages is broken" in caplog.text
+    assert hears.client.stats.connects == 1
+
+
+def test_tls_lets_in_a_broker_whose_certificate_is_trusted(run_mosquitto, watched, certificate, protocol):
+    cert, key = certificate
+    port = run_mosquitto(f"certfile {cert}", f"keyfile {key}").port
+    secure = {"host": "localhost", "tls": True, "protocol": protocol}
+    hears = watched(port, "hears", {"t": 1}, ca_file=str(cert), **secure).connected()
+    watched(port, "says", ca_file=str(cert), **secure).connected().publish("t", b"x" * 100_000, qos=1)
+    assert hears.payloads(1) == [b"x" * 100_000]
+    watched(port, "stranger", **secure).start().reaches(REFUSED, "certificate of localhost")
+
+
+def test_tls_refuses_a_certificate_of_another_host(run_mosquitto, watched, certificate):
+    cert, key = certificate
+    port = run_mosquitto(f"certfile {cert}", f"keyfile {key}").port
+    edge = watched(port, host="127.0.0.1", tls=True, ca_file=str(cert)).start()
+    edge.reaches(REFUSED, "certificate")
+
+
+def test_a_broker_without_tls_is_told_apart(broker, watched):
+    watched(broker.port, host="localhost", tls=True).start().reaches(DISCONNECTED, "TLS")
+
+
+def test_settings_that_are_not_safe_are_refused_before_anything_is_sent(watched, tmp_path):
+    with pytest.raises(CloudError, match="clear text"):
+        watched(1883, host="broker.example")
+    with pytest.raises(CloudError, match="certificate file"):
+        watched(8883, tls=True, ca_file=str(tmp_path / "none.pem"))
+    watched(1883, host="broker.example", insecure=True)

@@ -1,0 +1,303 @@
+import mqtt5
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
+
+from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.packets import Decoder
+from fleet.cloud.session import WINDOW, Session, SessionEnded, SessionRefused
+from fleet.cloud.values import CloudSettings, CloudStats, Outcome, Will
+
+SETTINGS = CloudSettings(host="h", client_id="me", username="u", password="p", will=Will("t", b"gone", 1))
+
+
+class Talk:
+    """A session, and what it says as packets."""
+
+    def __init__(self, subscriptions=(), *, box=None, **connack):
+        self.stats = CloudStats()
+        self.box = box or Outbox(1000, 10**6, self.stats)
+        self.box.go_online()
+        self.session = Session(SETTINGS, dict(subscriptions), self.box, self.stats)
+        self.hear(mqtt5.ConnAckPacket(**connack))
+
+    def hear(self, *packets, now=0.0):
+        for packet in packets:
+            self.session.receive(packet, now)
+
+    def replies(self):
+        return read(self.session.take_replies())
+
+    def send(self, now=0.0):
+        return read(self.session.send(now))
+
+    def outcomes(self):
+        return [(message.topic, outcome) for message, outcome in self.session.take_outcomes()]
+
+
+def read(data):
+    return list(Decoder(5, 10**7).feed(data))
+
+
+def message(topic, qos=1, **more):
+    return Outgoing(topic, b"x", qos, **more)
+
+
+def ids(packets):
+    return [(packet.topic, packet.packet_id, packet.duplicate) for packet in packets]
+
+
+def test_connect_says_who_we_are_and_leaves_a_will():
+    (packet,) = read(Session(SETTINGS, {}, Outbox(1, 1, CloudStats()), CloudStats()).connect())
+    assert (packet.client_id, packet.username, packet.password) == ("me", "u", b"p")
+    assert (packet.clean_start, packet.session_expiry_interval, packet.keep_alive) == (True, 0, 5)
+    assert (packet.will.topic, packet.will.payload, int(packet.will.qos)) == ("t", b"gone", 1)
+
+
+def test_every_filter_is_asked_for_with_its_qos_and_without_our_own_messages():
+    talk = Talk({f"a/{number}": number % 3 for number in range(100)})
+    filters = [one for packet in talk.replies() for one in packet.topic_filters]
+    assert {one.pattern: int(one.max_qos) for one in filters} == {f"a/{n}": n % 3 for n in range(100)}
+    assert all(one.no_local and not one.retain_as_published for one in filters)
+
+
+def test_nothing_is_sent_before_every_subscription_is_answered():
+    talk = Talk({f"a/{number}": 0 for number in range(65)})
+    talk.box.put(message("t"))
+    for packet in talk.replies():
+        assert talk.send() == []
+        codes = [mqtt5.SubAckReasonCode(0)] * len(packet.topic_filters)
+        talk.hear(mqtt5.SubAckPacket(packet.packet_id, codes))
+    assert ids(talk.send()) == [("t", 3, False)]
+
+
+def test_a_refused_subscription_is_named():
+    talk = Talk({"mine": 1, "yours": 1})
+    codes = [mqtt5.SubAckReasonCode(1), mqtt5.SubAckReasonCode.NOT_AUTHORIZED]
+    talk.hear(mqtt5.SubAckPacket(1, codes))
+    assert talk.session.problems == ["the broker refuses the subscription yours (NOT_AUTHORIZED)"]
+    assert talk.stats.refused_subscriptions == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x84, "protocol"),
+        (0x85, "client id"),
+        (0x86, "password"),
+        (0x87, "not allow"),
+        (0x88, "available"),
+        (0x89, "busy"),
+        (0x8A, "banned"),
+        (0x97, "quota"),
+        (0x9F, "too often"),
+        (0x80, "0x80"),
+    ],
+)
+def test_a_refusal_says_why(code, words):
+    with pytest.raises(SessionRefused, match=words):
+        Talk(reason_code=mqtt5.ConnAckReasonCode(code), reason_str="said so")
+
+
+def test_a_broker_without_qos_1_is_refused_by_us():
+    with pytest.raises(SessionRefused, match="QoS 0"):
+        Talk(max_qos=mqtt5.QoS(0))
+
+
+def test_the_brokers_keepalive_and_packet_size_count():
+    talk = Talk(server_keep_alive=2, max_packet_size=40)
+    assert talk.session.keepalive == 2
+    talk.box.put(Outgoing("t", b"x" * 100, 1))
+    talk.box.put(message("small"))
+    assert ids(talk.send()) == [("small", 2, False)]
+    assert talk.outcomes() == [("t", Outcome.REFUSED)]
+
+
+@pytest.mark.parametrize("wrong", [{"payload": "text"}, {"content_type": "\ud800"}, {"correlation": "text"}])
+def test_a_message_that_cannot_be_written_harms_no_other(wrong):
+    talk = Talk()
+    talk.box.put(Outgoing(**{"topic": "bad", "payload": b"", "qos": 1} | wrong))
+    talk.box.put(message("good"))
+    assert ids(talk.send()) == [("good", 2, False)]
+    assert talk.outcomes() == [("bad", Outcome.REFUSED)]
+
+
+@pytest.mark.parametrize(("receive_max", "room"), [(16, 16), (65535, WINDOW)])
+def test_no_more_is_under_way_than_the_broker_and_we_allow(receive_max, room):
+    talk = Talk(receive_max=receive_max)
+    for number in range(300):
+        talk.box.put(message(str(number), urgent=True))
+    assert len(talk.send()) == room
+    assert talk.send() == []
+    talk.hear(mqtt5.PubAckPacket(1), mqtt5.PubAckPacket(2))
+    assert ids(talk.send()) == [(str(room), room + 1, False), (str(room + 1), room + 2, False)]
+
+
+def test_part_of_the_window_is_kept_for_urgent_messages():
+    talk = Talk(receive_max=16)
+    for number in range(30):
+        talk.box.put(message(str(number)))
+    assert len(talk.send()) == 14
+    talk.box.put(message("stop", urgent=True))
+    assert ids(talk.send()) == [("stop", 15, False)]
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"), [(0, Outcome.ACKED), (0x10, Outcome.HELD), (0x87, Outcome.REFUSED)]
+)
+def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
+    talk = Talk()
+    talk.box.put(message("t"))
+    talk.send(now=1.0)
+    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)), now=1.5)
+    assert talk.outcomes() == [("t", outcome)]
+    assert talk.stats.rtt == 0.5
+    assert not talk.session.busy()
+
+
+def test_what_was_not_acknowledged_is_sent_again_in_order_as_duplicates():
+    talk = Talk()
+    for name in "abc":
+        talk.box.put(message(name))
+    talk.send()
+    talk.hear(mqtt5.PubAckPacket(2))
+    talk.session.end()
+    talk.box.put(message("d"))
+    again = Talk(box=talk.box)
+    assert ids(again.send()) == [("a", 1, True), ("c", 2, True), ("d", 3, False)]
+
+
+def test_the_time_that_is_left_goes_along_in_whole_seconds():
+    talk = Talk()
+    talk.box.put(message("t", deadline=10.0))
+    talk.box.put(message("u", deadline=8.0))
+    (packet,) = talk.send(now=8.1)
+    assert packet.message_expiry_interval == 2
+    assert talk.box.take_dropped()[0].topic == "u"
+
+
+def test_a_message_of_qos_2_is_handed_out_once():
+    talk = Talk()
+    twice = mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS(2), packet_id=5)
+    talk.hear(twice, twice)
+    assert len(talk.session.take_messages()) == 1
+    talk.hear(mqtt5.PubRelPacket(5), mqtt5.PubRelPacket(5))
+    codes = [int(packet.reason_code) for packet in talk.replies()]
+    assert codes == [0, 0, 0, 0x92]
+    talk.hear(twice)
+    assert len(talk.session.take_messages()) == 1
+
+
+def test_a_request_carries_where_to_answer():
+    talk = Talk()
+    request = mqtt5.PublishPacket(
+        "t", b"x", qos=mqtt5.QoS(1), packet_id=5, response_topic="r", correlation_data=b"c"
+    )
+    talk.hear(request)
+    (found,) = talk.session.take_messages()
+    assert (found.topic, found.qos, found.response_topic, found.correlation) == ("t", 1, "r", b"c")
+    assert talk.replies() == [mqtt5.PubAckPacket(5)]
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        mqtt5.ConnAckPacket(),
+        mqtt5.ConnectPacket("x"),
+        mqtt5.PingReqPacket(),
+        mqtt5.AuthPacket(),
+        mqtt5.PublishPacket("a", b"", topic_alias=1),
+        mqtt5.SubAckPacket(9, [mqtt5.SubAckReasonCode(0)]),
+    ],
+)
+def test_a_broker_that_breaks_the_protocol_is_left(packet):
+    with pytest.raises(SessionEnded) as caught:
+        Talk().hear(packet)
+    assert caught.value.code == mqtt5.DisconnectReasonCode.PROTOCOL_ERROR
+
+
+def test_nothing_but_an_answer_to_connect_may_come_first():
+    session = Session(SETTINGS, {}, Outbox(1, 1, CloudStats()), CloudStats())
+    with pytest.raises(SessionEnded):
+        session.receive(mqtt5.PingRespPacket(), 0.0)
+
+
+def test_too_many_qos_2_messages_under_way_end_the_session():
+    talk = Talk()
+    flood = [
+        mqtt5.PublishPacket("t", b"", qos=mqtt5.QoS(2), packet_id=number) for number in range(1, WINDOW + 2)
+    ]
+    with pytest.raises(SessionEnded) as caught:
+        talk.hear(*flood)
+    assert caught.value.code == mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
+
+
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [(0x8B, SessionEnded), (0x8D, SessionEnded), (0x8E, SessionRefused), (0x98, SessionRefused)],
+)
+def test_the_reason_of_a_disconnect_decides_whether_haste_helps(code, error):
+    with pytest.raises(error):
+        Talk().hear(mqtt5.DisconnectPacket(reason_code=mqtt5.DisconnectReasonCode(code)))
+
+
+class Deliveries(RuleBasedStateMachine):
+    """Nothing is lost or swapped, whatever order messages, acknowledgements and falls come in."""
+
+    flying = Bundle("flying")
+
+    def __init__(self):
+        super().__init__()
+        self.talk = Talk(receive_max=8)
+        self.put = 0
+        self.first_seen = []
+        self.open = []
+        self.acked = set()
+
+    @rule()
+    def publish(self):
+        self.talk.box.put(message(str(self.put)))
+        self.put += 1
+
+    @rule(target=flying)
+    def send(self):
+        packets = self.talk.send()
+        fresh = [packet.topic for packet in packets if packet.topic not in self.first_seen]
+        assert all(packet.duplicate == (packet.topic in self.first_seen) for packet in packets)
+        self.first_seen += fresh
+        self.open += [(packet.packet_id, packet.topic) for packet in packets]
+        return len(self.open)
+
+    @rule(pick=consumes(flying), data=st.data())
+    def acknowledge(self, pick, data):
+        if self.open:
+            identifier, topic = self.open.pop(data.draw(st.integers(0, len(self.open) - 1)))
+            self.talk.hear(mqtt5.PubAckPacket(identifier))
+            assert self.talk.outcomes() == [(topic, Outcome.ACKED)]
+            self.acked.add(topic)
+
+    @rule()
+    def fall(self):
+        self.talk.session.end()
+        self.open.clear()
+        self.talk = Talk(box=self.talk.box, receive_max=8)
+
+    @invariant()
+    def the_window_holds_and_first_arrivals_are_in_order(self):
+        assert len(self.open) <= 8
+        assert self.first_seen == [str(number) for number in range(len(self.first_seen))]
+
+    def teardown(self):
+        for _ in range(self.put + 1):
+            for packet in self.talk.send():
+                self.open.append((packet.packet_id, packet.topic))
+            for identifier, topic in self.open:
+                self.talk.hear(mqtt5.PubAckPacket(identifier))
+                self.acked.add(topic)
+            self.open.clear()
+        assert self.acked == {str(number) for number in range(self.put)}
+
+
+TestDeliveries = Deliveries.TestCase
+TestDeliveries.settings = settings(max_examples=60, stateful_step_count=40)

@@ -1,0 +1,121 @@
+import pytest
+
+from fleet.bus.lane import Lane
+from fleet.host.outbox import WAITING, Outbox
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.navigation import ActionState
+from fleet.model.report import BatteryReport, LogReport, NavigationReport, PoseReport
+from fleet.wire.databus import decode_report
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
+LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
+
+
+@pytest.fixture
+def lane():
+    lane = Lane(LONELY)
+    yield lane
+    lane.close()
+
+
+@pytest.fixture
+def heard(lane):
+    """Collect what is put, as (key, report)."""
+    heard = []
+    lane.subscribe("cw/**", lambda key, sample: heard.append((key, decode_report(key.split("/")[3], sample))))
+    return heard
+
+
+@pytest.fixture
+def outbox(lane):
+    return Outbox(lane)
+
+
+def pose(x):
+    return PoseReport(1.0, Vector3(x, 0.0, 0.0), Quaternion())
+
+
+def running(progress):
+    return NavigationReport(1.0, "a1", ActionState.RUNNING, progress)
+
+
+def test_nothing_leaves_before_the_flush(outbox, heard):
+    outbox.put(TWIN, pose(1.0))
+    assert heard == []
+    outbox.flush()
+    assert heard == [(f"cw/{TWIN}/data/position", pose(1.0))]
+    outbox.flush()
+    assert len(heard) == 1
+
+
+def test_of_a_state_only_the_newest_of_a_turn_leaves(outbox, heard):
+    for x in range(5):
+        outbox.put(TWIN, pose(x))
+        outbox.put(OTHER, pose(-x))
+    outbox.flush()
+    assert heard == [(f"cw/{TWIN}/data/position", pose(4.0)), (f"cw/{OTHER}/data/position", pose(-4.0))]
+
+
+def test_every_event_leaves_in_order(outbox, heard):
+    for number in range(50):
+        outbox.put(TWIN, running(number))
+    outbox.flush()
+    assert [report.progress for _, report in heard] == list(range(50))
+
+
+def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, heard):
+    flood = outbox.sender(TWIN)
+    for number in range(WAITING + 7):
+        flood(LogReport(1.0, "WARNING", str(number)))
+    outbox.put(OTHER, running(1.0))
+    outbox.flush()
+    assert outbox.dropped == 7
+    assert heard[-1] == (f"cw/{OTHER}/data/navigate_status", running(1.0))
+    flood(LogReport(1.0, "WARNING", "after"))
+    outbox.flush()
+    assert heard[-1][1].message == "after"
+
+
+@pytest.mark.parametrize(
+    "bad", [pose(float("nan")), PoseReport(1.0, None, None), BatteryReport("x", object())]
+)
+def test_a_report_that_cannot_be_said_is_dropped_and_takes_none_with_it(outbox, heard, caplog, bad):
+    for _ in range(3):
+        outbox.put(TWIN, bad)
+        outbox.put(OTHER, pose(1.0))
+        outbox.flush()
+    assert [key for key, _ in heard] == [f"cw/{OTHER}/data/position"] * 3
+    assert outbox.dropped == 3
+    assert len(caplog.records) == 1
+    assert f"a {bad.channel} report of {TWIN} was dropped" in caplog.text
+
+
+def test_a_robot_that_recovers_is_told_of_again_when_it_fails_again(outbox, caplog):
+    for x in (float("nan"), 1.0, float("nan")):
+        outbox.put(TWIN, pose(x))
+        outbox.flush()
+    assert len(caplog.records) == 2
+
+
+def test_whoever_asks_gets_the_last_of_each_channel(outbox, lane):
+    for x in (1.0, 2.0):
+        outbox.put(TWIN, pose(x))
+        outbox.put(OTHER, pose(-x))
+        outbox.put(TWIN, BatteryReport(1.0, 50.0 + x))
+        outbox.flush()
+    last = dict(lane.ask(f"cw/{TWIN}/data/**", b"", timeout=10.0))
+    assert {key: decode_report(key.split("/")[3], sample) for key, sample in last.items()} == {
+        f"cw/{TWIN}/data/position": pose(2.0),
+        f"cw/{TWIN}/data/battery": BatteryReport(1.0, 52.0),
+    }
+    assert len(list(lane.ask("cw/*/data/position", b"", timeout=10.0))) == 2
+
+
+def test_the_samples_of_a_channel_are_numbered_without_gaps(outbox, lane):
+    sequences = []
+    lane.subscribe("cw/**", lambda _key, sample: sequences.append(int.from_bytes(sample[12:20], "little")))
+    for x in (1.0, float("nan"), 2.0):
+        outbox.put(TWIN, pose(x))
+        outbox.flush()
+    assert sequences == [0, 1]

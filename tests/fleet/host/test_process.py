@@ -1,0 +1,119 @@
+"""Robots in one process: who blocks it, who is halted, and how it ends."""
+
+import asyncio
+import logging
+import threading
+import time
+
+import pytest
+
+from fleet.host.watchdog import BLOCKED
+from fleet.model.command import Way
+
+HERE = {"worker": "main"}
+
+
+@pytest.fixture
+async def served(yard, run_edge, asks):
+    """Run two robots in this process; gives the process and the yard."""
+    place = yard(rex=HERE, max=HERE)
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        await asyncio.sleep(0.1)
+        yield edge.process, place
+
+
+def block(seconds):
+    time.sleep(seconds)
+
+
+def block_as(process, name):
+    """Return a future that is done when a robot has blocked the loop once."""
+    done = asyncio.get_running_loop().create_future()
+
+    async def work():
+        block(1.5 * BLOCKED)
+        done.set_result(None)
+
+    process.robots[name]._context.run(lambda: asyncio.ensure_future(work()))
+    return done
+
+
+async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other(served, asks):
+    process, _ = served
+    await block_as(process, "rex")
+    await asks.until(lambda: process.robots["rex"].state().health == "degraded")
+    cause = process.robots["rex"].state().cause
+    assert cause.startswith("blocked the event loop at test_process.py:")
+    assert cause.endswith("in block")
+    assert process.robots["max"].state().health == "ok"
+
+
+async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_worker(served, asks):
+    process, place = served
+    for number in range(3):
+        await block_as(process, "rex")
+        await asks.until(lambda n=number: len(process.robots["rex"].runner._strikes) > n)
+    await asks.until(lambda: "quarantined" in process.robots["rex"].state().cause)
+    assert "worker: rex" in process.robots["rex"].state().cause
+    assert place.words("max") == ["run"]
+
+
+async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
+    process, _ = served
+    with caplog.at_level(logging.ERROR):
+        block(1.5 * BLOCKED)
+        await asyncio.sleep(0.1)
+    assert "the host blocks the event loop" in caplog.text
+    assert {robot.state().health for robot in process.robots.values()} == {"ok"}
+
+
+async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):
+    process, place = served
+    free = threading.Event()
+    process.robots["rex"].desk._adapter.halt = free.wait
+    stopped = await asyncio.to_thread(process.stop_robots, (), "test")
+    assert stopped == ["rex", "max"]
+    assert "halt" in place.words("max")
+    assert all(robot.desk.latched for robot in process.robots.values())
+    free.set()
+
+
+async def test_a_stop_for_one_touches_no_other(served, asks):
+    process, place = served
+    assert process.stop_robots(("max", "nobody"), "test") == ["max"]
+    await asks.until(lambda: "stop" in place.words("max"))
+    assert place.words("rex") == ["run"]
+
+
+async def test_a_command_for_an_offline_robot_is_refused_with_the_cause(served, asks):
+    process, _ = served
+    robot = process.robots["rex"]
+    robot.desk.lost("no heartbeat for 3 s")
+    answers = []
+    robot.receive("command", b'{"command": "hang"}', way=Way.BUS, answer=answers.append)
+    assert answers[0].reason == "rex is offline: no heartbeat for 3 s"
+
+
+async def test_what_cannot_be_read_is_refused_with_the_reason(served):
+    process, _ = served
+    answers = []
+    process.robots["rex"].receive("command", b"{", way=Way.BUS, answer=answers.append)
+    assert [answer.ok for answer in answers] == [False]
+
+
+async def test_an_emergency_stop_halts_before_the_loop_takes_it(served):
+    process, place = served
+    process.robots["rex"].look_for_emergency(b'{"command": "emergency_stop"}')
+    assert place.words("rex") == ["run", "halt"]
+    assert process.robots["rex"].desk.latched
+
+
+@pytest.mark.parametrize(
+    "payload", [b"{", b"stop", b'{"command": "land", "data": {"x": "stop"}}', b"\xff stop"]
+)
+async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
+    process, _ = served
+    process.robots["rex"].look_for_emergency(payload)
+    assert not process.robots["rex"].desk.latched

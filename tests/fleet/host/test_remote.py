@@ -1,0 +1,219 @@
+import json
+import queue
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.bus.lane import Lane
+from fleet.host.remote import SILENT_AFTER, RemoteRobot
+from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+from fleet.testing.waiting import DEADLINE
+
+TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
+LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
+DONE = Reply("takeoff", ReplyStatus.ACCEPTED)
+
+
+class Bench:
+    """A robot in a worker, with the worker played by the test on the same lane."""
+
+    def __init__(self, clock):
+        self.clock = clock
+        self.lane = Lane(LONELY)
+        self.later = queue.Queue()
+        self.stops = []
+        self.lane.subscribe(keys.stop("yard"), lambda _key, payload: self.stops.append(json.loads(payload)))
+        self.robot = RemoteRobot(
+            AdapterConfig(name="rex", twin=TWIN),
+            adapter="toy",
+            edge="yard",
+            control=self.lane,
+            clock=clock,
+            soon=self.later.put,
+            worker="w",
+        )
+
+    def works(self, *answers):
+        """Play a worker that gives these answers; returns what it is asked."""
+        asked = []
+
+        def work(question):
+            asked.append(question)
+            for answer in answers:
+                question.reply(answer if isinstance(answer, bytes) else msgspec.json.encode(answer))
+            question.close()
+
+        self.lane.answer(keys.command("yard", "rex"), work)
+        return asked
+
+    def ask(self, payload, kind="command", **fields):
+        """Ask, and return the list of answers that the loop will fill."""
+        answers = []
+        payload = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
+        self.robot.receive(kind, payload, way=Way.CLOUD, answer=answers.append, **fields)
+        return answers
+
+    def answered(self, answers):
+        """Let the loop run once; return the one answer there is."""
+        self.later.get(timeout=DEADLINE)()
+        assert self.later.empty()
+        (answer,) = answers
+        return answer
+
+    def says(self, **fields):
+        state = RobotState("rex", TWIN, "toy", "yard", self.clock.time(), **fields)
+        self.lane.put(keys.state("yard", "rex"), msgspec.json.encode(state))
+
+
+@pytest.fixture
+def bench(bench):
+    """Reuse the desk's clock: it stands still until it is told to go on."""
+    bench = Bench(bench.clock)
+    yield bench
+    bench.lane.close()
+
+
+def test_a_message_goes_to_the_worker_as_it_is_and_its_answer_comes_back(bench):
+    asked = bench.works(DONE)
+    answers = bench.ask(b'{"command": "takeoff"}', request_id="q1")
+    assert bench.answered(answers) == DONE
+    assert asked[0].payload == b'{"command": "takeoff"}'
+    assert asked[0].parameters == {"kind": "command", "way": "cloud", "id": "q1"}
+
+
+def test_only_the_first_answer_counts(bench):
+    bench.works(DONE, Reply("takeoff", ReplyStatus.REJECTED, "changed my mind"))
+    assert bench.answered(bench.ask({"command": "takeoff"})) == DONE
+
+
+def test_a_worker_that_is_not_there_is_told_with_the_cause(bench):
+    bench.robot.worker_is("worker w: ended with exit code 1")
+    answer = bench.answered(bench.ask({"command": "takeoff"}))
+    assert (answer.command, answer.status) == ("takeoff", ReplyStatus.TIMEOUT)
+    assert answer.reason == "worker w did not answer: worker w: ended with exit code 1"
+
+
+def test_an_answer_that_cannot_be_read_is_none(bench, caplog):
+    bench.works(b"garbage")
+    assert bench.answered(bench.ask({"command": "takeoff"})).status is ReplyStatus.TIMEOUT
+    assert "a bus callback failed" in caplog.text
+
+
+def test_navigation_without_a_worker_is_answered_in_its_name(bench):
+    goal = {"command": "goto", "position": [1, 2, 3], "source_type": "tele"}
+    assert bench.answered(bench.ask(goal, kind="navigate")).command == "navigate"
+
+
+def test_what_cannot_be_read_is_for_the_worker_to_refuse(bench):
+    refusal = Reply("command", ReplyStatus.REJECTED, "not JSON")
+    asked = bench.works(refusal)
+    assert bench.answered(bench.ask(b"{")) == refusal
+    assert asked[0].payload == b"{"
+
+
+def test_a_reply_on_its_way_back_asks_nothing(bench):
+    asked = bench.works(DONE)
+    assert bench.ask({"status": "ok", "command": "takeoff"}) == []
+    assert asked == []
+    assert bench.later.empty()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"command": "emergency_stop"},
+        {"command": "emergency_stop", "timestamp": "never", "source_type": 7},
+        {"command": "estop", "data": {"activate": True}},
+        {"type": "emergency_stop"},
+    ],
+)
+def test_an_emergency_stop_goes_over_the_stop_lane_at_once(bench, message):
+    bench.robot.look_for_emergency(json.dumps(message).encode())
+    assert bench.stops == [["rex"]]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"command": "release_emergency_stop"},
+        {"command": "estop", "data": {"activate": False}},
+        {"status": "ok", "command": "emergency_stop"},
+        {"command": "say", "data": {"text": "emergency_stop"}},
+        {"command": "stop"},
+    ],
+)
+def test_what_only_speaks_of_a_stop_is_none(bench, message):
+    bench.robot.look_for_emergency(json.dumps(message).encode())
+    assert bench.stops == []
+
+
+def test_bytes_that_are_no_message_are_no_stop(bench):
+    bench.robot.look_for_emergency(b"\xff emergency_stop {")
+    assert bench.stops == []
+
+
+def test_before_the_worker_speaks_the_robot_is_offline(bench):
+    state = bench.robot.state()
+    assert (state.health, state.cause, state.worker) == ("offline", "its worker is starting", "w")
+
+
+def test_the_worker_s_word_counts_for_as_long_as_it_speaks(bench):
+    bench.says(health="ok", mode="GUIDED")
+    assert (bench.robot.state().health, bench.robot.state().mode) == ("ok", "GUIDED")
+    bench.robot.worker_is("")
+    bench.clock.advance(SILENT_AFTER + 0.1)
+    state = bench.robot.state()
+    assert (state.health, state.cause) == ("offline", "its worker is silent")
+    assert state.stamp == bench.clock.time()
+
+
+def test_a_worker_that_ended_takes_its_word_with_it(bench):
+    bench.says(health="ok")
+    bench.robot.worker_is("worker w: hangs")
+    assert (bench.robot.state().health, bench.robot.state().cause) == ("offline", "worker w: hangs")
+
+
+@pytest.mark.parametrize("payload", [b"garbage", b"{}", b'{"name": 5}'])
+def test_a_state_that_cannot_be_read_changes_nothing(bench, payload):
+    bench.says(health="ok")
+    bench.lane.put(keys.state("yard", "rex"), payload)
+    assert bench.robot.state().health == "ok"
+
+
+def test_a_health_that_nobody_knows_changes_nothing(bench, caplog):
+    bench.says(health="ok")
+    bench.says(health="splendid")
+    assert bench.robot.state().health == "ok"
+    assert "unknown health 'splendid'" in caplog.text
+
+
+def test_whoever_asks_for_the_robot_hears_that_its_worker_is_gone(bench):
+    bench.robot.worker_is("worker w: ended with exit code 1")
+    ((key, answer),) = bench.lane.ask(keys.state("*", "*"), b"", timeout=10.0)
+    state = msgspec.json.decode(answer, type=RobotState)
+    assert (key, state.health) == (keys.state("yard", "rex"), "offline")
+    assert state.cause == "worker w: ended with exit code 1"
+
+
+def test_an_emergency_stop_outlives_its_worker(bench):
+    bench.says(health="ok", emergency_stop=True)
+    bench.robot.worker_is("worker w: ended with exit code 1")
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == [["rex"]]
+
+
+def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(bench):
+    bench.says(health="ok")
+    bench.robot.look_for_emergency(b'{"command": "emergency_stop"}')
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == [["rex"], ["rex"]]
+
+
+def test_what_was_released_stays_released(bench):
+    bench.says(health="ok", emergency_stop=True)
+    bench.says(health="ok", emergency_stop=False)
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stops == []

@@ -1,0 +1,84 @@
+import pytest
+
+from fleet.errors import Fault, LinkLost, NotReady, Refused, TimedOut, Unsupported
+from fleet.host.ticket import Ticket
+from fleet.model.command import ReplyStatus
+
+
+def ticket(*, waits=False):
+    answers = []
+    return Ticket("land", answers.append, waits=waits), answers
+
+
+def test_what_was_done_is_answered_once_to_who_does_not_wait():
+    one, answers = ticket()
+    one.accept()
+    one.accept()
+    one.done()
+    assert [(answer.status, answer.done) for answer in answers] == [(ReplyStatus.ACCEPTED, None)]
+
+
+def test_who_waits_gets_the_receipt_and_one_end():
+    one, answers = ticket(waits=True)
+    one.accept()
+    one.reject("superseded")
+    one.done()
+    assert [(answer.ok, answer.done) for answer in answers] == [(True, None), (False, False)]
+
+
+def test_a_refusal_is_receipt_and_end_in_one():
+    one, answers = ticket(waits=True)
+    one.reject("no", hint="later")
+    one.done()
+    assert [(answer.status, answer.reason, answer.hint) for answer in answers] == [
+        (ReplyStatus.REJECTED, "no", "later")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (Unsupported("x"), ReplyStatus.REJECTED),
+        (TimedOut("x"), ReplyStatus.TIMEOUT),
+        (LinkLost("x"), ReplyStatus.TIMEOUT),
+        (Refused("x"), ReplyStatus.DENIED),
+        (NotReady("x"), ReplyStatus.DENIED),
+        (Fault("x"), ReplyStatus.DENIED),
+    ],
+)
+def test_each_error_has_its_status(error, status):
+    one, answers = ticket()
+    one.fail(error)
+    assert [answer.status for answer in answers] == [status]
+
+
+def test_a_watcher_that_comes_late_hears_everything():
+    one, _ = ticket()
+    one.done()
+    seen = []
+    one.watch(seen.append)
+    assert [reply.done for reply in seen] == [None, True]
+
+
+def test_an_asker_who_cannot_be_reached_is_no_failure_of_the_robot():
+    def gone(reply):
+        raise ConnectionError("the asker is gone")
+
+    one = Ticket("land", gone, waits=True)
+    one.done()
+    assert one.ended.done
+
+
+@pytest.mark.parametrize("when", ["before", "between", "after"])
+def test_a_repeat_gets_the_answers_of_the_first_whenever_it_comes(when):
+    (first, heard), (repeat, answers) = ticket(waits=True), ticket(waits=True)
+    if when == "before":
+        repeat.follow(first)
+    first.accept()
+    if when == "between":
+        repeat.follow(first)
+    first.fail(Fault("a motor is hot"))
+    if when == "after":
+        repeat.follow(first)
+    assert answers == heard
+    assert len(answers) == 2

@@ -1,0 +1,166 @@
+"""The wheel on a loop whose time the test sets: no waiting."""
+
+import asyncio
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.host.wheel import OWNER, TICK, Wheel
+
+
+class TurnedLoop:
+    """The two calls of an event loop that the wheel needs; ``turn`` makes the next one at a time."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.next = None
+
+    def time(self):
+        return self.now
+
+    def call_later(self, delay, call):
+        self.next = call
+
+    def call_at(self, when, call):
+        self.call_later(when - self.now, call)
+
+    def turn(self, seconds=TICK):
+        self.now += seconds
+        self.next()
+
+
+@pytest.fixture
+def loop():
+    return TurnedLoop()
+
+
+@pytest.fixture
+def wheel(loop):
+    wheel = Wheel(loop)
+    wheel.start()
+    return wheel
+
+
+def refuse(error):
+    raise AssertionError("nothing fails here") from error
+
+
+def count(wheel, period, calls, failed=refuse):
+    return wheel.every(period, lambda: calls.append(1), owner="rex", failed=failed)
+
+
+def test_a_call_is_made_about_every_period(loop, wheel):
+    calls = []
+    count(wheel, 0.1, calls)
+    for _ in range(502):
+        loop.turn()
+    assert len(calls) == 100
+
+
+def test_a_period_that_is_no_multiple_of_the_tick_does_not_drift(loop, wheel):
+    calls = []
+    count(wheel, 0.033, calls)
+    for _ in range(5000):
+        loop.turn()
+    assert len(calls) == pytest.approx(100 / 0.033, abs=1)
+
+
+def test_calls_that_a_late_wheel_missed_are_not_made_up(loop, wheel):
+    calls = []
+    count(wheel, 0.1, calls)
+    loop.turn(5.0)
+    assert len(calls) == 1
+    loop.turn()
+    assert len(calls) == 1
+
+
+def test_a_late_call_stays_in_step(loop, wheel):
+    times = []
+    wheel.every(1.0, lambda: times.append(loop.now), owner="rex", failed=refuse)
+    loop.turn(3.5)
+    for _ in range(100):
+        loop.turn()
+    assert times == [103.5, pytest.approx(104.0, abs=TICK), pytest.approx(105.0, abs=TICK)]
+
+
+@given(st.floats(0.001, 3), st.lists(st.floats(0.001, 20), max_size=30))
+def test_a_turn_makes_each_call_at_most_once(period, turns):
+    loop, calls = TurnedLoop(), []
+    wheel = Wheel(loop)
+    wheel.start()
+    count(wheel, period, calls)
+    for seconds in turns:
+        before = len(calls)
+        loop.turn(seconds)
+        assert len(calls) - before <= 1
+
+
+def test_a_call_can_end_itself(loop, wheel):
+    calls = []
+    spoke = wheel.every(0.02, lambda: (calls.append(1), spoke.cancel()), owner="rex", failed=refuse)
+    for _ in range(10):
+        loop.turn()
+    assert calls == [1]
+
+
+def test_a_call_that_raises_is_ended_and_told_and_the_others_go_on(loop, wheel):
+    calls, failures = [], []
+    wheel.every(0.02, lambda: 1 / 0, owner="bad", failed=failures.append)
+    count(wheel, 0.02, calls)
+    for _ in range(10):
+        loop.turn()
+    assert [type(failure) for failure in failures] == [ZeroDivisionError]
+    assert len(calls) >= 9
+
+
+def test_what_ends_a_turn_is_done_though_another_raises(loop, wheel):
+    ended = []
+    wheel.at_end(lambda: 1 / 0)
+    wheel.at_end(lambda: ended.append(1))
+    loop.turn()
+    loop.turn()
+    assert ended == [1, 1]
+
+
+def test_thousands_of_calls_are_each_made(loop, wheel):
+    calls = [[] for _ in range(5000)]
+    for one in calls:
+        count(wheel, 0.1, one)
+    for _ in range(52):
+        loop.turn()
+    assert {len(one) for one in calls} == {10}
+
+
+def test_who_is_being_called_is_known_and_nobody_between_turns(loop, wheel):
+    owners = []
+    wheel.every(0.02, lambda: owners.append(wheel.owner), owner="rex", failed=refuse)
+    loop.turn(0.03)
+    assert (owners, wheel.owner) == (["rex"], "")
+
+
+def test_what_a_call_starts_belongs_to_its_robot(loop, wheel):
+    owners = []
+    token = OWNER.set("rex")
+    wheel.every(0.02, lambda: owners.append(OWNER.get()), owner="rex", failed=refuse)
+    OWNER.reset(token)
+    loop.turn(0.03)
+    assert owners == ["rex"]
+
+
+def test_a_wheel_that_was_made_long_before_its_start_is_not_late(loop):
+    wheel = Wheel(loop)
+    loop.now += 60
+    wheel.start()
+    assert wheel.beat == loop.now
+
+
+async def test_it_turns_on_a_real_loop_until_it_is_stopped():
+    wheel, turned = Wheel(asyncio.get_running_loop()), asyncio.Event()
+    wheel.every(TICK, turned.set, owner="", failed=refuse)
+    wheel.start()
+    await asyncio.wait_for(turned.wait(), 20)
+    wheel.stop()
+    turned.clear()
+    await asyncio.sleep(3 * TICK)
+    assert not turned.is_set()

@@ -1,0 +1,194 @@
+"""Worker processes that are killed, frozen and hung, and the edge that watches them."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import msgspec
+import psutil
+import pytest
+
+from fleet.bus import keys
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.host.settings import worker_of
+from fleet.host.workers import Worker, names_of
+from fleet.model.command import Reply, Way
+from fleet.testing.waiting import wait_until
+
+MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
+GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
+
+
+def state_of(edge, name):
+    return next(state for state in edge.states() if state.name == name)
+
+
+def say(lane, place, robot, message, kind="command"):
+    """Ask a robot on its own bus key; returns its replies."""
+    key, payload = keys.command(place.id, robot), json.dumps(message).encode()
+    answers = lane.ask(key, payload, timeout=20, parameters={"kind": kind})
+    return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
+
+
+def say_and_leave(lane, place, robot, name):
+    """Ask for a command that nobody will answer."""
+    payload = json.dumps({"command": name}).encode()
+    nobody = lambda *_: None  # noqa: E731
+    lane.ask_later(keys.command(place.id, robot), payload, timeout=5, on_answer=nobody, on_end=lambda: None)
+
+
+class Field:
+    """A running edge: arm in a worker of its own, rex in the edge's process."""
+
+    def __init__(self, place, edge, lane):
+        self.place, self.edge, self.lane = place, edge, lane
+
+    async def ask(self, robot, message, kind="command"):
+        return await asyncio.to_thread(say, self.lane, self.place, robot, message, kind)
+
+    @property
+    def worker(self):
+        return self.place.processes("arm")[-1]
+
+
+@pytest.fixture
+async def field(yard, run_edge, asks):
+    place = yard(arm={}, rex={"worker": "main"})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        lane = await asyncio.to_thread(place.lane)
+        yield Field(place, edge, lane)
+        await asyncio.to_thread(lane.close)
+
+
+def test_a_drop_in_plugin_has_a_worker_unless_its_robot_says_main(yard):
+    place = yard(arm={}, rex={"worker": "main"}, leg={"worker": "legs"})
+    workers = {robot.name: worker_of(robot, plugin) for robot, plugin in load(place.file).robots}
+    assert workers == {"arm": "arm", "rex": "", "leg": "legs"}
+
+
+def test_each_worker_is_started_once():
+    assert names_of(["legs", "", "arm", "legs"]) == ["arm", "legs"]
+
+
+async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key(field, asks):
+    assert field.worker != os.getpid()
+    assert field.place.processes("rex") == [os.getpid()]
+    (reply,) = await field.ask("arm", MOVE)
+    assert reply.ok
+    replies = []
+    payload = json.dumps(MOVE | {"source_type": "tele"}).encode()
+    field.edge.remote["arm"].receive("command", payload, way=Way.CLOUD, answer=replies.append)
+    await asks.until(lambda: replies)
+    assert replies[0].ok
+    await asks.until(lambda: field.place.words("arm")[-1] == "drive:0")
+    assert field.place.words("arm") == ["run", "drive:1", "drive:1", "halt", "drive:0"]
+
+
+async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
+    field.lane.put(keys.stop(field.place.id), b"", urgent=True)
+    await asks.until(lambda: "stop" in field.place.words("arm"))
+    await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
+
+
+async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
+    place = yard(arm={})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: state_of(edge, "arm").health == "ok", 30)
+        lane = await asyncio.to_thread(place.lane)
+        (reply,) = await asyncio.to_thread(say, lane, place, "arm", GOTO, "navigate")
+        assert reply.ok
+        await asyncio.to_thread(lane.close)
+    assert place.words("arm")[-2:] == ["halt", "stop"]
+    assert not psutil.pid_exists(place.processes("arm")[0])
+
+
+FAULTS = {
+    # what befalls the worker: how, and the seconds within which the edge knows
+    "killed": (lambda field: os.kill(field.worker, signal.SIGKILL), 1.0),
+    "frozen": (lambda field: os.kill(field.worker, signal.SIGSTOP), 2.5),
+    "hung": (lambda field: say_and_leave(field.lane, field.place, "arm", "hang"), 3.5),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_moves_by_itself(
+    field, asks, fault
+):
+    befall, within = FAULTS[fault]
+    (reply,) = await field.ask("arm", GOTO, "navigate")
+    assert reply.ok
+    first = field.worker
+    began = time.monotonic()
+    befall(field)
+    await asks.until(lambda: state_of(field.edge, "arm").health == "offline")
+    # Twice the time that it takes on a quiet machine.
+    assert time.monotonic() - began < 2 * within
+    assert "worker arm" in state_of(field.edge, "arm").cause
+    (reply,) = await field.ask("rex", MOVE)
+    assert reply.ok
+    await asks.until(lambda: state_of(field.edge, "arm").health == "ok", 30)
+    assert len(field.place.processes("arm")) == 2
+    assert not psutil.pid_exists(first)
+    assert [word for pid, _, word in field.place.told("arm") if pid == field.worker] == ["run"]
+    assert len(field.place.processes("rex")) == 1
+    assert not state_of(field.edge, "arm").emergency_stop
+    if fault == "hung":  # its bus threads still heard that it is to stop
+        assert "halt" in field.place.words("arm")
+
+
+def test_a_worker_ends_with_an_edge_that_was_killed_and_holds_its_robots(yard):
+    place = yard(arm={})
+    command = [sys.executable, "-m", "fleet", "run", str(place.file)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as edge:
+        try:
+            wait_until("the robot runs", lambda: place.processes("arm"))
+            lane = place.lane()
+            wait_until(
+                "it is moved", lambda: [one for one in say(lane, place, "arm", GOTO, "navigate") if one.ok]
+            )
+        finally:
+            edge.kill()
+        lane.close()
+    wait_until("its robot is held", lambda: place.words("arm")[-1] == "stop")
+    wait_until("the worker has ended", lambda: not psutil.pid_exists(place.processes("arm")[0]))
+
+
+class Told:
+    """A worker that cannot even be started, and what is said of it."""
+
+    def __init__(self, monkeypatch):
+        self.said, self.tries = [], 0
+        lane = type("Lane", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None})()
+
+        async def refuse(*_, **__):
+            self.tries += 1
+            raise OSError(24, "Too many open files")
+
+        monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+        self.worker = Worker(
+            "arm",
+            edge="yard",
+            config="fleet.yaml",
+            directory="/nowhere",
+            control=lane,
+            clock=SystemClock(),
+            told=lambda name, cause: self.said.append(cause),
+            halt=lambda name: None,
+        )
+
+
+async def test_a_worker_that_cannot_be_started_is_told_and_tried_again(monkeypatch, asks):
+    told = Told(monkeypatch)
+    task = asyncio.create_task(told.worker.run())
+    await asks.until(lambda: told.tries > 1)
+    task.cancel()
+    await asyncio.wait({task})
+    assert told.said[0] == "worker arm: cannot be started: Too many open files"

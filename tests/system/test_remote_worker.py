@@ -1,0 +1,68 @@
+"""A worker on another machine: all it shares with the edge is the bus, over TCP."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+PLUGIN = '''
+import asyncio
+from typing import Literal
+from fleet import Adapter, AdapterConfig, Health, command
+
+class ArmConfig(AdapterConfig):
+    adapter: Literal["arm"]
+
+class Arm(Adapter[ArmConfig]):
+    Config = ArmConfig
+
+    async def run(self, robot):
+        robot.health(Health())
+        await asyncio.Event().wait()
+
+    async def stop(self, reason):
+        pass
+
+    def halt(self):
+        pass
+
+    @command("wave")
+    async def wave(self):
+        """Wave."""
+'''
+
+
+@pytest.fixture
+def far_worker(tmp_path, fleet):
+    """Run an edge, and its worker as on another machine: another runtime folder, the bus by TCP alone."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "plugins" / "arm.py").write_text(PLUGIN)
+    robot = {
+        "name": "arm-1",
+        "twin": "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a",
+        "adapter": "arm",
+        "worker": "far",
+    }
+    file = {"edge": {"id": "near"}, "plugins": ["plugins"], "remote_workers": ["far"], "robots": [robot]}
+    for name, bus in (("fleet.yaml", {"listen": [endpoint]}), ("far.yaml", {"connect": [endpoint]})):
+        (tmp_path / name).write_text(json.dumps({**file, "bus": bus}))
+    running = fleet("run", "--json", folder=tmp_path)
+    running.line("edge near runs")
+    elsewhere = os.environ | {"FLEET_RUNTIME_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "fleet.host.worker", "--name", "far", "--config", "far.yaml"]
+    with subprocess.Popen(command, cwd=tmp_path, env=elsewhere, stderr=subprocess.DEVNULL) as worker:
+        yield running
+        worker.terminate()
+
+
+def test_a_robot_in_a_worker_on_another_machine_is_commanded_and_stopped(far_worker):
+    far_worker.robot("arm-1", "is well", lambda state: state["health"] == "ok")
+    assert far_worker.call("send", "arm-1", "wave", "--wait").returncode == 0
+    assert far_worker.call("stop", "arm-1").returncode == 0
+    far_worker.robot("arm-1", "is stopped", lambda state: state.get("emergency_stop", False))
+    assert far_worker.call("send", "arm-1", "wave").returncode == 5

@@ -1,0 +1,172 @@
+"""The published Cyberwave SDK flies a drone and reads its state, with nothing of ours on its side."""
+
+import json
+import math
+import socket
+import subprocess
+import sys
+import threading
+import uuid
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+from cyberwave import Cyberwave
+from cyberwave.twin.factory import create_twin
+
+from fleet.testing.waiting import DEADLINE, wait_until
+
+DRONE_ASSET = "dji/mini-4-pro"
+TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8a"
+IDENTITIES = {
+    "asset_uuid": str(uuid.uuid4()),
+    "environment_uuid": str(uuid.uuid4()),
+    "controller_policy_uuid": str(uuid.uuid4()),
+}
+
+
+class Backend(BaseHTTPRequestHandler):
+    """The one thing that the SDK wants of a back end here: navigation goals are put on the twin's topic."""
+
+    def do_POST(self):
+        goal = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        goal["action_id"] = uuid.uuid4().hex
+        twin = self.path.split("/")[4]
+        self.server.publish(f"cyberwave/twin/{twin}/navigate/command", goal)
+        answer = json.dumps({"action_id": goal["action_id"], "status": "queued"}).encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(answer)))
+        self.end_headers()
+        self.wfile.write(answer)
+
+    def log_message(self, *_):
+        """Say nothing."""
+
+
+@pytest.fixture
+def autopilot():
+    """Start an autopilot that is there before the fleet and knows nothing of it; gives its target port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", "px4", "--to", f"127.0.0.1:{port}"]
+    with subprocess.Popen([*command, "--ready-after", "2"], stdout=subprocess.DEVNULL) as running:
+        yield port
+        running.terminate()
+
+
+@pytest.fixture
+def backend(ears, broker):
+    """Start what stands for the back end; gives its address and ears on the twin."""
+    listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Backend)
+    server.publish = listener.say
+    serving = threading.Thread(target=server.serve_forever)
+    serving.start()
+    yield f"http://127.0.0.1:{server.server_port}", listener
+    server.shutdown()
+    serving.join()
+    server.server_close()
+
+
+@pytest.fixture
+def drone(fleet, backend, broker, autopilot, tmp_path, monkeypatch):  # noqa: PLR0917 - fixtures
+    """Run a fleet of one drone as a user does, and make the SDK's twin object for it, in live mode."""
+    monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
+    file = {
+        "edge": {"id": "yard"},
+        "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
+        "robots": [
+            {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"udpin:127.0.0.1:{autopilot}"}
+        ],
+    }
+    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
+    running = fleet("run", "--json", folder=tmp_path)
+    running.robot("kestrel", "is well", lambda state: state["health"] == "ok")
+    client = Cyberwave(
+        base_url=backend[0], api_key="cw_test", mqtt_host="127.0.0.1", mqtt_port=broker.port, topic_prefix=""
+    )
+    data = {
+        "uuid": TWIN,
+        "name": "kestrel",
+        **IDENTITIES,
+        "metadata": {"controller_type": "teleop"},
+    }
+    yield create_twin(client, data, registry_id=DRONE_ASSET), client, backend[1]
+    client.disconnect()
+
+
+def test_the_sdk_takes_off_moves_navigates_and_lands(drone):
+    twin, client, ears = drone
+    wait_until("the drone to be ready", lambda: ready(ears), within=60)
+    assert client.mqtt.request_command(twin.uuid, "takeoff", {"altitude": 3.0}, source_type="tele")[
+        "status"
+    ] == ("accepted")
+    wait_until("3 m, and hovering", lambda: height(twin) > 2.5 and mode(ears) == "AUTO.LOITER")
+
+    before = twin.get_pose()["position"]
+    twin.move_forward(1.0)
+    wait_until("a metre forward", lambda: apart(twin.get_pose()["position"], before) > 0.5)
+    before = yaw(twin)
+    twin.turn_left(0.8)
+    wait_until("a turn to the left", lambda: turned(yaw(twin), before) > 0.3)
+
+    goal = twin.navigation.goto([2.0, 1.0, 4.0])
+    assert twin.navigation.wait_for_completion(goal["action_id"])["status"] == "completed"
+    assert apart(twin.get_pose()["position"], {"x": 2.0, "y": 1.0, "z": 4.0}) < 1.0
+
+    twin.flight.ascend(1.0)
+    wait_until("a metre higher", lambda: height(twin) > 4.6)
+    twin.land()
+    wait_until("the ground", lambda: height(twin) < 0.3)
+
+
+def test_the_sdk_reads_the_battery_by_its_catalog(drone):
+    twin, client, ears = drone
+    wait_until("a battery status", lambda: ears.of("battery/status"))
+    topics = {"cyberwave/twin/{twin_uuid}/battery/status": {"direction": "publish"}}
+    catalog = {"schema_version": 1, "topics": topics, "commands": {"supported": ["battery_check"]}}
+    data = {"uuid": twin.uuid, "name": "kestrel", "metadata": {"controller_type": "teleop", "mqtt": catalog}}
+    reader = create_twin(client, {**IDENTITIES, **data}, registry_id=DRONE_ASSET)
+    power = reader.power.get(timeout=DEADLINE)
+    assert 0 < power["percentage"] <= 100
+
+
+def test_the_sdk_is_told_why_a_command_is_refused(drone):
+    twin, client, _ = drone
+    answer = client.mqtt.request_command(twin.uuid, "takeoff", {"altitude": 3000.0}, source_type="tele")
+    assert answer["status"] == "denied"
+    assert "120 m" in answer["reason"]
+    answer = client.mqtt.request_command(twin.uuid, "sit_down", {}, source_type="tele")
+    assert answer["status"] == "rejected"
+
+
+def ready(ears):
+    """Say whether the autopilot says that it can be armed."""
+    told = ears.of("flight_controller")
+    return bool(told) and told[-1].get("ready_to_arm")
+
+
+def mode(ears):
+    """Return the autopilot's mode."""
+    return ears.of("flight_controller")[-1]["mode"]
+
+
+def height(twin):
+    pose = twin.get_pose()
+    return pose["position"]["z"] if pose else 0.0
+
+
+def yaw(twin):
+    turn = twin.get_pose()["rotation"]
+    return math.atan2(
+        2 * (turn["w"] * turn["z"] + turn["x"] * turn["y"]), 1 - 2 * (turn["y"] ** 2 + turn["z"] ** 2)
+    )
+
+
+def turned(now, before):
+    return math.remainder(now - before, math.tau)
+
+
+def apart(one, other):
+    return math.dist([one[axis] for axis in "xyz"], [other[axis] for axis in "xyz"])
