@@ -3,7 +3,7 @@
 import importlib
 import sys
 
-NAMES = ("startup", "latency", "scale")
+NAMES = ("startup", "latency", "scale", "quadruped")
 
 
 def main():

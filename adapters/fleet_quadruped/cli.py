@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -16,8 +17,16 @@ _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A
 
 
 @click.group()
-def can() -> None:
-    """Look at a dog's CAN buses and drives; nothing here enables a drive."""
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON list of lines for programs.")
+@click.pass_context
+def can(context: click.Context, *, as_json: bool) -> None:
+    """Look at a quadruped's CAN buses and drives; nothing here enables a drive."""
+    context.obj = as_json
+
+
+def _show(lines: list[str]) -> None:
+    """Write the result: a line each, or one JSON list."""
+    click.echo(json.dumps(lines, indent=2) if click.get_current_context().obj else "\n".join(lines))
 
 
 @can.command("scan")
@@ -28,9 +37,7 @@ def scan_command(url: str, bitrate: int) -> int:
     clock = SystemClock()
     with open_buses({"bus": url}, {"bus": bitrate}, clock) as buses:
         found = scan(buses["bus"], clock)
-    for line in found:
-        click.echo(line)
-    click.echo(f"{len(found)} devices")
+    _show([*found, f"{len(found)} devices"])
     return 0 if found else 1
 
 
@@ -40,18 +47,17 @@ def scan_command(url: str, bitrate: int) -> int:
 def check_command(body: Path, buses: tuple[str, ...]) -> int:
     """Check a description, and with --bus also the drives that it names."""
     dog = load_description(body)
-    for bus, load in dog.loads.items():
-        click.echo(
-            f"bus {bus}: {load:.0%} of {dog.buses[bus].bitrate} bit/s at {dog.drive.cycle_hz} cycles a second"
-        )
+    lines = [
+        f"bus {bus}: {load:.0%} of {dog.buses[bus].bitrate} bit/s at {dog.drive.cycle_hz} cycles a second"
+        for bus, load in dog.loads.items()
+    ]
     if not buses:
-        click.echo(f"{body}: ok; add --bus to look at the drives")
+        _show([*lines, f"{body}: ok; add --bus to look at the drives"])
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         found = problems(dog, Bench(dog, opened, SystemClock()).settle())
-    for line in found:
-        click.echo(line)
-    click.echo(f"{len(found)} problems" if found else "all twelve drives answer, where their joints can be")
+    verdict = f"{len(found)} problems" if found else "all twelve drives answer, where their joints can be"
+    _show([*lines, *found, verdict])
     return 1 if found else 0
 
 
@@ -67,12 +73,12 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
             told = bench.settle(dog.drive.cycle_hz - 1)
-            for joint, feedback in zip(dog.all_joints, told, strict=True):
-                click.echo(
-                    f"{joint.name:8} {feedback.angle:7.3f} rad {feedback.torque:6.2f} N m "
-                    f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
-                )
-            click.echo(", ".join(f"bus {name}: {count} frames/s" for name, count in bench.frames.items()))
+            lines = [
+                f"{joint.name:8} {feedback.angle:7.3f} rad {feedback.torque:6.2f} N m "
+                f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
+                for joint, feedback in zip(dog.all_joints, told, strict=True)
+            ]
+            _show([*lines, *(f"bus {name}: {count} frames/s" for name, count in bench.frames.items())])
     return 0
 
 
@@ -92,8 +98,8 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
     silent = [line for line in problems(dog, told) if "is silent" in line]
     if silent:
         raise LinkRefused(silent[0])
-    for name, offset in offsets(dog, told, wanted).items():
-        click.echo(f"  {name}: offset {offset:+.4f} (now {dog.joints[name].offset:+.4f})")
+    found = offsets(dog, told, wanted)
+    _show([f"{name}: offset {found[name]:+.4f} (now {dog.joints[name].offset:+.4f})" for name in found])
     return 0
 
 

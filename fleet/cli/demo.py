@@ -9,7 +9,9 @@ import socket
 import sys
 import tempfile
 import uuid
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -36,33 +38,44 @@ def _link(number: int) -> str:
     return f"sim:{FLAVOURS[(number - 1) % 2]}?home={latitude:.6f},8.545594,488,0"
 
 
-def demo_file(drones: int, host: str, port: int) -> str:
+def _robot(name: str, adapter: str, link: str) -> dict[str, Any]:
+    """Return one robot of the demo."""
+    accepts = {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]}
+    return {"name": name, "twin": twin_of(name), "adapter": adapter, "link": link, "accepts": accepts}
+
+
+def demo_file(drones: int, host: str, port: int, dogs: int = 0) -> str:
     """Return the fleet file of the demo, as JSON (which is YAML)."""
-    robots = [
-        {
-            "name": f"drone-{number}",
-            "twin": twin_of(f"drone-{number}"),
-            "adapter": "mavlink",
-            "link": _link(number),
-            "accepts": {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]},
-        }
-        for number in range(1, drones + 1)
-    ]
+    robots = [_robot(f"drone-{number}", "mavlink", _link(number)) for number in range(1, drones + 1)]
+    robots += [_robot(f"dog-{number}", "quadruped", "sim:auto") for number in range(1, dogs + 1)]
     fleet = {
         "edge": {"id": "demo"},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
         "robots": robots,
-        "groups": {"drones": [robot["name"] for robot in robots]},
+        "groups": _groups(robots),
     }
     return json.dumps(fleet, indent=2)
 
 
+def _groups(robots: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Return the robots by their kind, as far as there are any."""
+    kinds = {"drones": "mavlink", "dogs": "quadruped"}
+    found = {
+        group: [robot["name"] for robot in robots if robot["adapter"] == adapter]
+        for group, adapter in kinds.items()
+    }
+    return {group: names for group, names in found.items() if names}
+
+
 @click.command()
 @click.option("--drones", type=click.IntRange(1, 100), default=1, show_default=True, help="How many.")
+@click.option(
+    "--dogs", type=click.IntRange(0, 10), default=0, show_default=True, help="How many (extra can)."
+)
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
 @click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
 @with_output
-def demo(out: Output, drones: int, broker: str | None, verbose: int) -> ExitCode:
+def demo(out: Output, drones: int, dogs: int, broker: str | None, verbose: int) -> ExitCode:
     """Run simulated robots; nothing else is needed.
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), the bus and
@@ -74,7 +87,7 @@ def demo(out: Output, drones: int, broker: str | None, verbose: int) -> ExitCode
             port = stack.enter_context(BrokerThread(host=host, port=_port())).port
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
         path = folder / "fleet.yaml"
-        path.write_text(demo_file(drones, host, port), encoding="utf-8")
+        path.write_text(demo_file(drones, host, port, dogs), encoding="utf-8")
         loaded = load(path)
 
         def started(_edge: Edge) -> None:

@@ -59,6 +59,8 @@ class LazyGroup(click.Group):
         try:
             command: click.Command = getattr(importlib.import_module(module), attribute)
         except ModuleNotFoundError as error:
+            if not module.startswith("fleet_"):
+                raise
             raise click.ClickException(f"fleet {cmd_name} needs {error.name}: install its extra") from None
         return command
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+import os
 import select
 import sys
 from collections.abc import Mapping
@@ -81,7 +82,7 @@ def _serve(sim: SimDog, buses: Mapping[str, Bus], clock: Clock, sense_every: flo
             sensed = sim.time if due else sensed
             behind -= _STEP
         ready, _, _ = select.select([sys.stdin], [], [], 0.0)
-        if ready and not sys.stdin.buffer.read1(64):
+        if ready and not os.read(sys.stdin.fileno(), 64):
             return
 
 

@@ -62,6 +62,7 @@ def test_an_empty_bus_has_no_devices(dog):
     sim, buses = lockstep(dog)
     for number in range(12):
         sim.fault("mute", number + 1)
+    buses["a"].receive(0.0)
     assert scan(buses["a"], Ticking()) == []
 
 
