@@ -17,7 +17,11 @@ from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
 
 SEEDS = 10  # each with another friction and other lost frames
-COMMANDS = {"forward 0.6 m/s": Twist(0.6), "sideways 0.2 m/s": Twist(0, 0.2), "turn 0.8 rad/s": Twist(0, 0, 0.8)}
+COMMANDS = {
+    "forward 0.6 m/s": Twist(0.6),
+    "sideways 0.2 m/s": Twist(0, 0.2),
+    "turn 0.8 rad/s": Twist(0, 0, 0.8),
+}
 
 
 def standing(dog: Description, seed: int = 1, loss: float = 0.0) -> Rig:
@@ -48,7 +52,7 @@ def gaits(dog: Description, seeds: int) -> None:
             falls = sum(bool(rig.fault) for rig in rigs)
             print(
                 f"{dog.drive.protocol:7} loss {loss:4.0%} {name:17} got {statistics.mean(speeds):.3f} "
-                f"({min(speeds):.3f} to {max(speeds):.3f}), tilt {max(tilts):.1f} deg, stopped {falls}/{seeds}"
+                f"({min(speeds):.3f} to {max(speeds):.3f}), tilt {max(tilts):.1f} deg, stops {falls}/{seeds}"
             )
             for rig in rigs:
                 rig.go(1.5)
@@ -79,7 +83,8 @@ def cost(dog: Description) -> None:
     rig = standing(dog)
     begun = time.process_time()
     rig.go(5.0, Twist(0.5))
-    print(f"{dog.drive.protocol:7} whole stack in lock-step: {(time.process_time() - begun) / 5:.1%} of a core a dog")
+    share = (time.process_time() - begun) / 5
+    print(f"{dog.drive.protocol:7} whole stack in lock-step: {share:.1%} of a core a dog")
 
 
 def run() -> None:

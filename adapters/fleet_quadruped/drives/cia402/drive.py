@@ -32,7 +32,7 @@ from fleet_quadruped.drives.cia402.frames import (
 from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, state_of
 from fleet_quadruped.robot.description import Description, Joint
 
-_SILENT = 5  # heartbeats that may be missing: a lossy bus drops two in a row now and then
+_SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
 
 
 @dataclass(slots=True)
