@@ -56,9 +56,9 @@ def slow_reports(state: State, stamp: float) -> Iterator[BatteryReport | Metrics
 
 
 def health_of(state: State, cycle_hz: int) -> Health:
-    """Return how the dog is: a latched fault needs a person."""
+    """Return how the dog is. A latched fault is degraded: the dog must still hear the reset."""
     if state.fault:
-        return Health(Level.FAULT, state.fault)
+        return Health(Level.DEGRADED, state.fault)
     if state.warning:
         return Health(Level.DEGRADED, state.warning)
     if 0 < state.timing.rate < SLOW_RATE * cycle_hz:
