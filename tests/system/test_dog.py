@@ -77,6 +77,7 @@ def operator(fleet, ears, broker, tmp_path, monkeypatch):
     client.disconnect()
 
 
+@pytest.mark.timeout(300)
 def test_the_sdk_walks_a_dog_round_a_square(operator):
     operator.insist("stand_up")
     operator.is_seen("standing")
