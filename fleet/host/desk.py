@@ -70,7 +70,7 @@ class Desk:
         self._clock = clock
         self._admission = Admission(config, clock)
         self._repeats: Repeats[Ticket] = Repeats()
-        self._own = {RELEASE: self._release, RESTART: restart}
+        self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
         self._offline = "it has not been reached yet"
         self.in_control = False
@@ -217,10 +217,6 @@ class Desk:
             self._execute(spec, ask, ticket)
         self._answered(ask, ticket)
 
-    def _release(self) -> None:
-        """End the emergency stop."""
-        self._admission.latch.release()
-
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
         if self._adapter is None or self._offline:
@@ -273,7 +269,9 @@ class Desk:
             ticket.done()
 
     async def _settle(self, why: str) -> None:
-        """Stop the robot for nobody in particular, after something failed."""
+        """Stop the robot for nobody in particular, after something failed; not one that another has."""
+        if not self.in_control:
+            return
         log.warning("%s: %s: it is brought to a standstill", self.name, why)
         await self._hold_for(why, Ticket("stop", lambda _: None))
 

@@ -137,11 +137,18 @@ class Edge:
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
-            dropped=(stats.dropped if stats else 0) + self.process.outbox.dropped,
+            dropped=self._dropped(),
             load=load.load,
             memory_percent=load.memory_percent,
             threads=load.threads,
             groups=self._groups,
+        )
+
+    def _dropped(self) -> int:
+        """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
+        bridge = self.bridge
+        return self.process.outbox.dropped + (
+            bridge.uplink.dropped + bridge.client.stats.dropped if bridge else 0
         )
 
     def _soon(self, call: Callable[[], None]) -> None:

@@ -23,7 +23,8 @@ from fleet.host.wheel import OWNER, Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
 from fleet.model.health import Level
-from fleet.model.report import Report, TelemetryReport
+from fleet.model.navigation import ActionState
+from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 
@@ -104,11 +105,18 @@ class LocalRobot:
         except WireError as error:
             self._log.warning("refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
+            self._tell_failed(getattr(error, "action_id", ""), str(error))
             return
         if ask is None:
             return
         ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
         self._context.run(self.desk.receive, ask, ticket)
+
+    def _tell_failed(self, action_id: str, why: str) -> None:
+        """Say that a goal that could not be read has failed, where its action id could be."""
+        if action_id:
+            now = self._clock.time()
+            self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why))
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
@@ -194,6 +202,7 @@ class LocalRobot:
         """Let the adapter bring the robot to its own standstill."""
         ask = Command(EMERGENCY, origin=Origin(Way.BUS, session=why))
         self.desk.receive(ask, Ticket(EMERGENCY, lambda _: None))
+        self._changed(self.name)
 
     def _health_changed(self) -> None:
         """Say on the telemetry channel when the robot comes and goes."""

@@ -111,6 +111,7 @@ class Ears:
     def __init__(self, host: str, port: int, topic: str) -> None:
         self.messages: queue.Queue[tuple[str, dict[str, Any]]] = queue.Queue()
         self.heard: list[tuple[str, dict[str, Any]]] = []
+        self.address = (host, port)
         self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
         ready = threading.Event()
         self.client.on_message = self._take
@@ -220,15 +221,14 @@ def runtime() -> Iterator[str]:
 @pytest.fixture
 def fleet(runtime: str) -> Iterator[Callable[..., Running]]:
     """Start ``fleet ARGUMENTS``; it is ended, and must end well, after the test."""
-    started: list[Running] = []
+    started: list[tuple[Running, int]] = []
 
-    def start(*arguments: str, folder: Path | None = None) -> Running:
-        started.append(Running(*arguments, runtime=runtime, folder=folder))
-        return started[-1]
+    def start(*arguments: str, folder: Path | None = None, code: int = 0) -> Running:
+        started.append((Running(*arguments, runtime=runtime, folder=folder), code))
+        return started[-1][0]
 
     yield start
-    codes = [each.end() for each in started]
-    assert codes == [0] * len(codes)
+    assert [each.end() for each, _ in started] == [code for _, code in started]
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ ALIVE = (
     "metrics",
     "gps",
     "edge_health",
+    "driverlog",
 )
 
 
@@ -49,6 +50,14 @@ def test_an_emergency_stop_holds_the_drone_until_it_is_released(pilot):
     assert pilot.command("release_emergency_stop")["status"] == "ok"
     pilot.insist("land")
     pilot.reaches("the ground", lambda at: at["z"] < 0.3)
+
+
+def test_a_goal_that_cannot_be_read_has_failed_and_says_where(pilot):
+    action = uuid.uuid4().hex
+    pilot.say("navigate/command", command="goto", action_id=action, position={"x": "5", "y": 0, "z": 5})
+    failed = pilot.heard("navigate/status", "failed", lambda each: ended(each, action))
+    assert failed["status"] == "failed"
+    assert "position.x" in failed["message"]
 
 
 def ended(status, action):
