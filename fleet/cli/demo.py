@@ -43,24 +43,20 @@ def _robot(name: str, **fields: str) -> dict[str, object]:
     return {"name": name, "twin": twin_of(name), **fields, "accepts": accepts}
 
 
-def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0) -> str:
+def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0) -> str:
     """Return the fleet file of the demo, as JSON (which is YAML)."""
-    flying = [
-        _robot(f"drone-{number}", adapter="mavlink", link=_link(number)) for number in range(1, drones + 1)
-    ]
-    rolling = [
-        _robot(f"ugv-{number}", adapter="ugv", profile=UGV, link=f"sim:{UGV}")
-        for number in range(1, ugvs + 1)
-    ]
+    kinds = {
+        "drones": [_robot(f"drone-{n}", adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)],
+        "ugvs": [
+            _robot(f"ugv-{n}", adapter="ugv", profile=UGV, link=f"sim:{UGV}") for n in range(1, ugvs + 1)
+        ],
+        "dogs": [_robot(f"dog-{n}", adapter="quadruped", link="sim:auto") for n in range(1, dogs + 1)],
+    }
     fleet = {
         "edge": {"id": "demo"},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
-        "robots": [*flying, *rolling],
-        "groups": {
-            name: [robot["name"] for robot in robots]
-            for name, robots in (("drones", flying), ("ugvs", rolling))
-            if robots
-        },
+        "robots": [robot for robots in kinds.values() for robot in robots],
+        "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
     }
     return json.dumps(fleet, indent=2)
 
@@ -68,10 +64,15 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0) -> str:
 @click.command()
 @click.option("--drones", type=click.IntRange(0, 100), default=1, show_default=True, help="How many.")
 @click.option("--ugvs", type=click.IntRange(0, 100), default=1, show_default=True, help="Wheeled robots.")
+@click.option(
+    "--dogs", type=click.IntRange(0, 10), default=0, show_default=True, help="Quadrupeds (extra can)."
+)
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
 @click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
 @with_output
-def demo(out: Output, drones: int, ugvs: int, broker: str | None, verbose: int) -> ExitCode:
+def demo(  # noqa: PLR0917 - click's options
+    out: Output, drones: int, ugvs: int, dogs: int, broker: str | None, verbose: int
+) -> ExitCode:
     """Run simulated robots; nothing else is needed.
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
@@ -83,7 +84,7 @@ def demo(out: Output, drones: int, ugvs: int, broker: str | None, verbose: int) 
             port = stack.enter_context(BrokerThread(host=host, port=_port())).port
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
         path = folder / "fleet.yaml"
-        path.write_text(demo_file(drones, host, port, ugvs=ugvs), encoding="utf-8")
+        path.write_text(demo_file(drones, host, port, ugvs=ugvs, dogs=dogs), encoding="utf-8")
         loaded = load(path)
 
         def started(_edge: Edge) -> None:

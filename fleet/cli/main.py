@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "fleet.cli.calibrate:calibrate",
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
+    "can": "fleet_quadruped.cli:can",
 }
 SUMMARIES: Mapping[str, str] = {
     "init": "Write an example fleet.yaml to begin with.",
@@ -41,6 +42,7 @@ SUMMARIES: Mapping[str, str] = {
     "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
+    "can": "Look at a quadruped's CAN buses and drives; enables nothing.",
 }
 
 
@@ -56,7 +58,12 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, _, attribute = COMMANDS[cmd_name].partition(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
+        try:
+            command: click.Command = getattr(importlib.import_module(module), attribute)
+        except ModuleNotFoundError as error:
+            if not module.startswith("fleet_"):
+                raise
+            raise click.ClickException(f"fleet {cmd_name} needs {error.name}: install its extra") from None
         return command
 
     def resolve_command(

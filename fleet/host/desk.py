@@ -37,15 +37,13 @@ log = logging.getLogger(__name__)
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
 EMERGENCY = "emergency_stop"
-RESTART = "restart_adapter"
-"""The one command that the host itself carries out: end a quarantine, or begin the run anew."""
+RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the run anew
 
 
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter that raised what it may not; ``restart``
-    begins its run anew.
+    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew.
     """
 
     def __init__(

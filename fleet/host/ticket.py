@@ -100,10 +100,3 @@ class Ticket:
 
 
 _FIELDS = tuple(name for name in Reply.__struct_fields__ if name != "done")
-
-
-def outcome(reply: Reply) -> str:
-    """Return how a command stands, for people."""
-    if reply.done:
-        return "done"
-    return reply.status.value if reply.ok else f"{reply.status.value}: {reply.reason}"

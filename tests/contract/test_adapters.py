@@ -27,6 +27,11 @@ class TestUgv(AdapterContract):
     }
 
 
+class TestQuadruped(AdapterContract):
+    adapter = adapter("quadruped")
+    config = {"adapter": "quadruped", "link": "sim:kinematic"}
+
+
 def test_every_installed_adapter_is_held_to_the_contract():
     tested = {
         cls.config["adapter"]

@@ -1,0 +1,306 @@
+"""The quadruped as the fleet sees it: commands to orders, states to reports."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+
+import msgspec
+
+from fleet import (
+    Adapter,
+    Fault,
+    FollowPath,
+    Goal,
+    GoTo,
+    Limits,
+    NotReady,
+    Progress,
+    Refused,
+    RelativeMove,
+    Robot,
+    Task,
+    TimedOut,
+    Unsupported,
+    Velocity,
+    command,
+)
+from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, rotate_to_world
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.config import QuadrupedConfig
+from fleet_quadruped.control.orders import Errand, Order, State
+from fleet_quadruped.follow import REACHED, Place, towards
+from fleet_quadruped.process import BodyProcess
+from fleet_quadruped.reports import health_of, motion_reports, slow_reports
+from fleet_quadruped.robot.description import Description, load_description
+
+__all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
+
+_FOREVER = 3600.0  # s: the host ends velocities; our own dead-man watches the host
+_ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
+_EMERGENCY = "emergency_stop"
+Condition = Callable[[], bool]
+_STANDS = frozenset({"standing", "walking"})
+
+
+class QuadrupedAdapter(Adapter[QuadrupedConfig]):
+    """A dog that walks: its body controller is a process of its own, started by ``run``."""
+
+    Config = QuadrupedConfig
+    limits = Limits(speed=0.8, yaw_rate=1.0)
+
+    def __init__(self, config: QuadrupedConfig) -> None:
+        super().__init__(config)
+        self._body: BodyProcess | None = None
+        self._dog: Description | None = None
+        self._robot: Robot | None = None
+        self._order = Order()
+        self._state = State()
+        self._news = asyncio.Event()
+        self._one_errand = asyncio.Lock()
+
+    async def run(self, robot: Robot) -> None:
+        """Start the body controller and report what it says until it ends."""
+        self._dog = load_description(self.config.body)
+        self._robot = robot
+        async with BodyProcess(self.config) as body:
+            self._body = body
+            try:
+                self._send()
+                robot.every(_ALIVE, self._send)
+                robot.every(_LOOK, self._look)
+                robot.every(_MOTION, self._report_motion)
+                robot.every(_SLOW, self._report_slow)
+                await body.ended()
+            finally:
+                self._body = None
+
+    def drive(self, velocity: Velocity) -> None:
+        """Walk like this from now on; only a dog that stands walks."""
+        body = self._reached()
+        if self._state.mode not in _STANDS and not velocity.is_zero:
+            raise NotReady(f"the dog is {self._state.mode}", hint="send stand_up first")
+        self._walk(velocity)
+        body.orders.put(self._order)
+
+    async def stop(self, reason: str) -> None:
+        """Stand still; for an emergency stop give way with damping and go off, seen to be done."""
+        if self._body is None:
+            return
+        self._walk(ZERO_VELOCITY)
+        if reason == _EMERGENCY:
+            self._change(stop=self._order.stop + 1)
+            await self._until(lambda: self._state.stopped >= self._order.stop, "the emergency stop")
+            return
+        self._send()
+        await self._until(lambda: self._state.mode != "walking", "standing still", within=4.0)
+
+    def halt(self) -> None:
+        """Write zero velocity; from any thread."""
+        body = self._body
+        if body is not None:
+            self._walk(ZERO_VELOCITY)
+            body.orders.put(self._order)
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    @command("stand_up", timeout=8.0)
+    async def stand_up(self, *, delta_z: float | None = None) -> AsyncIterator[Progress]:
+        """Stand up; with delta_z (m): stand that much higher."""
+        async for progress in self._rise_or_lower(delta_z, up=True):
+            yield progress
+
+    @command("sit_down", timeout=12.0)
+    async def sit_down(self, *, delta_z: float | None = None) -> AsyncIterator[Progress]:
+        """Sit down and take the torque off; with delta_z (m): stand that much lower."""
+        async for progress in self._rise_or_lower(delta_z, up=False):
+            yield progress
+
+    @command("recovery_stand", timeout=30.0)
+    async def recovery_stand(self) -> AsyncIterator[Progress]:
+        """Get up from whatever it lies on."""
+        await self._errand(Ask.RECOVER)
+        yield Progress(0.0)
+        await self._standing()
+
+    @command("reset_faults", timeout=3.0, moves=False)
+    async def reset_faults(self) -> None:
+        """Acknowledge latched faults, after a person has looked at the dog."""
+        await self._errand(Ask.RESET)
+
+    @command("led_toggle", timeout=2.0, moves=False)
+    async def led_toggle(self, *, enabled: bool | None = None) -> None:
+        """Turn the lamp on or off; without data, the other way round."""
+        self._reached()
+        if self._dog is None or self._dog.led is None:
+            raise Unsupported("this dog's description has no led")
+        self._change(lamp=not self._order.lamp if enabled is None else enabled)
+
+    @command("battery_check", timeout=2.0, moves=False)
+    async def battery_check(self) -> None:
+        """Report the battery now."""
+        robot = self._running()
+        if self._dog is None or self._dog.battery is None:
+            raise Unsupported("this dog's description has no battery")
+        if self._state.battery_age is None or self._state.battery_age > self._dog.battery.timeout:
+            raise NotReady("the battery says nothing", hint="check its CAN frames")
+        for report in slow_reports(self._state, robot.clock.time()):
+            robot.report(report)
+
+    async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
+        """Change the height, or all of the posture."""
+        if delta_z is not None:
+            await self._errand(Ask.HEIGHT, abs(delta_z) if up else -abs(delta_z))
+            yield Progress(0.0)
+            await asyncio.sleep(0)
+            return
+        await self._errand(Ask.STAND if up else Ask.SIT)
+        yield Progress(0.0)
+        await (self._standing() if up else self._lying())
+
+    async def _standing(self) -> None:
+        """Wait until the dog was seen to stand; raises Fault when it went off instead."""
+        await self._until(lambda: self._state.mode in _STANDS or self._off(), "standing up", within=29.0)
+        if self._off():
+            raise Fault(self._state.fault or f"it is {self._state.mode}")
+
+    async def _lying(self) -> None:
+        await self._until(lambda: self._state.mode == "off", "sitting down", within=11.0)
+        if self._state.fault:
+            raise Fault(self._state.fault)
+
+    def _off(self) -> bool:
+        return self._state.mode in {"off", "damped"}
+
+    async def _errand(self, ask: Ask, value: float = 0.0) -> None:
+        """Ask the body for something; raises Refused with its reason."""
+        self._reached()
+        async with self._one_errand:
+            number = self._order.errand.number + 1
+            self._change(errand=Errand(number, ask, value))
+            await self._until(lambda: self._state.answered >= number, ask.value)
+            if self._state.refusal:
+                raise Refused(self._state.refusal)
+
+    async def _until(self, condition: Condition, what: str, within: float = 2.0) -> None:
+        """Wait for a state; raises TimedOut."""
+        try:
+            async with asyncio.timeout(within):
+                while not condition():
+                    self._news.clear()
+                    await self._news.wait()
+        except TimeoutError:
+            raise TimedOut(f"{what}: the dog is {self._state.mode} after {within:g} s") from None
+
+    # -- navigation ----------------------------------------------------------------------------------
+
+    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
+        """Walk to one place after the other on leg odometry."""
+        places = self._places(task)
+        reached = task.constraints.tolerance or REACHED
+        most = min(task.constraints.max_speed or self.limits.speed or 0.5, self.limits.speed or 0.5)
+        for number, (place, wait) in enumerate(places):
+            async for _ in self._walk_to(place, most, reached):
+                yield Progress(100.0 * number / len(places))
+            await asyncio.sleep(wait)
+
+    async def _walk_to(self, place: Place, speed: float, reached: float) -> AsyncIterator[Progress]:
+        assert self._dog is not None
+        strafe = min(speed, self._dog.gait.strafe)
+        while True:
+            velocity = towards(
+                self._place(), place, speed=speed, strafe=strafe, turn=self._dog.gait.turn, reached=reached
+            )
+            self.drive(velocity or ZERO_VELOCITY)
+            if velocity is None:
+                return
+            yield Progress(0.0)
+            self._news.clear()
+            await self._news.wait()
+
+    def _places(self, task: Task) -> list[tuple[Place, float]]:
+        """Return where a task leads, with the seconds to stay there."""
+        self._reached()
+        here = self._place()
+        match task:
+            case GoTo():
+                return [_place_of(task.goal)]
+            case FollowPath():
+                return [_place_of(goal) for _ in range(task.loops) for goal in task.goals]
+            case RelativeMove():
+                move = task.translation
+                if task.body_frame:
+                    move = rotate_to_world(move, here.yaw or 0.0)
+                return [(Place(here.x + move.x, here.y + move.y, None), 0.0)]
+
+    def _place(self) -> Place:
+        trim = self.config.trim
+        return Place(self._state.x * trim, self._state.y * trim, Quaternion(*self._state.rotation).yaw)
+
+    # -- the body ------------------------------------------------------------------------------------
+
+    def _reached(self) -> BodyProcess:
+        if self._body is None:
+            raise NotReady("the dog is not connected", hint="its drives are being configured")
+        return self._body
+
+    def _running(self) -> Robot:
+        self._reached()
+        assert self._robot is not None
+        return self._robot
+
+    def _walk(self, velocity: Velocity) -> None:
+        """Note a velocity in the order, without sending it."""
+        move: Vector3 = velocity.linear
+        self._order = msgspec.structs.replace(
+            self._order,
+            x=move.x,
+            y=move.y,
+            turn=velocity.yaw_rate,
+            until=self._now() + _FOREVER,
+            alive=self._now(),
+        )
+
+    def _change(self, **changes: object) -> None:
+        self._order = msgspec.structs.replace(self._order, **changes)
+        self._send()
+
+    def _send(self) -> None:
+        """Send the newest order; that it is fresh is what keeps the dog walking."""
+        if self._body is not None:
+            self._order = msgspec.structs.replace(self._order, alive=self._now())
+            self._body.orders.put(self._order)
+
+    def _now(self) -> float:
+        """Return monotonic seconds, which are the same in the body controller's process."""
+        return self._robot.clock.monotonic() if self._robot else 0.0
+
+    def _look(self) -> None:
+        """Take the newest state."""
+        if self._body is None:
+            return
+        before = self._state
+        self._state = self._body.states.get()
+        if self._state is not before:
+            self._news.set()
+            if self._dog is not None and self._robot is not None:
+                health = health_of(self._state, self._dog.drive.cycle_hz)
+                if before.stamp == 0.0 or health != health_of(before, self._dog.drive.cycle_hz):
+                    self._robot.health(health)
+
+    def _report_motion(self) -> None:
+        if self._robot is not None and self._state.stamp:
+            for report in motion_reports(self._state, self._robot.clock.time(), self.config.trim):
+                self._robot.report(report)
+
+    def _report_slow(self) -> None:
+        if self._robot is not None and self._state.stamp:
+            for report in slow_reports(self._state, self._robot.clock.time()):
+                self._robot.report(report)
+
+
+def _place_of(goal: Goal) -> tuple[Place, float]:
+    """Return a goal's place and the seconds to stay; raises Unsupported for a place on Earth."""
+    if goal.position is None:
+        raise Unsupported("this dog knows places in metres only, not latitude and longitude")
+    return Place(goal.position.x, goal.position.y, goal.yaw), goal.wait

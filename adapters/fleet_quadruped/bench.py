@@ -1,0 +1,128 @@
+"""A dog on the bench: its drives are heard and never enabled. What the ``fleet can`` tools share."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from fleet.clock import Clock
+from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.drives import drives_of
+from fleet_quadruped.drives.base import JointFeedback
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT
+from fleet_quadruped.drives.mit.frames import DISABLE
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import Twelve
+
+_SDO_REQUEST, _SDO_RESPONSE = 0x600, 0x580
+_READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
+_IDS = range(1, 128)
+_ANSWERED = 0x43
+
+
+@contextlib.contextmanager
+def open_buses(
+    urls: Mapping[str, str], bitrates: Mapping[str, int], clock: Clock
+) -> Iterator[dict[str, CanBus]]:
+    """Open buses for the time of a block; raises LinkLost or LinkRefused."""
+    with contextlib.ExitStack() as stack:
+        buses: dict[str, CanBus] = {}
+        for name, url in urls.items():
+            bus = Bus(name, url, bitrates.get(name, 1_000_000), clock)
+            stack.callback(bus.close)
+            buses[name] = bus
+        yield buses
+
+
+def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
+    """Return a line for each device that is found. Nothing is asked that could move or change anything.
+
+    CANopen nodes are asked for their device type (1000h), MIT motors are told to be off, which they answer.
+    """
+    found: dict[tuple[str, int], str] = {}
+    for number in _IDS:
+        bus.send(Frame(_SDO_REQUEST + number, _READ_DEVICE_TYPE))
+        for frame in bus.receive(0.001):
+            _note(frame, found)
+    for number in range(1, 16):
+        bus.send(Frame(number, DISABLE))
+    until = clock.monotonic() + seconds
+    while clock.monotonic() < until:
+        for frame in bus.receive(0.05):
+            _note(frame, found)
+    return [found[key] for key in sorted(found)]
+
+
+def _note(frame: Frame, found: dict[tuple[str, int], str]) -> None:
+    """Note what a frame says about a device."""
+    node = frame.id & 0x7F
+    if frame.id & ~0x7F == _SDO_RESPONSE and len(frame.data) == 8:
+        if frame.data[0] == _ANSWERED:
+            profile = int.from_bytes(frame.data[4:6], "little")
+            kind = "drive (CiA 402)" if profile == 402 else f"profile {profile}"
+            found["canopen", node] = f"CANopen node {node}: {kind}"
+        else:
+            found.setdefault(("canopen", node), f"CANopen node {node}: refuses to tell its device type")
+    elif frame.id & ~0x7F == HEARTBEAT:
+        found.setdefault(("canopen", node), f"CANopen node {node}: heartbeat, state {frame.data[:1].hex()}h")
+    elif len(frame.data) in {6, 7, 8} and (frame.id == 0 or 0x10 < frame.id < 0x20):
+        motor = frame.data[0] if frame.id == 0 else frame.id - 0x10
+        found.setdefault(("mit", motor), f"MIT motor {motor}: answers on {frame.id:03X}h")
+
+
+class Bench:
+    """A configured dog whose drives stay off."""
+
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus], clock: Clock) -> None:
+        self.dog = dog
+        self.frames: Counter[str] = Counter()
+        self._buses = buses
+        self._clock = clock
+        self._drives = drives_of(dog, buses)
+        self._drives.configure()
+
+    def look(self) -> tuple[JointFeedback, ...]:
+        """Run one cycle, with the torque off; return what the drives say."""
+        now = self._clock.monotonic()
+        self._drives.begin_cycle(now)
+        until = now + self.dog.dt
+        while (left := until - self._clock.monotonic()) > 0:
+            for name, bus in self._buses.items():
+                for frame in bus.receive(min(left, 0.002)):
+                    self.frames[name] += 1
+                    self._drives.take(name, frame, self._clock.monotonic())
+        self._drives.disable()
+        return self._drives.feedback(self._clock.monotonic())
+
+    def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
+        """Return what the drives say after some cycles."""
+        told = self.look()
+        for _ in range(cycles):
+            told = self.look()
+        return told
+
+
+def problems(dog: Description, told: tuple[JointFeedback, ...]) -> list[str]:
+    """Return what keeps these joints from being enabled, a line each."""
+    found = []
+    for joint, feedback in zip(dog.all_joints, told, strict=True):
+        if feedback.age > 0.1:
+            found.append(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent")
+        elif feedback.fault:
+            found.append(f"{joint.name}: {feedback.fault}")
+        elif not joint.low <= feedback.angle <= joint.high:
+            found.append(
+                f"{joint.name}: is at {feedback.angle:.2f} rad, outside {joint.low:g} to {joint.high:g}: "
+                "check its sign and offset"
+            )
+    return found
+
+
+def offsets(dog: Description, told: tuple[JointFeedback, ...], pose: Twelve) -> dict[str, float]:
+    """Return the offset (rad) of each joint when the dog really is in ``pose``; signs are taken as right."""
+    return {
+        joint.name: round(joint.motor(feedback.angle) / joint.kind.ratio - joint.sign * angle, 4)
+        for joint, feedback, angle in zip(dog.all_joints, told, pose, strict=True)
+    }

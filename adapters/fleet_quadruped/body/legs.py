@@ -1,0 +1,65 @@
+"""One leg: abduction about x, hip and knee about y; at zero it hangs straight down.
+
+Feet are in the frame of the leg: origin on the abduction axis, x forward, y left, z up, metres.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+Point = tuple[float, float, float]
+Angles = tuple[float, float, float]
+_NEARLY = 0.999  # of the leg's length: a straight leg has no way back
+
+
+class Leg(NamedTuple):
+    """Lengths in metres; ``x``, ``y`` is the origin in the body, ``side`` +1 left, ``knee`` -1 backward."""
+
+    x: float
+    y: float
+    side: int
+    knee: int
+    offset: float
+    thigh: float
+    calf: float
+
+    def foot(self, angles: Angles) -> Point:
+        """Return where the centre of the foot is."""
+        abad, hip, knee = angles
+        x = -self.thigh * math.sin(hip) - self.calf * math.sin(hip + knee)
+        down = self.thigh * math.cos(hip) + self.calf * math.cos(hip + knee)
+        out = self.side * self.offset
+        cos, sin = math.cos(abad), math.sin(abad)
+        return x, out * cos + down * sin, out * sin - down * cos
+
+    def angles(self, foot: Point) -> Angles:
+        """Return the angles that put the foot there, or as near as the leg reaches in that direction."""
+        x, y, z = foot
+        out = self.side * self.offset
+        down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
+        abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
+        wanted = math.hypot(x, down)
+        length = max(abs(self.thigh - self.calf) + 1e-3, min((self.thigh + self.calf) * _NEARLY, wanted))
+        bend = math.acos(_cosine(self.thigh, self.calf, length))
+        lean = math.acos(_cosine(self.thigh, length, self.calf))
+        return abad, math.atan2(-x, down) - self.knee * lean, self.knee * (math.pi - bend)
+
+    def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
+        """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
+        abad, hip, knee = angles
+        x, y, z = self.foot(angles)
+        cos, sin = math.cos(abad), math.sin(abad)
+        down = self.thigh * math.cos(hip) + self.calf * math.cos(hip + knee)
+        low = self.calf * math.cos(hip + knee)
+        low_x = -self.calf * math.sin(hip + knee)
+        return (0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos)
+
+    def reaches(self, foot: Point) -> bool:
+        """Return True when the leg can put its foot there."""
+        return math.dist(self.foot(self.angles(foot)), foot) < 1e-3
+
+
+def _cosine(a: float, b: float, opposite: float) -> float:
+    """Return the cosine of the angle between two sides of a triangle."""
+    return max(-1.0, min(1.0, (a * a + b * b - opposite * opposite) / (2 * a * b)))

@@ -1,0 +1,227 @@
+"""The body as a state machine: what it is doing, what it may be asked, and what its joints are to do."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from typing import ClassVar, NamedTuple
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.motion import Motion, folding, rising, rolling, sitting
+from fleet_quadruped.body.sense import ZEROS, Sense, Targets
+from fleet_quadruped.body.walk import Walker
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.safety.stages import Mode, Stage, Trip, forced
+
+_ENABLE_TIME = 1.0  # s
+_SETTLE_TIME = 0.5  # s
+_UPRIGHT = 0.85  # of the body's z axis that must point up before it rises
+_TRIES = 5
+_STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+
+
+class Ask(enum.StrEnum):
+    """What the body can be asked."""
+
+    STAND = "stand"
+    SIT = "sit"
+    RECOVER = "recover"
+    HEIGHT = "height"
+    RESET = "reset"
+
+
+class Wish(enum.Enum):
+    """What the drives are to do in a cycle."""
+
+    REST = "rest"  # off
+    ENABLE = "enable"
+    HOLD = "hold"  # go to the targets
+    DAMP = "damp"
+    RESET = "reset"
+
+
+class Wanted(NamedTuple):
+    """The outcome of one cycle."""
+
+    wish: Wish
+    targets: Targets
+
+
+class Body:
+    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one."""
+
+    def __init__(self, dog: Description) -> None:
+        self._dog = dog
+        self.walker = Walker(dog)
+        self.mode = Mode.OFF
+        self.fault = ""
+        self._after = Mode.RISING
+        self._since = 0.0  # s in this mode
+        self._motion: Motion | None = None
+        self._tries = 0
+        self._reset = False
+
+    # -- being asked ---------------------------------------------------------------------------------
+
+    def ask(self, ask: Ask, value: float, sense: Sense) -> str:
+        """Take something that is asked; return why not, empty when it is being done (or was already)."""
+        return self._ASKS[ask](self, value, sense)
+
+    def trip(self, trip: Trip) -> None:
+        """Stop as hard as the trip says; a hard one is latched."""
+        mode = forced(trip.stage, self.mode)
+        if trip.stage is Stage.DAMP and (mode is not self.mode or not self.fault):
+            self.fault = trip.cause
+        if mode is not self.mode:
+            self.fault = self.fault or trip.cause
+            self._enter(mode)
+
+    def _stand(self, _value: float, sense: Sense) -> str:
+        if self.mode in _STANDS or self.mode is Mode.RISING:
+            return ""
+        if self.mode is not Mode.OFF:
+            return f"it is {self.mode.value}"
+        if self.fault:
+            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
+        if sense.imu is not None and sense.imu.up < _UPRIGHT:
+            return "it is not upright; send recovery_stand"
+        return self._power_up(Mode.RISING)
+
+    def _recover(self, _value: float, sense: Sense) -> str:
+        if self.mode in _STANDS:
+            return ""
+        if self.mode is not Mode.OFF:
+            return f"it is {self.mode.value}"
+        if self.fault:
+            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
+        if sense.imu is None:
+            return "without an IMU nobody knows how it lies"
+        if sense.imu.up < _UPRIGHT and self._dog.poses.roll_near is None:
+            return "it is not upright and its description has no roll poses; put it on its feet"
+        return self._power_up(Mode.RECOVERING)
+
+    def _power_up(self, after: Mode) -> str:
+        self._after, self._tries = after, 0
+        self._enter(Mode.ENABLING)
+        return ""
+
+    def _sit(self, _value: float, _sense: Sense) -> str:
+        if self.mode in {Mode.OFF, Mode.SITTING, Mode.SETTLING}:
+            return ""
+        if self.mode not in _STANDS:
+            return f"it is {self.mode.value}"
+        self._enter(Mode.SITTING)
+        return ""
+
+    def _height(self, value: float, _sense: Sense) -> str:
+        if self.mode not in _STANDS:
+            return f"it is {self.mode.value}; stand up first"
+        gait = self._dog.gait
+        self.walker.wanted_height = max(gait.lowest, min(gait.highest, self.walker.wanted_height + value))
+        return ""
+
+    def _reset_faults(self, _value: float, _sense: Sense) -> str:
+        if self.mode is not Mode.OFF:
+            return f"it is {self.mode.value}; faults are reset when it is off"
+        self.fault = ""
+        self._reset = True
+        return ""
+
+    # -- one cycle -----------------------------------------------------------------------------------
+
+    def step(self, dt: float, sense: Sense, twist: Twist, waiting: str) -> Wanted:
+        """Return what the joints are to do; ``waiting`` names a drive that is not enabled, empty without."""
+        self._since += dt
+        return self._STEPS[self.mode](self, dt, sense, twist, waiting)
+
+    def _enter(self, mode: Mode) -> None:
+        self.mode, self._since, self._motion = mode, 0.0, None
+
+    def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        wish, self._reset = (Wish.RESET if self._reset else Wish.REST), False
+        return _nothing(wish)
+
+    def _enabling(self, _dt: float, sense: Sense, _twist: Twist, waiting: str) -> Wanted:
+        if not waiting:
+            self._enter(self._after)
+            return Wanted(Wish.HOLD, Targets(sense.angles, ZEROS, ZEROS))
+        if self._since > _ENABLE_TIME:
+            self._enter(Mode.OFF)
+            self.fault = f"{waiting}; all joints were disabled again"
+            return _nothing(Wish.REST)
+        return _nothing(Wish.ENABLE)
+
+    def _rising(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        self._motion = self._motion or rising(self._dog, sense.angles, self._dog.gait.height)
+        targets = self._motion.step(dt)
+        if self._motion.done:
+            self.walker.stand(self._dog.gait.height)
+            self._enter(Mode.STANDING)
+        return Wanted(Wish.HOLD, targets)
+
+    def _upright(self, dt: float, sense: Sense, twist: Twist, _waiting: str) -> Wanted:
+        targets = self.walker.step(dt, twist, sense)
+        self.mode = Mode.WALKING if self.walker.walking else Mode.STANDING
+        return Wanted(Wish.HOLD, targets)
+
+    def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        if self._motion is None and self.walker.walking and self._since < 2 * self._dog.gait.period + 1.5:
+            return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
+        self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)
+        targets = self._motion.step(dt)
+        if self._motion.done:
+            self._enter(Mode.SETTLING)
+        return Wanted(Wish.HOLD, targets)
+
+    def _settling(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        if self._since > _SETTLE_TIME:
+            self._enter(Mode.OFF)
+        return _nothing(Wish.DAMP)
+
+    def _damped(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        if self._since > self._dog.safety.damp_time:
+            self._enter(Mode.OFF)
+        return _nothing(Wish.DAMP)
+
+    def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        if self._motion is None:
+            self._motion = folding(self._dog, sense.angles)
+        targets = self._motion.step(dt)
+        if self._motion.done and sense.imu is not None:
+            self._next_try(sense.imu.up, sense.imu.roll, targets)
+        return Wanted(Wish.HOLD, targets)
+
+    def _next_try(self, up: float, roll: float, targets: Targets) -> None:
+        """Rise when upright; else roll, to the other side at every second try."""
+        if up >= _UPRIGHT:
+            self._enter(Mode.RISING)
+            return
+        if self._tries >= _TRIES or self._dog.poses.roll_near is None:
+            self.trip(Trip(Stage.DAMP, f"recovery: still not upright after {self._tries} tries"))
+            return
+        to_left = (roll > 0) == (self._tries % 2 == 0)
+        self._tries += 1
+        self._motion = rolling(self._dog, targets.angles, to_left=to_left)
+
+    _ASKS: ClassVar[Mapping[Ask, Callable[[Body, float, Sense], str]]] = {
+        Ask.STAND: _stand,
+        Ask.SIT: _sit,
+        Ask.RECOVER: _recover,
+        Ask.HEIGHT: _height,
+        Ask.RESET: _reset_faults,
+    }
+    _STEPS: ClassVar[Mapping[Mode, Callable[[Body, float, Sense, Twist, str], Wanted]]] = {
+        Mode.OFF: _off,
+        Mode.ENABLING: _enabling,
+        Mode.RISING: _rising,
+        Mode.STANDING: _upright,
+        Mode.WALKING: _upright,
+        Mode.SITTING: _sitting,
+        Mode.SETTLING: _settling,
+        Mode.RECOVERING: _recovering,
+        Mode.DAMPED: _damped,
+    }
+
+
+def _nothing(wish: Wish) -> Wanted:
+    return Wanted(wish, Targets(ZEROS, ZEROS, ZEROS))

@@ -1,0 +1,111 @@
+"""Getting from posture to posture: standing up, sitting down, rolling over, as timed segments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from fleet_quadruped.body.sense import ZEROS, Targets
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import Twelve
+
+Path = Callable[[float], Twelve]
+_FOLD_TIME = 0.8  # s
+_ROLL_TIME = 0.7  # s
+
+
+class Segment(NamedTuple):
+    """``seconds`` along a path (argument 0 to 1); without one, a straight way to ``goal``."""
+
+    seconds: float
+    goal: Twelve
+    path: Path | None = None
+
+
+class Motion:
+    """Segments one after the other, each begun where the last one ended."""
+
+    def __init__(self, start: Twelve, segments: Sequence[Segment]) -> None:
+        self._start = self._now = start
+        self._segments = list(segments)
+        self._time = 0.0
+
+    @property
+    def done(self) -> bool:
+        """True when the last posture is reached."""
+        return not self._segments
+
+    def step(self, dt: float) -> Targets:
+        """Return the targets after ``dt`` seconds."""
+        self._time += dt
+        while self._segments and self._time >= self._segments[0].seconds:
+            segment = self._segments.pop(0)
+            self._time -= segment.seconds
+            self._start = segment.goal
+        before = self._now
+        self._now = self._place()
+        speeds = tuple((now - then) / dt for now, then in zip(self._now, before, strict=True))
+        return Targets(self._now, speeds, ZEROS)
+
+    def _place(self) -> Twelve:
+        if not self._segments:
+            return self._start
+        segment = self._segments[0]
+        share = _smooth(self._time / segment.seconds)
+        if segment.path is not None:
+            return segment.path(share)
+        return tuple(a + (b - a) * share for a, b in zip(self._start, segment.goal, strict=True))
+
+
+def _smooth(share: float) -> float:
+    """Return a share that begins and ends at rest, also in its acceleration."""
+    return share**3 * (share * (6 * share - 15) + 10)
+
+
+def folding(dog: Description, start: Twelve) -> Motion:
+    """Fold the legs under the body."""
+    return Motion(start, [Segment(_FOLD_TIME, dog.posture(dog.poses.fold))])
+
+
+def rising(dog: Description, start: Twelve, height: float) -> Motion:
+    """Fold, crouch, and stand up."""
+    low = dog.gait.lowest
+    return Motion(
+        start,
+        [
+            Segment(_FOLD_TIME, dog.posture(dog.poses.fold)),
+            Segment(dog.poses.rise_time / 2, dog.stance(low)),
+            Segment(
+                dog.poses.rise_time / 2,
+                dog.stance(height),
+                lambda share: dog.stance(low + (height - low) * share),
+            ),
+        ],
+    )
+
+
+def sitting(dog: Description, start: Twelve, height: float) -> Motion:
+    """Lower the body from where it stands, and fold."""
+    low = dog.gait.lowest
+    return Motion(
+        start,
+        [
+            Segment(0.2, dog.stance(height)),
+            Segment(
+                dog.poses.sit_time / 2,
+                dog.stance(low),
+                lambda share: dog.stance(height + (low - height) * share),
+            ),
+            Segment(dog.poses.sit_time / 2, dog.posture(dog.poses.fold)),
+        ],
+    )
+
+
+def rolling(dog: Description, start: Twelve, *, to_left: bool) -> Motion:
+    """Roll over towards one side and fold again; only with roll poses in the description."""
+    near, far = dog.poses.roll_near, dog.poses.roll_far
+    if near is None or far is None:
+        raise ValueError(f"{dog.robot.name} has no roll poses")
+    roll = dog.posture(near, far) if to_left else dog.posture(far, near)
+    fold = dog.posture(dog.poses.fold)
+    return Motion(start, [Segment(_ROLL_TIME, roll), Segment(0.2, roll), Segment(_FOLD_TIME, fold)])

@@ -1,0 +1,100 @@
+"""Leg odometry: how the body moves, seen from the feet that stand.
+
+A standing foot rolls, so the radius of the foot counts: without it the speed reads 7 % low.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fleet import Vector3
+from fleet.model.geometry import wrap_angle
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.sense import Sense
+from fleet_quadruped.robot.description import leg_angles
+
+Planar = tuple[float, float, float, float]  # foot place x, y (m) and its velocity x, y (m/s), body frame
+
+
+class Odometry:
+    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s."""
+
+    def __init__(self, legs: Sequence[Leg], foot_radius: float, smooth: float = 0.1) -> None:
+        self._legs = legs
+        self._radius = foot_radius
+        self._smooth = smooth
+        self._first_yaw: float | None = None
+        self.x = self.y = self.yaw = 0.0
+        self.twist = Twist()
+
+    def still(self) -> None:
+        """Note that the dog does not walk: it moves nowhere."""
+        self.twist = Twist()
+
+    def update(self, dt: float, sense: Sense, stance: Sequence[bool]) -> None:
+        """Move on by what the standing feet say; ``stance`` tells which of the four stand."""
+        gyro = sense.imu.gyro if sense.imu else None
+        standing = [self._motion(number, sense, gyro) for number in range(4) if stance[number]]
+        if not standing:
+            return
+        seen = body_twist(standing, None if gyro is None else gyro.z)
+        share = min(1.0, dt / self._smooth)
+        old = self.twist
+        self.twist = Twist(*(before + (now - before) * share for before, now in zip(old, seen, strict=True)))
+        self._turn(dt, sense, seen.turn)
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        self.x += (cos * seen.x - sin * seen.y) * dt
+        self.y += (sin * seen.x + cos * seen.y) * dt
+
+    def _turn(self, dt: float, sense: Sense, rate: float) -> None:
+        """Take the heading from the IMU, relative to the first one; else integrate."""
+        if sense.imu is None:
+            self.yaw = wrap_angle(self.yaw + rate * dt)
+            return
+        heading = sense.imu.rotation.yaw
+        if self._first_yaw is None:
+            self._first_yaw = heading - self.yaw
+        self.yaw = wrap_angle(heading - self._first_yaw)
+
+    def _motion(self, number: int, sense: Sense, gyro: Vector3 | None) -> Planar:
+        """Return a foot's place and the velocity of its contact point, as the joints move it."""
+        leg = self._legs[number]
+        angles = leg_angles(sense.angles, number)
+        rates = leg_angles(sense.speeds, number)
+        columns = leg.jacobian(angles)
+        moved_x = sum(column[0] * rate for column, rate in zip(columns, rates, strict=True))
+        moved_y = sum(column[1] * rate for column, rate in zip(columns, rates, strict=True))
+        bend = rates[1] + rates[2]
+        about_x = rates[0] + (gyro.x if gyro else 0.0)
+        about_y = bend * math.cos(angles[0]) + (gyro.y if gyro else 0.0)
+        x, y, z = leg.foot(angles)
+        if gyro is not None:
+            moved_x += gyro.y * z
+            moved_y -= gyro.x * z
+        return leg.x + x, leg.y + y, moved_x - self._radius * about_y, moved_y + self._radius * about_x
+
+
+def body_twist(feet: Sequence[Planar], turn: float | None) -> Twist:
+    """Return the body's velocity for which all standing feet rest; least squares without a known turn."""
+    if turn is None:
+        turn = _turn_of(feet)
+    count = len(feet)
+    return Twist(
+        -sum(moved_x - turn * y for _, y, moved_x, _ in feet) / count,
+        -sum(moved_y + turn * x for x, _, _, moved_y in feet) / count,
+        turn,
+    )
+
+
+def _turn_of(feet: Sequence[Planar]) -> float:
+    """Return the turning speed that fits the feet best; 0 for a single one."""
+    count = len(feet)
+    mean = [sum(foot[axis] for foot in feet) / count for axis in range(4)]
+    across = spread = 0.0
+    for foot in feet:
+        x, y, moved_x, moved_y = (value - middle for value, middle in zip(foot, mean, strict=True))
+        across += y * moved_x - x * moved_y
+        spread += x * x + y * y
+    return across / spread if spread > 1e-6 else 0.0

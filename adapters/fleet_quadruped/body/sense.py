@@ -1,0 +1,53 @@
+"""What the body knows of itself in one cycle, and what it wants of its joints."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.robot.names import Twelve
+
+
+class Imu(NamedTuple):
+    """Orientation (body to world), rates (rad/s) and acceleration (m/s2) in the body frame."""
+
+    rotation: Quaternion
+    gyro: Vector3
+    accel: Vector3
+
+    @property
+    def roll(self) -> float:
+        """Radians, left side up positive."""
+        w, x, y, z = self.rotation.w, self.rotation.x, self.rotation.y, self.rotation.z
+        return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+
+    @property
+    def pitch(self) -> float:
+        """Radians, nose down positive."""
+        w, x, y, z = self.rotation.w, self.rotation.x, self.rotation.y, self.rotation.z
+        return math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+
+    @property
+    def up(self) -> float:
+        """How much of the body's z axis points up: 1 upright, -1 on its back."""
+        return 1 - 2 * (self.rotation.x**2 + self.rotation.y**2)
+
+
+class Sense(NamedTuple):
+    """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh."""
+
+    angles: Twelve
+    speeds: Twelve
+    imu: Imu | None
+
+
+class Targets(NamedTuple):
+    """What each joint is to do: angle (rad), speed (rad/s) and torque besides (N m)."""
+
+    angles: Twelve
+    speeds: Twelve
+    torques: Twelve
+
+
+ZEROS: Twelve = (0.0,) * 12

@@ -1,0 +1,113 @@
+"""Standing and walking: from a wanted velocity to joint targets."""
+
+from __future__ import annotations
+
+from fleet_quadruped.body.gait import Trot, Twist
+from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.odometry import Odometry
+from fleet_quadruped.body.sense import Sense, Targets
+from fleet_quadruped.robot.description import Description, leg_angles
+from fleet_quadruped.robot.names import Twelve
+
+GRAVITY = 9.81  # m/s2
+_INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
+_CORRECTION = 0.25  # m/s, and half of it in rad/s: the most that the loop adds
+_HEIGHT_SPEED = 0.1  # m/s
+
+
+class Walker:
+    """The gait with its velocity loop; ``speed_share`` below 1 slows a warm dog down."""
+
+    def __init__(self, dog: Description) -> None:
+        self._dog = dog
+        self._trot = Trot(dog.gait, dog.legs, dog.geometry.foot_radius)
+        self.odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+        self._ramped = Twist()
+        self._added = Twist()
+        self.height = dog.gait.height
+        self.wanted_height = dog.gait.height
+        self.speed_share = 1.0
+        self._last: Twelve | None = None
+
+    @property
+    def walking(self) -> bool:
+        """True while feet are lifted or a velocity is being held."""
+        return self._trot.walking
+
+    def stand(self, height: float) -> None:
+        """Begin anew, standing at this height."""
+        self._trot.stand(height)
+        self._ramped = self._added = Twist()
+        self.height = self.wanted_height = height
+        self._last = None
+
+    def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
+        """Return the joint targets after ``dt`` seconds."""
+        self.odometry.update(dt, sense, self._trot.stance)
+        self._ramp(dt, self._limited(wanted))
+        self._correct(dt)
+        most = _HEIGHT_SPEED * dt
+        self.height += max(-most, min(most, self.wanted_height - self.height))
+        given = Twist(*(ramped + added for ramped, added in zip(self._ramped, self._added, strict=True)))
+        seen = self.odometry.twist
+        error = Twist(seen.x - self._ramped.x, seen.y - self._ramped.y)
+        tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
+        return self._targets(dt, self._trot.step(dt, given, error, self.height, tilt), sense)
+
+    def _limited(self, wanted: Twist) -> Twist:
+        """Return a velocity that the dog can hold."""
+        gait = self._dog.gait
+        return Twist(
+            _within(wanted.x, gait.speed * self.speed_share),
+            _within(wanted.y, gait.strafe * self.speed_share),
+            _within(wanted.turn, gait.turn * self.speed_share),
+        )
+
+    def _ramp(self, dt: float, wanted: Twist) -> None:
+        """Change the velocity no faster than the gait allows."""
+        gait = self._dog.gait
+        most = (gait.acceleration * dt, gait.acceleration * dt, gait.turn_acceleration * dt)
+        self._ramped = Twist(
+            *(
+                now + _within(goal - now, step)
+                for now, goal, step in zip(self._ramped, wanted, most, strict=True)
+            )
+        )
+
+    def _correct(self, dt: float) -> None:
+        """Integrate what is missing of the velocity while it walks; forget it when it stops."""
+        if self._ramped.zero:
+            self._added = Twist()
+            return
+        seen = self.odometry.twist
+        self._added = Twist(
+            *(
+                _within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
+                for added, wanted, now in zip(self._added, self._ramped, seen, strict=True)
+            )
+        )
+
+    def _targets(self, dt: float, feet: list[Point], sense: Sense) -> Targets:
+        """Return the joints for the feet: angles, their speeds, and the torque that carries the weight."""
+        angles: list[float] = []
+        for leg, (x, y, z) in zip(self._dog.legs, feet, strict=True):
+            angles += leg.angles((x - leg.x, y - leg.y, z))
+        posture = tuple(angles)
+        before = self._last or posture
+        self._last = posture
+        speeds = tuple((now - then) / dt for now, then in zip(posture, before, strict=True))
+        return Targets(posture, speeds, self._carrying(sense))
+
+    def _carrying(self, sense: Sense) -> Twelve:
+        """Return the torques that hold the weight on the standing feet."""
+        standing = sum(self._trot.stance) or 1
+        weight = self._dog.robot.mass * GRAVITY / standing
+        torques: list[float] = []
+        for number, leg in enumerate(self._dog.legs):
+            carried = weight if self._trot.stance[number] else 0.0
+            torques += (-carried * column[2] for column in leg.jacobian(leg_angles(sense.angles, number)))
+        return tuple(torques)
+
+
+def _within(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))

@@ -1,0 +1,160 @@
+"""A CAN bus over python-can: opened, read, written, and given up when it is dead.
+
+can:socketcan:can0
+can:udp_multicast:239.74.163.2?port=43113
+can:slcan:/dev/ttyACM0
+can:virtual:NAME
+
+A frame that cannot be sent is dropped: a newer one comes in the next cycle. A transmit queue that stays full
+means that nobody acknowledges; what lies in it would be replayed when power returns, so the bus is given up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import re
+from typing import Annotated, Any, NamedTuple
+
+import can
+from pydantic import AfterValidator
+
+from fleet.clock import Clock
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.can.frame import Frame
+
+log = logging.getLogger(__name__)
+
+_URL = re.compile(r"can:(?P<interface>[a-z_]+):(?P<channel>[^?\s]+?)(?:\?port=(?P<port>\d{1,5}))?", re.ASCII)
+_FULL_FOR = 0.1  # s of a full queue after which the bus is dead
+_BATCH = 256  # frames read at once
+_BUS_OFF = 0x40  # in the identifier of a SocketCAN error frame
+_FOR_GOOD = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
+
+
+class BusUrl(NamedTuple):
+    """Which bus: python-can's interface and channel, and the port of a multicast group."""
+
+    interface: str
+    channel: str
+    port: int | None = None
+
+
+def parse_bus(text: str) -> BusUrl:
+    """Return the parts of a bus URL; raises LinkRefused with an example."""
+    match = _URL.fullmatch(text)
+    if match is None:
+        raise LinkRefused(f"{text!r} is not a bus; write it like can:socketcan:can0")
+    if match["interface"] not in can.VALID_INTERFACES:
+        raise LinkRefused(f"{text!r}: python-can has no interface {match['interface']!r}")
+    return BusUrl(match["interface"], match["channel"], int(match["port"]) if match["port"] else None)
+
+
+def _checked(text: str) -> str:
+    try:
+        parse_bus(text)
+    except LinkRefused as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+BusText = Annotated[str, AfterValidator(_checked)]
+"""The type of a bus in an adapter's config: checked when fleet.yaml is read."""
+
+
+class Bus:
+    """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames."""
+
+    def __init__(self, name: str, url: str, bitrate: int, clock: Clock) -> None:
+        self.name = name
+        self.url = url
+        self.dropped = 0
+        self.errors = 0
+        self._clock = clock
+        self._full_since: float | None = None
+        self._dead = ""
+        self._bus: can.BusABC | None = _open(url, bitrate)
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame, or drop and count it. A dead bus takes nothing more."""
+        bus = self._bus
+        if bus is None or self._dead:
+            return
+        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.id > 0x7FF)
+        try:
+            bus.send(message, timeout=0)
+        except (can.CanError, OSError) as error:
+            self.dropped += 1
+            self._failed(error)
+        else:
+            self._full_since = None
+
+    def receive(self, wait: float) -> list[Frame]:
+        """Return what has arrived, waiting up to ``wait`` s for the first; raises LinkLost."""
+        frames: list[Frame] = []
+        while self._bus is not None and not self._dead and len(frames) < _BATCH:
+            try:
+                message = self._bus.recv(0.0 if frames else wait)
+            except (can.CanError, OSError) as error:
+                self._dead = f"reading failed: {error}"
+                break
+            if message is None:
+                break
+            self._sort(message, frames)
+        if self._dead or self._bus is None:
+            raise LinkLost(f"bus {self.name!r} ({self.url}): {self._dead or 'it is closed'}")
+        return frames
+
+    def close(self) -> None:
+        """Close; what is still in a hardware queue is thrown away where the interface can do that."""
+        bus, self._bus = self._bus, None
+        if bus is None:
+            return
+        with contextlib.suppress(can.CanError, OSError, NotImplementedError):
+            bus.flush_tx_buffer()
+        with contextlib.suppress(can.CanError, OSError):
+            bus.shutdown()
+
+    def _sort(self, message: can.Message, frames: list[Frame]) -> None:
+        """Keep data frames; count error frames and look for bus-off in them."""
+        if message.is_error_frame:
+            self.errors += 1
+            if message.arbitration_id & _BUS_OFF:
+                self._dead = "bus-off: the controller has left the bus; check termination, bitrate and wiring"
+        elif not message.is_remote_frame:
+            frames.append(Frame(message.arbitration_id, bytes(message.data)))
+
+    def _failed(self, error: Exception) -> None:
+        """Decide whether a failed send means a full queue or a dead bus."""
+        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+        now = self._clock.monotonic()
+        if code not in {None, errno.ENOBUFS, errno.EAGAIN}:
+            self._dead = f"sending failed: {error}"
+            return
+        if self._full_since is None:
+            self._full_since = now
+        elif now - self._full_since > _FULL_FOR:
+            channel = parse_bus(self.url).channel
+            self._dead = (
+                "its transmit queue stays full, nobody acknowledges: are the drives powered? It may hold old "
+                f"targets: before power comes back run  ip link set {channel} down; ip link set {channel} up"
+            )
+
+
+def _open(url: str, bitrate: int) -> can.BusABC:
+    """Open a bus; raises LinkRefused when a person must act, LinkLost when it may work later."""
+    parts = parse_bus(url)
+    options: dict[str, Any] = {"interface": parts.interface, "channel": parts.channel}
+    if parts.interface == "udp_multicast":
+        options |= {"fd": False, "hop_limit": 0}
+        if parts.port is not None:
+            options["port"] = parts.port
+    elif parts.interface != "virtual":
+        options["bitrate"] = bitrate
+    try:
+        return can.Bus(**options)
+    except (can.CanError, OSError, ValueError, ImportError) as error:
+        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+        kind = LinkRefused if isinstance(error, (ValueError, ImportError)) or code in _FOR_GOOD else LinkLost
+        raise kind(f"{url}: {error}") from error

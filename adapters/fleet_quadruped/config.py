@@ -1,0 +1,53 @@
+"""A quadruped's fields in fleet.yaml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from fleet import AdapterConfig
+from fleet.sim.faults import parse_faults
+from fleet_quadruped.can.bus import BusText
+from fleet_quadruped.robot.description import EXAMPLE
+from fleet_quadruped.sim.faults import ALL_FAULTS
+from fleet_quadruped.sim.worlds import WORLDS
+
+
+def simulation(link: str) -> tuple[str, dict[str, float]]:
+    """Return the world and the faults of ``sim:WORLD?faults=...``; raises ValueError with an example."""
+    scheme, _, rest = link.partition(":")
+    world, _, query = rest.partition("?")
+    if scheme != "sim" or world not in WORLDS or (query and not query.startswith("faults=")):
+        worlds = ", ".join(WORLDS)
+        raise ValueError(
+            f"{link!r} is not a simulated dog; write sim:auto or sim:mujoco?faults=loss:0.05 ({worlds})"
+        )
+    return world, parse_faults(query.removeprefix("faults="), ALL_FAULTS)
+
+
+def _checked(link: str) -> str:
+    simulation(link)
+    return link
+
+
+class QuadrupedConfig(AdapterConfig):
+    """A quadruped's fields in fleet.yaml: a real one has ``buses``, a simulated one ``link``."""
+
+    adapter: Literal["quadruped"]
+    body: Path = Field(EXAMPLE, description="The dog's description, a YAML file; left out, the example dog.")
+    buses: dict[str, BusText] = Field(
+        {}, description="Each bus of the description and where it is, like {a: can:socketcan:can0}."
+    )
+    link: Annotated[str, AfterValidator(_checked)] | None = Field(
+        None, description="A simulated dog: sim:auto, sim:mujoco or sim:kinematic, with ?faults=loss:0.05."
+    )
+    trim: float = Field(1.0, gt=0.5, lt=2.0, description="Real distance over leg odometry, measured once.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> QuadrupedConfig:
+        """Refuse a dog that is both real and simulated, or neither."""
+        if bool(self.buses) == (self.link is not None):
+            raise ValueError("give either buses (a real dog) or link: sim:auto (a simulated one)")
+        return self

@@ -1,0 +1,100 @@
+"""``python -m fleet_quadruped.control PLAN``: the body controller as a process. Started by the adapter."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from fleet.clock import Clock, SystemClock
+from fleet.errors import ConfigError, LinkError, LinkLost
+from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.control.exchange import Slot
+from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.orders import Order, State
+from fleet_quadruped.control.plan import Plan, Word
+from fleet_quadruped.robot.description import Description, load_description
+from fleet_quadruped.sim.dog import SimDog
+from fleet_quadruped.sim.lockstep import lockstep
+from fleet_quadruped.sim.worlds import make_world
+
+
+class Memory:
+    """The shared memory as an exchange."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._orders = Slot(plan.order, Order)
+        self._states = Slot(plan.state, State)
+
+    def order(self) -> Order:
+        """Return the newest order."""
+        return self._orders.get()
+
+    def put(self, state: State) -> None:
+        """Make this the newest state."""
+        self._states.put(state)
+
+
+def main(arguments: list[str]) -> int:
+    """Run until told to leave; return the exit status."""
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
+    logging.getLogger("canopen").setLevel(logging.WARNING)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which tells us to leave
+    plan = msgspec.json.decode(arguments[0], type=Plan)
+    try:
+        _run(plan, SystemClock())
+    except (LinkError, ConfigError) as error:
+        _say(Word(lost=str(error)) if isinstance(error, LinkLost) else Word(refused=str(error)))
+        return 1
+    return 0
+
+
+def _run(plan: Plan, clock: Clock) -> None:
+    dog = load_description(Path(plan.body))
+    with contextlib.ExitStack() as stack:
+        sim: SimDog | None = None
+        if plan.sim:
+            sim, simulated = lockstep(dog, make_world(plan.sim, dog))
+            buses: dict[str, CanBus] = dict(simulated)
+            _begin(sim, plan.faults)
+        else:
+            buses = {
+                name: stack.enter_context(_opened(name, url, dog, clock)) for name, url in plan.buses.items()
+            }
+        controller = Controller(dog, buses)
+        controller.drives.configure()
+        _say(Word(ready=True))
+        moved = sim.advance if sim else None
+        Loop(controller, buses, Memory(plan), clock, owner=sys.stdin.fileno(), moved=moved).run()
+
+
+def _begin(sim: SimDog, faults: dict[str, float]) -> None:
+    """Begin the faults of a simulated dog."""
+    for name, value in faults.items():
+        sim.fault(name, value)
+
+
+@contextlib.contextmanager
+def _opened(name: str, url: str, dog: Description, clock: Clock) -> Iterator[Bus]:
+    """Open a bus for the time of a block."""
+    bus = Bus(name, url, dog.buses[name].bitrate, clock)
+    try:
+        yield bus
+    finally:
+        bus.close()
+
+
+def _say(word: Word) -> None:
+    sys.stdout.buffer.write(msgspec.json.encode(word) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,209 @@
+"""One cycle of a dog: read, check, think, limit, write. No clock and no waiting of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
+from fleet_quadruped.body.sense import ZEROS, Imu, Sense
+from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.control.orders import Order, State, Timing
+from fleet_quadruped.control.senses import Values, imu_of
+from fleet_quadruped.drives import drives_of
+from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.safety.limits import limit
+from fleet_quadruped.safety.monitor import Monitor, Observed
+from fleet_quadruped.safety.stages import Mode, Stage, Trip
+
+_STOP_TRIP = Trip(Stage.DAMP, "emergency stop")
+
+
+class Controller:
+    """A dog under control. ``begin`` asks the drives, ``take`` hears them, ``finish`` answers."""
+
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+        self.dog = dog
+        self.drives = drives_of(dog, buses)
+        self.body = Body(dog)
+        self.clamped = 0
+        self._buses = buses
+        self._monitor = Monitor(dog)
+        self._imu = Values(dog.imu) if dog.imu else None
+        self._battery = Values(dog.battery) if dog.battery else None
+        self._last = ZEROS
+        self._joints: tuple[JointFeedback, ...] = (JointFeedback(),) * 12
+        self._seen_imu: Imu | None = None
+        self._errand = 0
+        self._refusal = ""
+        self._stops = 0
+        self._lamp: bool | None = None
+        self._loads = dog.loads
+
+    def begin(self, now: float) -> None:
+        """Begin a cycle: the drives are asked where they are."""
+        self.drives.begin_cycle(now)
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a received frame."""
+        self.drives.take(bus, frame, now)
+        for sensor in (self._imu, self._battery):
+            if sensor is not None:
+                sensor.take(bus, frame, now)
+
+    def finish(self, now: float, dt: float, order: Order) -> None:
+        """End a cycle: decide by what was heard, and write to the drives."""
+        self._joints = self.drives.feedback(now)
+        self._seen_imu = self._fresh_imu(now)
+        sense = self._sense()
+        trip = self._monitor.check(self._observed(now, dt))
+        if trip is not None:
+            self.body.trip(trip)
+        self._obey(order, now, sense)
+        self.body.walker.speed_share = self._monitor.speed_share(self._joints)
+        moving = now < order.until and now - order.alive < self.dog.safety.deadman
+        wanted = self.body.step(dt, sense, order.twist if moving else Twist(), self._waiting())
+        self._write(wanted, sense, dt)
+        self._light(order.lamp)
+
+    def state(self, now: float, timing: Timing) -> State:
+        """Return the newest state."""
+        imu, odometry = self._seen_imu, self.body.walker.odometry
+        turn = imu.rotation if imu else None
+        battery = self._battery
+        return State(
+            stamp=now,
+            mode=self.body.mode.value,
+            fault=self.body.fault,
+            warning=self._warning(),
+            answered=self._errand,
+            refusal=self._refusal,
+            stopped=self._stops,
+            angles=tuple(joint.angle for joint in self._joints),
+            speeds=tuple(joint.speed for joint in self._joints),
+            torques=tuple(joint.torque for joint in self._joints),
+            temperatures=tuple(joint.temperature for joint in self._joints),
+            x=odometry.x,
+            y=odometry.y,
+            height=self.body.walker.height,
+            twist=tuple(odometry.twist),
+            rotation=(turn.w, turn.x, turn.y, turn.z) if turn else (1.0, 0.0, 0.0, 0.0),
+            gyro=(imu.gyro.x, imu.gyro.y, imu.gyro.z) if imu else None,
+            accel=(imu.accel.x, imu.accel.y, imu.accel.z) if imu else None,
+            battery=dict(battery.values) if battery else {},
+            battery_age=battery.age(now) if battery and battery.values else None,
+            loads=self._loads,
+            timing=timing,
+        )
+
+    @property
+    def oldest(self) -> float:
+        """Age of the oldest joint feedback, s."""
+        return max(joint.age for joint in self._joints)
+
+    def _sense(self) -> Sense:
+        speeds = tuple(joint.speed for joint in self._joints)
+        return Sense(tuple(joint.angle for joint in self._joints), speeds, self._seen_imu)
+
+    def _fresh_imu(self, now: float) -> Imu | None:
+        if self._imu is None or self.dog.imu is None or self._imu.age(now) > self.dog.imu.timeout:
+            return None
+        return imu_of(self._imu.values)
+
+    def _observed(self, now: float, dt: float) -> Observed:
+        battery, described = self._battery, self.dog.battery
+        fresh = battery is not None and described is not None and battery.age(now) < described.timeout
+        return Observed(
+            mode=self.body.mode,
+            joints=self._joints,
+            targets=self._last,
+            imu=self._seen_imu,
+            imu_age=self._imu.age(now) if self._imu else 0.0,
+            battery=battery.values.get("percent") if battery and fresh else None,
+            dt=dt,
+        )
+
+    def _obey(self, order: Order, now: float, sense: Sense) -> None:
+        """Take stops first, then what is asked, then the absence of whoever asks."""
+        if order.stop > self._stops:
+            self._stops = order.stop
+            self.body.trip(_STOP_TRIP)
+            if self.body.mode is Mode.OFF:
+                self.body.fault = self.body.fault or _STOP_TRIP.cause
+        if order.errand.number > self._errand:
+            self._errand = order.errand.number
+            self._release(order.errand.ask)
+            self._refusal = self._start_refusal(order.errand.ask) or self.body.ask(
+                order.errand.ask, order.errand.value, sense
+            )
+        if order.leave or now - order.alive > self.dog.safety.abandoned:
+            why = (
+                "told to leave"
+                if order.leave
+                else f"nothing heard from its host for {now - order.alive:.0f} s"
+            )
+            self.body.trip(Trip(Stage.SIT, why))
+
+    def _release(self, ask: Ask) -> None:
+        """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
+        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == _STOP_TRIP.cause:
+            self.body.fault = ""
+
+    def _start_refusal(self, ask: Ask) -> str:
+        """Return why the drives cannot be powered now, naming one; empty when they can."""
+        if ask not in {Ask.STAND, Ask.RECOVER} or self.body.mode is not Mode.OFF:
+            return ""
+        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
+            if told.power is Power.FAULT:
+                return f"{joint.name}: {told.fault}; look at the dog, then send reset_faults"
+            if told.age > self.dog.safety.stale_cycles * self.dog.dt:
+                return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"
+        return ""
+
+    def _waiting(self) -> str:
+        """Return which drive is not enabled yet."""
+        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
+            if told.power is not Power.ENABLED:
+                return f"{joint.name}: wanted enabled, the drive is {told.power.value}"
+        return ""
+
+    def _write(self, wanted: Wanted, sense: Sense, dt: float) -> None:
+        """Do what the body wants of the drives, within the limits."""
+        match wanted.wish:
+            case Wish.HOLD:
+                safe = limit(
+                    wanted.targets, self._last, sense.angles, self.dog.all_joints, self.dog.safety, dt=dt
+                )
+                self.clamped += safe.clamped
+                self._last = safe.targets.angles
+                self.drives.write(safe.targets)
+                return
+            case Wish.ENABLE:
+                self.drives.enable()
+            case Wish.DAMP:
+                self.drives.damp(self.dog.safety.kd)
+            case Wish.RESET:
+                self.drives.reset_fault()
+            case Wish.REST:
+                self.drives.disable()
+        self._last = sense.angles
+
+    def _light(self, lamp: bool | None) -> None:  # noqa: FBT001 - three values, as it crosses the process
+        """Turn the lamp on or off when that is new."""
+        led = self.dog.led
+        if led is None or lamp is None or lamp == self._lamp:
+            return
+        self._lamp = lamp
+        self._buses[led.bus].send(Frame(led.id, bytes.fromhex(led.on if lamp else led.off)))
+
+    def _warning(self) -> str:
+        """Return what a person should know, empty when all is well."""
+        share = self.body.walker.speed_share
+        if share < 1.0:
+            return f"joints are warm: speed is held to {share:.0%}"
+        battery = self.dog.battery
+        percent = self._battery.values.get("percent") if self._battery else None
+        if battery is not None and percent is not None and percent <= battery.warn:
+            return f"battery at {percent:.0f} %"
+        return ""

@@ -1,0 +1,172 @@
+"""The loop at a fixed rate: absolute deadlines, no asyncio, no collector, real-time where permitted."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import logging
+import os
+import select
+from collections.abc import Callable, Iterator, Mapping
+from typing import Protocol
+
+from fleet.clock import Clock
+from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.control.orders import Order, State, Timing
+from fleet_quadruped.safety.stages import Mode
+
+log = logging.getLogger(__name__)
+
+PRIORITY = 40
+_GATHER = 0.6  # share of a cycle in which the drives may answer
+_LATE = 0.5  # share of a cycle after which one counts as an overrun
+_ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE
+_WAIT = 0.002  # s on one bus before the next is looked at
+
+
+class Exchange(Protocol):
+    """Where orders come from and states go."""
+
+    def order(self) -> Order:
+        """Return the newest order."""
+
+    def put(self, state: State) -> None:
+        """Make this the newest state."""
+
+
+def realtime() -> bool:
+    """Ask for a real-time priority and for memory that stays; return whether the priority was given."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mlockall(_ALL_MEMORY)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError:
+        log.warning("no real-time priority: allow it with LimitRTPRIO=%d or CAP_SYS_NICE", PRIORITY)
+        return False
+    return True
+
+
+@contextlib.contextmanager
+def no_collector() -> Iterator[None]:
+    """Keep Python's collector away while the block runs."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+class Loop:
+    """Runs a controller on open buses until it is told to leave and the dog is off.
+
+    ``moved`` is called with the cycle's seconds after each cycle: a simulated dog in this process moves then.
+    ``owner`` is a descriptor whose end of file means that whoever gives orders is gone.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        buses: Mapping[str, CanBus],
+        exchange: Exchange,
+        clock: Clock,
+        *,
+        owner: int | None = None,
+        moved: Callable[[float], None] | None = None,
+    ) -> None:
+        self._controller = controller
+        self._buses = buses
+        self._exchange = exchange
+        self._clock = clock
+        self._owner = owner
+        self._moved = moved
+        self._orphan = False
+        self._priority = False
+        self._cycles = self._overruns = self._incomplete = 0
+        self._window = (0.0, 0, 0.0)  # since when, cycles, longest
+        self._rate = self._worst = 0.0
+
+    def run(self) -> None:
+        """Run; raises LinkLost when a bus dies."""
+        self._priority = realtime()
+        with no_collector():
+            self._cycle_on()
+
+    def _cycle_on(self) -> None:
+        dt = self._controller.dog.dt
+        deadline = last = self._clock.monotonic()
+        while True:
+            now = self._clock.monotonic()
+            order = self._cycle(now, min(max(now - last, dt / 2), 3 * dt))
+            last = now
+            if order.leave and self._controller.body.mode is Mode.OFF:
+                return
+            deadline += dt
+            rest = deadline - self._clock.monotonic()
+            if rest < -_LATE * dt:
+                self._overruns += 1
+                deadline = self._clock.monotonic()
+            self._pause(max(0.0, rest))
+
+    def _cycle(self, now: float, dt: float) -> Order:
+        """Run one cycle and return the order that it obeyed."""
+        controller = self._controller
+        controller.begin(now)
+        self._gather(now + _GATHER * controller.dog.dt)
+        self._incomplete += not controller.drives.complete()
+        order = self._exchange.order()
+        if self._orphan:
+            order = Order(leave=True, alive=now, stop=order.stop, errand=order.errand)
+        controller.finish(self._clock.monotonic(), dt, order)
+        end = self._clock.monotonic()
+        self._count(end, end - now)
+        self._exchange.put(controller.state(end, self._timing()))
+        if self._moved is not None:
+            self._moved(dt)
+        return order
+
+    def _gather(self, until: float) -> None:
+        """Read all buses until every drive has answered, or it is too late."""
+        controller = self._controller
+        while True:
+            for name, bus in self._buses.items():
+                left = until - self._clock.monotonic()
+                for frame in bus.receive(0.0 if controller.drives.complete() else max(0.0, min(left, _WAIT))):
+                    controller.take(name, frame, self._clock.monotonic())
+            if controller.drives.complete() or self._clock.monotonic() >= until or self._moved is not None:
+                return
+
+    def _pause(self, seconds: float) -> None:
+        """Wait; whoever gives orders may die meanwhile."""
+        watched = [] if self._owner is None or self._orphan else [self._owner]
+        ready, _, _ = select.select(watched, [], [], seconds)
+        if ready and self._owner is not None and not os.read(self._owner, 256):
+            log.warning("whoever gives orders is gone: the dog sits down")
+            self._orphan = True
+
+    def _count(self, now: float, took: float) -> None:
+        """Keep the figures of the last second."""
+        self._cycles += 1
+        since, cycles, worst = self._window
+        self._window = (since or now, cycles + 1, max(worst, took))
+        if now - self._window[0] >= 1.0:
+            self._rate = self._window[1] / (now - self._window[0])
+            self._worst = self._window[2]
+            self._window = (now, 0, 0.0)
+
+    def _timing(self) -> Timing:
+        return Timing(
+            realtime=self._priority,
+            rate=self._rate,
+            cycles=self._cycles,
+            overruns=self._overruns,
+            incomplete=self._incomplete,
+            worst=self._worst,
+            age=min(self._controller.oldest, 1e6),
+            clamped=self._controller.clamped,
+            dropped=sum(getattr(bus, "dropped", 0) for bus in self._buses.values()),
+        )

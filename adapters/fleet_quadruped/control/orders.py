@@ -1,0 +1,79 @@
+"""What crosses between the adapter and the body controller: the newest order in, the newest state out."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+
+
+class Errand(msgspec.Struct, frozen=True):
+    """Something discrete that is asked; each has its own number, so that it is done once."""
+
+    number: int = 0
+    ask: Ask = Ask.STAND
+    value: float = 0.0
+
+
+class Order(msgspec.Struct, frozen=True):
+    """The newest wish of the adapter. ``until`` is the monotonic time at which the velocity ends.
+
+    ``stop`` counts emergency stops: a higher number than before is one. ``lamp``: None leaves it alone.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+    until: float = 0.0
+    alive: float = 0.0  # monotonic time at which the adapter wrote this
+    errand: Errand = Errand()
+    stop: int = 0
+    lamp: bool | None = None
+    leave: bool = False
+
+    @property
+    def twist(self) -> Twist:
+        """The velocity."""
+        return Twist(self.x, self.y, self.turn)
+
+
+class Timing(msgspec.Struct, frozen=True):
+    """Real-time quality since the start; times in seconds."""
+
+    realtime: bool = False  # the scheduler gave us a real-time priority
+    rate: float = 0.0  # cycles a second, over the last second
+    cycles: int = 0
+    overruns: int = 0  # cycles that began late by more than half a cycle
+    incomplete: int = 0  # cycles in which a drive did not answer in time
+    worst: float = 0.0  # longest cycle (read, body, write) of the last second
+    age: float = 0.0  # oldest feedback of any joint
+    clamped: int = 0  # targets that the limits changed
+    dropped: int = 0  # frames that could not be sent
+
+
+class State(msgspec.Struct, frozen=True):
+    """The newest state of the dog. Angles in the order of ``JOINTS``; ``stamp`` is monotonic."""
+
+    stamp: float = 0.0
+    mode: str = "off"
+    fault: str = ""
+    warning: str = ""
+    answered: int = 0  # number of the last errand
+    refusal: str = ""  # why it was refused, empty when it was taken
+    stopped: int = 0  # number of the last emergency stop that was obeyed
+    angles: tuple[float, ...] = ()
+    speeds: tuple[float, ...] = ()
+    torques: tuple[float, ...] = ()
+    temperatures: tuple[float | None, ...] = ()
+    x: float = 0.0
+    y: float = 0.0
+    height: float = 0.0
+    twist: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    gyro: tuple[float, float, float] | None = None
+    accel: tuple[float, float, float] | None = None
+    battery: dict[str, float] = {}
+    battery_age: float | None = None
+    loads: dict[str, float] = {}
+    timing: Timing = Timing()

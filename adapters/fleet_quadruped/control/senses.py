@@ -1,0 +1,49 @@
+"""The sensors that are not in the joints: IMU and battery, from CAN frames by map."""
+
+from __future__ import annotations
+
+import math
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.frames import Decoder
+from fleet_quadruped.robot.parts import Sensor
+
+
+class Values:
+    """The newest values of one sensor, by name."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._decoder = Decoder(sensor.frames)
+        self._wanted = {frame.id for frame in sensor.frames}
+        self._times: dict[int, float] = {}
+        self.values: dict[str, float] = {}
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a frame that was received at ``now``."""
+        if bus != self._sensor.bus or frame.id not in self._wanted:
+            return
+        found = self._decoder.decode(frame.id, frame.data)
+        if found:
+            self.values.update(found)
+            self._times[frame.id] = now
+
+    def age(self, now: float) -> float:
+        """Return the age of the oldest frame; infinite while one has never come."""
+        if len(self._times) < len(self._wanted):
+            return math.inf
+        return now - min(self._times.values())
+
+
+def imu_of(values: dict[str, float]) -> Imu | None:
+    """Return the IMU from its values; None when one is missing or the rotation is none."""
+    try:
+        turn = Quaternion(*(values[name] for name in ("qw", "qx", "qy", "qz")))
+        gyro = Vector3(*(values[name] for name in ("gx", "gy", "gz")))
+        accel = Vector3(*(values.get(name, 0.0) for name in ("ax", "ay", "az")))
+    except KeyError:
+        return None
+    length = math.sqrt(turn.w**2 + turn.x**2 + turn.y**2 + turn.z**2)
+    return Imu(turn.normalized(), gyro, accel) if 0.5 < length < 1.5 else None

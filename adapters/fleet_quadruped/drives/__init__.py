@@ -1,0 +1,21 @@
+"""Joint drives: one interface over the protocols that they speak. A protocol is a module and a row here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.drives.base import JointDrive
+from fleet_quadruped.drives.cia402.drive import Cia402Drives
+from fleet_quadruped.drives.mit.drive import MitDrives
+from fleet_quadruped.robot.description import Description
+
+PROTOCOLS: Mapping[str, Callable[[Description, Mapping[str, CanBus]], JointDrive]] = MappingProxyType(
+    {"cia402": Cia402Drives, "mit": MitDrives}
+)
+
+
+def drives_of(dog: Description, buses: Mapping[str, CanBus]) -> JointDrive:
+    """Return the drives of a dog, not yet configured."""
+    return PROTOCOLS[dog.drive.protocol](dog, buses)

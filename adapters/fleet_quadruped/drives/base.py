@@ -1,0 +1,83 @@
+"""What the body controller asks of twelve joint drives, whatever their protocol.
+
+Adding a protocol is one module with a class like this and a row in ``drives.PROTOCOLS``.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple, Protocol
+
+from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.frame import Frame
+
+
+class Power(enum.StrEnum):
+    """What a drive says of itself."""
+
+    ABSENT = "absent"  # never heard
+    DISABLED = "disabled"  # no torque
+    STARTING = "starting"  # on the way to enabled
+    ENABLED = "enabled"  # obeys targets
+    STOPPING = "stopping"  # brakes or damps, obeys no targets
+    FAULT = "fault"
+
+
+class JointFeedback(NamedTuple):
+    """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
+
+    ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
+    """
+
+    angle: float = 0.0
+    speed: float = 0.0
+    torque: float = 0.0
+    power: Power = Power.ABSENT
+    age: float = float("inf")
+    temperature: float | None = None
+    fault: str = ""
+
+
+class JointDrive(Protocol):
+    """Twelve drives on one or more buses. No method blocks but ``configure``.
+
+    ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
+    each cycle until ``feedback`` says that all drives did it.
+    """
+
+    def configure(self) -> None:
+        """Bring every drive into the state that the description wants and verify it by reading back.
+
+        May be repeated. Raises LinkLost for a drive that does not answer, LinkRefused naming joint, object,
+        wanted and actual for one that is wrong.
+        """
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a frame that was received at ``now`` (monotonic s); frames of others are ignored."""
+
+    def begin_cycle(self, now: float) -> None:
+        """Begin a cycle: ask for feedback (SYNC) and keep the drives' watchdogs fed."""
+
+    def complete(self) -> bool:
+        """Return True when all drives have answered since ``begin_cycle``."""
+
+    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+        """Return what is known of the twelve joints."""
+
+    def enable(self) -> None:
+        """Go one step towards enabled, at the measured place, without force."""
+
+    def write(self, targets: Targets) -> None:
+        """Send targets to all drives."""
+
+    def damp(self, kd: float) -> None:
+        """Let all joints give way slowly (N m s/rad where the protocol has it)."""
+
+    def quick_stop(self) -> None:
+        """Brake all joints by the drives' own means."""
+
+    def disable(self) -> None:
+        """Take the torque off."""
+
+    def reset_fault(self) -> None:
+        """Acknowledge faults; only when a person asked."""

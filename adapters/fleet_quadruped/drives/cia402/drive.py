@@ -1,0 +1,186 @@
+"""Twelve CiA 402 drives as a ``JointDrive``: our own cyclic loop, walker, watchdogs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.cia402.commission import commission
+from fleet_quadruped.drives.cia402.frames import (
+    BOOT_UP,
+    EMERGENCY,
+    HEARTBEAT,
+    MASTER,
+    OPERATIONAL,
+    RPDO1,
+    SYNC,
+    TPDO1,
+    TPDO2,
+    angle_of,
+    counts_of,
+    meaning,
+    pack_target,
+    per_mille_of,
+    torque_of,
+    unpack_emergency,
+    unpack_slow,
+    unpack_told,
+)
+from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, state_of
+from fleet_quadruped.robot.description import Description, Joint
+
+_SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
+
+
+@dataclass(slots=True)
+class _Node:
+    """One drive as it was last heard; times are monotonic seconds."""
+
+    joint: Joint
+    state: State = State.NOT_READY
+    angle: float = 0.0
+    speed: float = 0.0
+    torque: float = 0.0
+    told_at: float | None = None
+    beat_at: float | None = None
+    answered: bool = False
+    fault: str = ""
+    lost: str = ""  # why it cannot be trusted until it is configured again
+
+
+class Cia402Drives:
+    """All drives of a dog, on the buses by their names."""
+
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+        self._dog = dog
+        self._buses = buses
+        self._nodes = [_Node(joint) for joint in dog.all_joints]
+        self._by_frame = {
+            (node.joint.bus, base + node.joint.id): (handler, node)
+            for node in self._nodes
+            for base, handler in (
+                (TPDO1, self._told),
+                (TPDO2, self._slow),
+                (EMERGENCY, self._emergency),
+                (HEARTBEAT, self._beat),
+            )
+        }
+        self.voltage: float | None = None
+
+    def configure(self) -> None:
+        """Configure and start all drives; see ``commission``."""
+        for name, bus in self._buses.items():
+            joints = [joint for joint in self._dog.all_joints if joint.bus == name]
+            if joints:
+                commission(bus, joints, self._dog.drive)
+        for node in self._nodes:
+            node.told_at = node.beat_at = None
+            node.fault = node.lost = ""
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a received frame."""
+        found = self._by_frame.get((bus, frame.id))
+        if found is not None:
+            found[0](found[1], frame.data, now)
+
+    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
+        """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
+        for node in self._nodes:
+            node.answered = False
+        self._send_all(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])))
+        self._send_all(Frame(SYNC, b""))
+
+    def complete(self) -> bool:
+        """Return True when each drive has sent its TPDO since SYNC."""
+        return all(node.answered for node in self._nodes)
+
+    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+        """Return what is known of the joints."""
+        return tuple(self._feedback(node, now) for node in self._nodes)
+
+    def enable(self) -> None:
+        """Walk one step towards operation enabled, with the measured place as the target."""
+        for node in self._nodes:
+            self._send(node, Goal.ENABLE, node.angle, 0.0)
+
+    def write(self, targets: Targets) -> None:
+        """Send targets to the drives that are enabled."""
+        for node, angle, torque in zip(self._nodes, targets.angles, targets.torques, strict=True):
+            self._send(node, Goal.ENABLE if node.state is State.ENABLED else Goal.OFF, angle, torque)
+
+    def damp(self, kd: float) -> None:  # noqa: ARG002 - the drive's own quick stop has its own damping
+        """Quick stop: with 605Ah = 6 the drives brake and stay so."""
+        self.quick_stop()
+
+    def quick_stop(self) -> None:
+        """Brake all joints."""
+        for node in self._nodes:
+            self._send(node, Goal.STOP, node.angle, 0.0)
+
+    def disable(self) -> None:
+        """Take the torque off."""
+        for node in self._nodes:
+            self._send(node, Goal.OFF, node.angle, 0.0)
+
+    def reset_fault(self) -> None:
+        """Acknowledge faults: a rising edge, because all other control words have the bit at zero."""
+        for node in self._nodes:
+            node.fault = ""
+            self._send(node, Goal.RESET, node.angle, 0.0)
+
+    def _send_all(self, frame: Frame) -> None:
+        for bus in self._buses.values():
+            bus.send(frame)
+
+    def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
+        joint = node.joint
+        data = pack_target(
+            control_word(goal, node.state), counts_of(joint, angle), per_mille_of(joint, torque)
+        )
+        self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
+
+    def _feedback(self, node: _Node, now: float) -> JointFeedback:
+        if node.told_at is None:
+            return JointFeedback()
+        power, fault = POWER[node.state], node.fault
+        if node.beat_at is not None and now - node.beat_at > _SILENT * self._dog.drive.heartbeat:
+            fault = fault or f"no heartbeat (700h) from id {node.joint.id} for {now - node.beat_at:.2f} s"
+            power = Power.FAULT
+        if node.lost:
+            power, fault = Power.FAULT, node.lost
+        return JointFeedback(node.angle, node.speed, node.torque, power, now - node.told_at, fault=fault)
+
+    def _told(self, node: _Node, data: bytes, now: float) -> None:
+        told = unpack_told(data)
+        if told is None:
+            return
+        angle = angle_of(node.joint, told.counts)
+        if node.told_at is not None and now - node.told_at > 1e-4:
+            node.speed = (angle - node.angle) / (now - node.told_at)
+        node.state, node.angle, node.told_at = state_of(told.status), angle, now
+        node.torque = torque_of(node.joint, told.per_mille)
+        node.answered = True
+
+    def _slow(self, node: _Node, data: bytes, _now: float) -> None:
+        slow = unpack_slow(data)
+        if slow is None:
+            return
+        self.voltage, code = slow
+        if code and node.state in {State.FAULT, State.FAULT_REACTION}:
+            node.fault = node.fault or f"{meaning(code)} (603Fh is {code:04X}h)"
+
+    def _emergency(self, node: _Node, data: bytes, _now: float) -> None:
+        told = unpack_emergency(data)
+        if told is not None:
+            node.fault = "" if told.cleared else told.text
+
+    def _beat(self, node: _Node, data: bytes, now: float) -> None:
+        state = data[0] & 0x7F if data else None
+        if state == BOOT_UP and node.beat_at is not None:
+            node.lost = (
+                f"id {node.joint.id} has restarted (boot-up, 700h); it is configured again after a restart"
+            )
+        node.beat_at = now

@@ -1,0 +1,149 @@
+"""The frames of a CiA 402 drive that every cycle needs: PDOs, emergencies, heartbeats.
+
+Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from fleet_quadruped.robot.description import Joint
+
+SYNC = 0x080
+EMERGENCY = 0x080  # + node id
+TPDO1 = 0x180
+RPDO1 = 0x200
+TPDO2 = 0x280
+HEARTBEAT = 0x700
+MASTER = 0x7F  # our own node id
+OPERATIONAL = 0x05
+BOOT_UP = 0x00
+
+_CYCLIC = struct.Struct("<Hih")
+_SLOW = struct.Struct("<IH")
+_EMERGENCY = struct.Struct("<HB")
+_I32 = (-(1 << 31), (1 << 31) - 1)
+_I16 = (-(1 << 15), (1 << 15) - 1)
+
+
+class Told(NamedTuple):
+    """TPDO1: status word, position in counts, torque in per mille of the rated one."""
+
+    status: int
+    counts: int
+    per_mille: int
+
+
+class Emergency(NamedTuple):
+    """An emergency message: error code 603Fh and error register 1001h."""
+
+    code: int
+    register: int
+
+    @property
+    def cleared(self) -> bool:
+        """True when it says that there is no error any more."""
+        return self.code == 0 and not self.register & 1
+
+    @property
+    def text(self) -> str:
+        """The code in words."""
+        return f"{meaning(self.code)} (emergency {self.code:04X}h, register {self.register:02X}h)"
+
+
+def pack_target(control: int, counts: int, per_mille: int) -> bytes:
+    """Return RPDO1; numbers out of range are clamped, never wrapped."""
+    return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
+
+
+def unpack_target(data: bytes) -> Told | None:
+    """Return what RPDO1 says (the drive's side); None when it is too short."""
+    return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
+
+
+def pack_told(told: Told) -> bytes:
+    """Return TPDO1 (the drive's side)."""
+    return _CYCLIC.pack(told.status & 0xFFFF, _clamp(told.counts, _I32), _clamp(told.per_mille, _I16))
+
+
+def unpack_told(data: bytes) -> Told | None:
+    """Return what TPDO1 says; None when it is too short."""
+    return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
+
+
+def pack_slow(millivolts: int, code: int) -> bytes:
+    """Return TPDO2 (the drive's side)."""
+    return _SLOW.pack(millivolts, code)
+
+
+def unpack_slow(data: bytes) -> tuple[float, int] | None:
+    """Return the bus voltage (V) and the error code of TPDO2; None when it is too short."""
+    if len(data) < _SLOW.size:
+        return None
+    millivolts, code = _SLOW.unpack_from(data)
+    return millivolts / 1000, code
+
+
+def unpack_emergency(data: bytes) -> Emergency | None:
+    """Return what an emergency says; a short one counts with what it has, an empty one not at all."""
+    if not data:
+        return None
+    return Emergency(*_EMERGENCY.unpack_from(data.ljust(_EMERGENCY.size, b"\x00")))
+
+
+def counts_of(joint: Joint, angle: float) -> int:
+    """Return an angle of the joint (rad) in the drive's counts."""
+    return round(joint.motor(angle) * joint.kind.counts_per_rad)
+
+
+def angle_of(joint: Joint, counts: int) -> float:
+    """Return the drive's counts as an angle of the joint, rad."""
+    return joint.angle(counts / joint.kind.counts_per_rad)
+
+
+def per_mille_of(joint: Joint, torque: float) -> int:
+    """Return a torque of the joint (N m) in per mille of the rated one, in the motor's direction."""
+    return round(joint.sign * torque / joint.kind.rated_torque * 1000)
+
+
+def torque_of(joint: Joint, per_mille: int) -> float:
+    """Return per mille of the rated torque as a torque of the joint, N m."""
+    return joint.sign * per_mille / 1000 * joint.kind.rated_torque
+
+
+_EXACT: Mapping[int, str] = MappingProxyType(
+    {
+        0x8130: "our heartbeat did not reach the drive",
+        0x8611: "following error",
+        0x7305: "encoder",
+        0x3210: "over-voltage",
+        0x3220: "under-voltage",
+    }
+)
+_CLASSES: Mapping[int, str] = MappingProxyType(
+    {
+        0x1: "generic error",
+        0x2: "over-current",
+        0x3: "voltage",
+        0x4: "temperature",
+        0x5: "hardware of the drive",
+        0x6: "software of the drive",
+        0x7: "sensor or brake",
+        0x8: "communication or following",
+        0x9: "external error",
+    }
+)
+
+
+def meaning(code: int) -> str:
+    """Return what an error code (603Fh) means, in words."""
+    if code == 0:
+        return "no error code"
+    return _EXACT.get(code) or _CLASSES.get(code >> 12) or "the maker's own error"
+
+
+def _clamp(value: int, limits: tuple[int, int]) -> int:
+    return max(limits[0], min(limits[1], value))

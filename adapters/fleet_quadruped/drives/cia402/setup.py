@@ -1,0 +1,93 @@
+"""What is written into a CiA 402 drive before it may move, and read back: a table of objects."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fleet_quadruped.drives.cia402.frames import MASTER, RPDO1, TPDO1, TPDO2
+from fleet_quadruped.robot.busload import SLOW_EVERY
+from fleet_quadruped.robot.parts import Drive
+
+DEVICE_TYPE = (0x1000, 0)
+PROFILE_402 = 402
+MODES = (0x6502, 0)
+CYCLIC_POSITION = 8
+_DISABLED = 1 << 31
+_BEHAVIOUR_QUICK_STOP = 3
+_STAY_STOPPED = 6  # brake, then stay in quick stop: no torque-off while it falls
+
+
+class Object(NamedTuple):
+    """One value of the object dictionary; ``size`` in bytes."""
+
+    place: int
+    sub: int
+    size: int
+    value: int
+    what: str
+
+    @property
+    def name(self) -> str:
+        """Index and subindex as people write them."""
+        return f"{self.place:04X}h:{self.sub}"
+
+
+def heartbeat_objects(drive: Drive) -> list[Object]:
+    """Return what makes the drive stop by itself when we are silent, and tell us that it lives."""
+    timeout = round(drive.timeout * 1000)
+    return [
+        Object(0x1016, 1, 4, MASTER << 16 | timeout, "time until our silence stops the drive"),
+        Object(0x1017, 0, 2, round(drive.heartbeat * 1000), "period of its heartbeat"),
+        Object(0x6007, 0, 2, _BEHAVIOUR_QUICK_STOP, "quick stop when our heartbeat is missing"),
+        Object(0x605A, 0, 2, _STAY_STOPPED, "brake and stay stopped"),
+    ]
+
+
+def mode_objects(cycle_hz: int) -> list[Object]:
+    """Return the mode and the interpolation period."""
+    period, exponent = _period(cycle_hz)
+    return [
+        Object(0x60C2, 1, 1, period, "interpolation period"),
+        Object(0x60C2, 2, 1, exponent & 0xFF, "interpolation period, power of ten"),
+        Object(0x6060, 0, 1, CYCLIC_POSITION, "cyclic synchronous position"),
+    ]
+
+
+def _period(cycle_hz: int) -> tuple[int, int]:
+    """Return the cycle as (number, power of ten of a second) with the number in a byte."""
+    for exponent in (-3, -4, -5, -6):
+        number = 10**-exponent / cycle_hz
+        if abs(number - round(number)) < 1e-9 and round(number) <= 255:
+            return round(number), exponent
+    return max(1, min(255, round(10_000 / cycle_hz))), -4
+
+
+def mapping_objects(node: int) -> list[Object]:
+    """Return the PDOs in the order that CiA 301 wants: off, none, entries, how many, on."""
+    receive = _pdo(0x1400, 0x1600, RPDO1 + node, 1, (0x60400010, 0x607A0020, 0x60B20010))
+    fast = _pdo(0x1800, 0x1A00, TPDO1 + node, 1, (0x60410010, 0x60640020, 0x60770010))
+    slow = _pdo(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010))
+    return receive + fast + slow
+
+
+def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: tuple[int, ...]) -> list[Object]:
+    """Return the objects of one PDO."""
+    mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
+    return [
+        Object(communication, 1, 4, _DISABLED | cob, "PDO off"),
+        Object(communication, 2, 1, kind, "transmission type"),
+        Object(mapping, 0, 1, 0, "no mapping"),
+        *mapped,
+        Object(mapping, 0, 1, len(entries), "number of mapped objects"),
+        Object(communication, 1, 4, cob, "PDO on"),
+    ]
+
+
+def all_objects(drive: Drive, node: int) -> list[Object]:
+    """Return everything that is written, in its order."""
+    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(node)]
+
+
+def final_values(objects: list[Object]) -> list[Object]:
+    """Return what must be read back at the end: the last value of each object."""
+    return list({(item.place, item.sub): item for item in objects}.values())

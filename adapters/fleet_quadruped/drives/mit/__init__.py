@@ -1,0 +1,1 @@
+"""Motors that speak the MIT frame: Mini Cheetah, T-Motor AK, Damiao."""

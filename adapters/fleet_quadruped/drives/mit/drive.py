@@ -1,0 +1,249 @@
+"""Twelve MIT motors as a ``JointDrive``: a motor speaks only when it is spoken to."""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.mit import frames as wire
+from fleet_quadruped.drives.mit.frames import MitCommand
+from fleet_quadruped.drives.mit.profiles import PROFILES, Profile
+from fleet_quadruped.robot.description import Description, Joint
+
+log = logging.getLogger(__name__)
+
+_TRIES, _WAIT = 5, 0.02  # rounds of questions, s each
+_NAMES = ("PMAX", "VMAX", "TMAX")
+
+
+@dataclass(slots=True)
+class _Motor:
+    """One motor as it was last heard."""
+
+    joint: Joint
+    angle: float = 0.0
+    speed: float = 0.0
+    torque: float = 0.0
+    status: int | None = None
+    temperature: float | None = None
+    told_at: float | None = None
+    answered: bool = False
+    enabled: bool = False  # we asked for it and it answered since
+
+
+Question = Callable[[_Motor], tuple[int, bytes]]
+Answered = Callable[[_Motor], bool]
+
+
+class MitDrives:
+    """All motors of a dog, on the buses by their names."""
+
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+        self._dog = dog
+        self._buses = buses
+        self._profile = profile_of(dog)
+        self._motors = [_Motor(joint) for joint in dog.all_joints]
+        self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
+        self._registers: dict[tuple[str, int, int], bytes] = {}
+        self._wanted = Power.DISABLED
+        self.voltage: float | None = None
+
+    def configure(self) -> None:
+        """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
+        if not self._profile.damiao:
+            log.warning(
+                "%s has no watchdog that can be set over CAN: check it in the maker's tool",
+                self._dog.drive.profile,
+            )
+            self._ask_all(
+                lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at is not None
+            )
+            return
+        for register in wire.RANGE_REGISTERS:
+            self._read(register)
+        self._check_ranges()
+        timeout = wire.timeout_value(self._dog.drive.timeout)
+        self._ask_all(
+            lambda motor: (
+                wire.REGISTERS,
+                wire.write_register(motor.joint.id, wire.TIMEOUT_REGISTER, timeout),
+            ),
+            lambda motor: self._register(motor, wire.TIMEOUT_REGISTER) is not None,
+        )
+        self._registers = {
+            key: value for key, value in self._registers.items() if key[2] != wire.TIMEOUT_REGISTER
+        }
+        self._read(wire.TIMEOUT_REGISTER)
+        for motor in self._motors:
+            actual = self._register(motor, wire.TIMEOUT_REGISTER)
+            if actual != timeout:
+                raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, not {timeout!r}")
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a received frame."""
+        motor = self._sender(bus, frame)
+        if motor is None:
+            return
+        told = wire.unpack_register(frame.data) if self._profile.damiao else None
+        if told is not None and told[0] == motor.joint.id:
+            self._registers[bus, told[0], told[1]] = told[2]
+            return
+        reply = wire.unpack_reply(frame.data, self._profile)
+        if reply is None:
+            return
+        joint = motor.joint
+        motor.angle = joint.angle(reply.angle)
+        motor.speed = joint.sign * reply.speed / joint.kind.ratio
+        motor.torque = joint.sign * reply.torque * joint.kind.ratio
+        motor.status, motor.temperature = reply.status, reply.temperature
+        motor.told_at, motor.answered = now, True
+
+    def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - the answers to the last commands are on their way
+        """Begin a cycle; the commands of the last one were its questions."""
+        for motor in self._motors:
+            motor.answered = False
+
+    def complete(self) -> bool:
+        """Return True when each motor has answered."""
+        return all(motor.answered for motor in self._motors)
+
+    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+        """Return what is known of the joints."""
+        return tuple(self._feedback(motor, now) for motor in self._motors)
+
+    def enable(self) -> None:
+        """Enable what is not enabled yet; what is, is held without force, so that nothing kicks."""
+        self._wanted = Power.ENABLED
+        for motor in self._motors:
+            if self._is_enabled(motor):
+                self._send(
+                    motor, wire.pack_command(MitCommand(motor.joint.motor(motor.angle)), self._profile)
+                )
+            else:
+                motor.enabled = True
+                motor.told_at = motor.told_at if self._profile.damiao else None
+                self._send(motor, wire.ENABLE)
+
+    def write(self, targets: Targets) -> None:
+        """Send targets with the gains of the description."""
+        for number, motor in enumerate(self._motors):
+            joint = motor.joint
+            self._send(
+                motor,
+                wire.pack_command(
+                    MitCommand(
+                        joint.motor(targets.angles[number]),
+                        joint.sign * targets.speeds[number] * joint.kind.ratio,
+                        joint.kind.kp / joint.kind.ratio**2,
+                        joint.kind.kd / joint.kind.ratio**2,
+                        joint.sign * targets.torques[number] / joint.kind.ratio,
+                    ),
+                    self._profile,
+                ),
+            )
+
+    def damp(self, kd: float) -> None:
+        """No stiffness, only damping: one frame each."""
+        self._wanted = Power.STOPPING
+        for motor in self._motors:
+            kind = motor.joint.kind
+            command = MitCommand(motor.joint.motor(motor.angle), kd=kd / kind.ratio**2)
+            self._send(motor, wire.pack_command(command, self._profile))
+
+    def quick_stop(self) -> None:
+        """Damp as the description says."""
+        self.damp(self._dog.safety.kd)
+
+    def disable(self) -> None:
+        """Take the torque off."""
+        self._wanted = Power.DISABLED
+        for motor in self._motors:
+            motor.enabled = False
+            self._send(motor, wire.DISABLE)
+
+    def reset_fault(self) -> None:
+        """Clear errors, where the motor has such a frame."""
+        for motor in self._motors:
+            self._send(motor, wire.CLEAR if self._profile.damiao else wire.DISABLE)
+
+    def _feedback(self, motor: _Motor, now: float) -> JointFeedback:
+        if motor.told_at is None:
+            return JointFeedback()
+        fault = ""
+        power = self._wanted if self._is_enabled(motor) else Power.DISABLED
+        if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
+            power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
+        elif self._profile.error_at is not None and motor.status:
+            power, fault = Power.FAULT, f"error {motor.status} of the motor"
+        return JointFeedback(
+            motor.angle, motor.speed, motor.torque, power, now - motor.told_at, motor.temperature, fault
+        )
+
+    def _is_enabled(self, motor: _Motor) -> bool:
+        if self._profile.damiao:
+            return motor.status == wire.ENABLED
+        return motor.enabled and motor.told_at is not None
+
+    def _sender(self, bus: str, frame: Frame) -> _Motor | None:
+        """Return the motor that a frame is from."""
+        if self._profile.damiao:
+            return self._by_id.get((bus, frame.id - wire.MASTER))
+        return self._by_id.get((bus, frame.data[0])) if frame.id == 0 and frame.data else None
+
+    def _send(self, motor: _Motor, data: bytes) -> None:
+        self._buses[motor.joint.bus].send(Frame(motor.joint.id, data))
+
+    def _register(self, motor: _Motor, register: int) -> bytes | None:
+        return self._registers.get((motor.joint.bus, motor.joint.id, register))
+
+    def _read(self, register: int) -> None:
+        """Read one register of all motors."""
+        self._ask_all(
+            lambda motor: (wire.REGISTERS, wire.read_register(motor.joint.id, register)),
+            lambda motor: self._register(motor, register) is not None,
+        )
+
+    def _ask_all(self, question: Question, answered: Answered) -> None:
+        """Ask every motor until it has answered; raises LinkLost naming the first that does not."""
+        for _ in range(_TRIES):
+            for motor in self._motors:
+                if not answered(motor):
+                    self._buses[motor.joint.bus].send(Frame(*question(motor)))
+            for name, bus in self._buses.items():
+                for frame in bus.receive(_WAIT):
+                    self.take(name, frame, 0.0)
+        for motor in self._motors:
+            if not answered(motor):
+                joint = motor.joint
+                raise LinkLost(
+                    f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
+                )
+
+    def _check_ranges(self) -> None:
+        """Refuse motors whose frames mean other numbers than the profile says."""
+        wanted = self._profile.angle, self._profile.speed, self._profile.torque
+        for motor in self._motors:
+            for register, name, most in zip(wire.RANGE_REGISTERS, _NAMES, wanted, strict=True):
+                (actual,) = struct.unpack("<f", self._register(motor, register) or bytes(4))
+                if not math.isclose(actual, most, rel_tol=1e-3):
+                    raise LinkRefused(
+                        f"{motor.joint.name}: register {register} ({name}) is {actual:g}, "
+                        f"wanted {most:g} for {self._dog.drive.profile}"
+                    )
+
+
+def profile_of(dog: Description) -> Profile:
+    """Return the dog's motor profile; raises LinkRefused for one that is not known."""
+    profile = PROFILES.get(dog.drive.profile)
+    if profile is None:
+        raise LinkRefused(
+            f"drive.profile: there is no {dog.drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
+        )
+    return profile

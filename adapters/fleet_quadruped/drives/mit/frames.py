@@ -1,0 +1,159 @@
+"""The MIT frame: position 16 bit, speed, kp, kd, torque 12 bit each, big-endian, linear over their ranges."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from fleet_quadruped.drives.mit.profiles import Profile
+
+ENABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfc"
+DISABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfd"
+CLEAR = b"\xff\xff\xff\xff\xff\xff\xff\xfb"  # Damiao only
+MASTER = 0x10  # + motor id: where a Damiao motor answers
+REGISTERS = 0x7FF
+READ, WRITE = 0x33, 0x55
+TIMEOUT_REGISTER = 9  # in units of 50 us; 0: no watchdog
+MASTER_REGISTER = 7
+RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
+_TICK = 50e-6
+_FULL = (1 << 64) - 1
+
+STATUS: Mapping[int, str] = MappingProxyType(
+    {
+        0x5: "sensor",
+        0x6: "parameter",
+        0x8: "over-voltage",
+        0x9: "under-voltage",
+        0xA: "over-current",
+        0xB: "MOSFETs too hot",
+        0xC: "rotor too hot",
+        0xD: "our frames did not reach the motor",
+        0xE: "overload",
+    }
+)
+ENABLED = 0x1
+
+
+class MitCommand(NamedTuple):
+    """What one motor is to do: rad, rad/s, N m/rad, N m s/rad, N m."""
+
+    angle: float = 0.0
+    speed: float = 0.0
+    kp: float = 0.0
+    kd: float = 0.0
+    torque: float = 0.0
+
+
+class MitReply(NamedTuple):
+    """What a motor tells; ``status`` is a Damiao motor's nibble, or an error byte, None without one."""
+
+    motor: int
+    angle: float
+    speed: float
+    torque: float
+    status: int | None
+    temperature: float | None
+
+
+def pack_command(command: MitCommand, profile: Profile) -> bytes:
+    """Return a command's eight bytes: clamped, and never all ones (those are special frames)."""
+    whole = _raw(command.angle, -profile.angle, profile.angle, 16)
+    for value, low, high in (
+        (command.speed, -profile.speed, profile.speed),
+        (command.kp, 0.0, profile.kp),
+        (command.kd, 0.0, profile.kd),
+        (command.torque, -profile.torque, profile.torque),
+    ):
+        whole = whole << 12 | _raw(value, low, high, 12)
+    if whole >> 8 == _FULL >> 8:
+        whole -= 1 << 12  # one step less of kd: not one of the special frames
+    return whole.to_bytes(8, "big")
+
+
+def unpack_command(data: bytes, profile: Profile) -> MitCommand | None:
+    """Return what a command says (the motor's side); None for one of another length."""
+    if len(data) != 8:
+        return None
+    whole = int.from_bytes(data, "big")
+    return MitCommand(
+        _value(whole >> 48, -profile.angle, profile.angle, 16),
+        _value(whole >> 36 & 0xFFF, -profile.speed, profile.speed, 12),
+        _value(whole >> 24 & 0xFFF, 0.0, profile.kp, 12),
+        _value(whole >> 12 & 0xFFF, 0.0, profile.kd, 12),
+        _value(whole & 0xFFF, -profile.torque, profile.torque, 12),
+    )
+
+
+def pack_reply(reply: MitReply, profile: Profile) -> bytes:
+    """Return a reply (the motor's side)."""
+    whole = _raw(reply.angle, -profile.angle, profile.angle, 16)
+    whole = whole << 12 | _raw(reply.speed, -profile.speed, profile.speed, 12)
+    whole = whole << 12 | _raw(reply.torque, -profile.torque, profile.torque, 12)
+    first = reply.motor
+    if profile.damiao:
+        first = (reply.status or 0) << 4 | reply.motor & 0xF
+    data = bytearray(bytes([first]) + whole.to_bytes(5, "big"))
+    if profile.damiao or profile.temperature_at is not None:
+        data += bytes(2)
+        data[profile.temperature_at or 7] = max(0, min(255, round(reply.temperature or 0)))
+    if profile.error_at is not None:
+        data[profile.error_at] = reply.status or 0
+    return bytes(data)
+
+
+def unpack_reply(data: bytes, profile: Profile) -> MitReply | None:
+    """Return what a reply says; None when it is too short."""
+    if len(data) < 6:
+        return None
+    whole = int.from_bytes(data[1:6], "big")
+    status: int | None = data[0] >> 4 if profile.damiao else None
+    if profile.error_at is not None and len(data) > profile.error_at:
+        status = data[profile.error_at]
+    at = profile.temperature_at
+    return MitReply(
+        data[0] & 0xF if profile.damiao else data[0],
+        _value(whole >> 24, -profile.angle, profile.angle, 16),
+        _value(whole >> 12 & 0xFFF, -profile.speed, profile.speed, 12),
+        _value(whole & 0xFFF, -profile.torque, profile.torque, 12),
+        status,
+        float(data[at]) if at is not None and len(data) > at else None,
+    )
+
+
+def read_register(motor: int, register: int) -> bytes:
+    """Return the question for a Damiao register; it goes to ``REGISTERS``."""
+    return struct.pack("<HBB4x", motor, READ, register)
+
+
+def write_register(motor: int, register: int, value: bytes) -> bytes:
+    """Return what writes four bytes into a Damiao register (kept until power-off)."""
+    return struct.pack("<HBB4s", motor, WRITE, register, value)
+
+
+def unpack_register(data: bytes) -> tuple[int, int, bytes] | None:
+    """Return (motor, register, four bytes) of an answer; None for a frame that is something else."""
+    if len(data) != 8 or data[2] not in {READ, WRITE}:
+        return None
+    motor, _, register, value = struct.unpack("<HBB4s", data)
+    return motor, register, value
+
+
+def timeout_value(seconds: float) -> bytes:
+    """Return the watchdog's register for a time."""
+    return struct.pack("<I", max(1, round(seconds / _TICK)))
+
+
+def _raw(value: float, low: float, high: float, bits: int) -> int:
+    """Return a value as an unsigned number over its range; what is no number is refused."""
+    if not math.isfinite(value):
+        raise ValueError(f"a motor cannot be sent {value}")
+    share = (min(max(value, low), high) - low) / (high - low)
+    return round(share * ((1 << bits) - 1))
+
+
+def _value(raw: int, low: float, high: float, bits: int) -> float:
+    return low + raw * (high - low) / ((1 << bits) - 1)

@@ -1,0 +1,38 @@
+"""What MIT motors differ in: ranges, replies, what they can be asked. Ranges are never guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+
+class Profile(NamedTuple):
+    """One motor: +- rad, rad/s, N m of its frames; highest kp and kd.
+
+    ``damiao``: status in the reply, registers, its own watchdog. Others say no status and have no reset.
+    """
+
+    angle: float
+    speed: float
+    torque: float
+    kp: float = 500.0
+    kd: float = 5.0
+    damiao: bool = False
+    temperature_at: int | None = None
+    error_at: int | None = None
+
+
+PROFILES: Mapping[str, Profile] = MappingProxyType(
+    {
+        "tmotor-ak80-6": Profile(12.5, 76.0, 12.0),
+        "tmotor-ak80-9": Profile(12.5, 25.64, 18.0),
+        "cubemars-ak70-10": Profile(12.5, 50.0, 25.0, temperature_at=6, error_at=7),
+        "cubemars-ak10-9": Profile(12.5, 50.0, 65.0, temperature_at=6, error_at=7),
+        "damiao-4310": Profile(12.5, 30.0, 10.0, damiao=True, temperature_at=7),
+        "damiao-4340": Profile(12.5, 8.0, 28.0, damiao=True, temperature_at=7),
+        "damiao-6006": Profile(12.5, 45.0, 20.0, damiao=True, temperature_at=7),
+        "damiao-8006": Profile(12.5, 45.0, 40.0, damiao=True, temperature_at=7),
+        "damiao-8009": Profile(12.5, 45.0, 54.0, damiao=True, temperature_at=7),
+    }
+)

@@ -1,0 +1,107 @@
+"""Values in CAN frames, by a map: which bytes of which identifier are which value.
+
+For sensors that have no standard (IMU, battery) and for machines that walk by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
+_CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
+_RANGES: Mapping[str, tuple[float, float]] = {"f32": (-3.4e38, 3.4e38)} | {
+    kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
+    for kind, bits in (("u8", 8), ("i8", 8), ("u16", 16), ("i16", 16), ("u32", 32), ("i32", 32))
+}
+
+
+def _scale(value: float) -> float:
+    if value == 0:
+        raise ValueError("a scale of 0 makes every value 0")
+    return value
+
+
+class FieldMap(BaseModel):
+    """One value: raw number at ``at``, times ``scale``, plus ``offset``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    at: int = Field(ge=0, le=63, description="First byte.")
+    type: Type = Field(description="How it is stored.")
+    endian: Literal["big", "little"] = Field("little", description="Byte order.")
+    scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one unit.")
+    offset: float = Field(0.0, description="Value of raw zero.")
+    invalid: int | None = Field(None, description="Raw number that means: not known.")
+
+    @property
+    def layout(self) -> struct.Struct:
+        """How ``struct`` reads it."""
+        return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])
+
+
+class FrameMap(BaseModel):
+    """One frame and its values by name."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
+    fields: dict[str, FieldMap] = Field(min_length=1, description="The values in it.")
+
+    @model_validator(mode="after")
+    def _apart(self) -> FrameMap:
+        """Refuse two fields on the same byte."""
+        taken: dict[int, str] = {}
+        for name, field in self.fields.items():
+            for place in range(field.at, field.at + field.layout.size):
+                if place in taken:
+                    raise ValueError(f"byte {place} is in both {taken[place]!r} and {name!r}")
+                taken[place] = name
+        return self
+
+    @property
+    def length(self) -> int:
+        """Bytes that the frame has at least."""
+        return max(field.at + field.layout.size for field in self.fields.values())
+
+
+class Decoder:
+    """Reads values from the frames of a map."""
+
+    def __init__(self, frames: Iterable[FrameMap]) -> None:
+        self._plans = {
+            frame.id: (
+                frame.length,
+                [(name, field.layout, field.at, field) for name, field in frame.fields.items()],
+            )
+            for frame in frames
+        }
+
+    def decode(self, identifier: int, data: bytes) -> dict[str, float] | None:
+        """Return the known values of a frame; None for a frame that is not in the map or too short."""
+        plan = self._plans.get(identifier)
+        if plan is None or len(data) < plan[0]:
+            return None
+        found: dict[str, float] = {}
+        for name, layout, at, field in plan[1]:
+            (raw,) = layout.unpack_from(data, at)
+            if raw != field.invalid and math.isfinite(raw):
+                found[name] = raw * field.scale + field.offset
+        return found
+
+
+def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:
+    """Return a frame's data; values out of range are clamped, never wrapped; missing ones are raw zero."""
+    data = bytearray(frame.length)
+    for name, field in frame.fields.items():
+        raw = (values.get(name, field.offset) - field.offset) / field.scale
+        if math.isnan(raw):
+            raise ValueError(f"{name} is not a number")
+        low, high = _RANGES[field.type]
+        within = max(low, min(high, raw))
+        field.layout.pack_into(data, field.at, within if field.type == "f32" else round(within))
+    return bytes(data)

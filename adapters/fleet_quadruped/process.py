@@ -1,0 +1,111 @@
+"""The body controller as a subprocess: orders in, states out, one word when it ends."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from fleet import LinkLost, LinkRefused
+from fleet_quadruped.config import QuadrupedConfig, simulation
+from fleet_quadruped.control.exchange import Slot, new_memory
+from fleet_quadruped.control.orders import Order, State
+from fleet_quadruped.control.plan import Plan, Word
+
+_START = 30.0  # s until it must be ready
+_LEAVE = 6.0  # s it may take to sit the dog down
+
+
+class BodyProcess:
+    """A running body controller; an async context manager that leaves the dog sitting and off."""
+
+    def __init__(self, config: QuadrupedConfig) -> None:
+        self._config = config
+        self._descriptors = [new_memory(), new_memory()]
+        self.orders = Slot(self._descriptors[0], Order)
+        self.states = Slot(self._descriptors[1], State)
+        self._process: asyncio.subprocess.Process | None = None
+
+    @property
+    def pid(self) -> int:
+        """The process's id."""
+        assert self._process is not None
+        return self._process.pid
+
+    async def __aenter__(self) -> Self:
+        """Start it; return when the drives are configured; raises LinkLost or LinkRefused."""
+        try:
+            await self._start()
+            async with asyncio.timeout(_START):
+                await self._ready()
+        except TimeoutError:
+            await self._close()
+            raise LinkLost(f"the body controller was not ready within {_START:g} s") from None
+        except BaseException:
+            await self._close()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Tell it to leave, which sits the dog down; kill it when it does not."""
+        await self._close()
+
+    async def ended(self) -> None:
+        """Wait until the process ends, then raise LinkLost or LinkRefused with what it said."""
+        raise _error(await self._word())
+
+    async def _start(self) -> None:
+        config = self._config
+        world, faults = simulation(config.link) if config.link else ("", {})
+        plan = Plan(str(config.body), config.buses, world, faults, *self._descriptors)
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            pass_fds=self._descriptors,
+        )
+
+    async def _ready(self) -> None:
+        """Wait for the first word."""
+        word = await self._word()
+        if not word.ready:
+            raise _error(word)
+
+    async def _word(self) -> Word:
+        """Return the next word; the status when it ended without one."""
+        process = self._process
+        assert process is not None
+        assert process.stdout is not None
+        line = await process.stdout.readline()
+        if line:
+            return msgspec.json.decode(line, type=Word)
+        return Word(lost=f"the body controller ended with status {await process.wait()}")
+
+    async def _close(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                await asyncio.wait_for(process.wait(), _LEAVE)
+            except (TimeoutError, asyncio.CancelledError):
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+        for descriptor in self._descriptors:
+            os.close(descriptor)
+        self._descriptors = []
+
+
+def _error(word: Word) -> LinkLost | LinkRefused:
+    if word.refused:
+        return LinkRefused(word.refused)
+    return LinkLost(word.lost or "the body controller left")

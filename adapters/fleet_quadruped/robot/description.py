@@ -1,0 +1,229 @@
+"""A dog's description: the YAML file as a checked value."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+from pydantic import Field, ValidationError, model_validator
+
+from fleet.errors import ConfigError
+from fleet_quadruped.body.legs import Angles, Leg
+from fleet_quadruped.robot.busload import HIGHEST, bus_loads
+from fleet_quadruped.robot.names import JOINTS, LEGS, PARTS, Part, Twelve
+from fleet_quadruped.robot.parts import (
+    Actuator,
+    Battery,
+    Bus,
+    Drive,
+    Gait,
+    Geometry,
+    Machine,
+    Pose,
+    Poses,
+    Safety,
+    Section,
+    Sensor,
+    Switch,
+    Wiring,
+)
+
+EXAMPLE = Path(__file__).parents[1] / "robots" / "example.yaml"
+
+
+class Joint(NamedTuple):
+    """One joint with its drive, as the control loop uses it."""
+
+    name: str
+    bus: str
+    id: int
+    sign: int
+    offset: float
+    low: float
+    high: float
+    kind: Actuator
+
+    def motor(self, angle: float) -> float:
+        """Return the motor's angle for an angle of the joint, rad."""
+        return (self.sign * angle + self.offset) * self.kind.ratio
+
+    def angle(self, motor: float) -> float:
+        """Return the joint's angle for an angle of the motor, rad."""
+        return self.sign * (motor / self.kind.ratio - self.offset)
+
+
+class Description(Section):
+    """Everything that is known of one dog."""
+
+    robot: Machine
+    geometry: Geometry
+    buses: dict[str, Bus] = Field(min_length=1)
+    drive: Drive
+    actuators: dict[Part, Actuator]
+    joints: dict[str, Wiring]
+    gait: Gait = Gait()
+    poses: Poses
+    imu: Sensor | None = None
+    battery: Battery | None = None
+    led: Switch | None = None
+    safety: Safety = Safety()
+
+    @model_validator(mode="after")
+    def _whole(self) -> Description:
+        """Refuse what cannot be walked with; every problem at once."""
+        problems = _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
+    @cached_property
+    def all_joints(self) -> tuple[Joint, ...]:
+        """The twelve joints in the order of ``JOINTS``."""
+        return tuple(self._joint(name) for name in JOINTS)
+
+    @cached_property
+    def legs(self) -> tuple[Leg, ...]:
+        """The four legs in the order of ``LEGS``."""
+        return tuple(self._leg(name) for name in LEGS)
+
+    @property
+    def dt(self) -> float:
+        """Seconds of one control cycle."""
+        return 1.0 / self.drive.cycle_hz
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """How full each bus is, as a share."""
+        sensors = [sensor for sensor in (self.imu, self.battery) if sensor is not None]
+        bitrates = {name: bus.bitrate for name, bus in self.buses.items()}
+        return bus_loads(
+            self.drive, Counter(wiring.bus for wiring in self.joints.values()), sensors, bitrates
+        )
+
+    def posture(self, left: Pose, right: Pose | None = None) -> Twelve:
+        """Return the angles of all joints for a pose of the left legs (and another of the right)."""
+        mirror = right or left
+        one = (left.abad, left.hip, left.knee)
+        two = (-mirror.abad, mirror.hip, mirror.knee)
+        return tuple(angle for leg in LEGS for angle in (one if leg[1] == "L" else two))
+
+    def stance(self, height: float) -> Twelve:
+        """Return the angles that stand with the hips ``height`` metres above flat ground."""
+        down = -(height - self.geometry.foot_radius)
+        return tuple(angle for leg in self.legs for angle in leg.angles((0.0, leg.side * leg.offset, down)))
+
+    def _joint(self, name: str) -> Joint:
+        part: Part = next(part for part in PARTS if name.endswith(part))
+        kind, wiring = self.actuators[part], self.joints[name]
+        low, high = kind.limits
+        if part == "abad" and name[1] == "R":
+            low, high = -high, -low
+        return Joint(name, wiring.bus, wiring.id, wiring.sign, wiring.offset, low, high, kind)
+
+    def _leg(self, name: str) -> Leg:
+        shape = self.geometry
+        knees = shape.front_knees if name[0] == "F" else shape.rear_knees
+        side = 1 if name[1] == "L" else -1
+        return Leg(
+            x=shape.hip_x if name[0] == "F" else -shape.hip_x,
+            y=side * shape.hip_y,
+            side=side,
+            knee=-1 if knees == "backward" else 1,
+            offset=shape.abad_offset,
+            thigh=shape.thigh,
+            calf=shape.calf,
+        )
+
+
+def leg_angles(posture: Twelve, leg: int) -> Angles:
+    """Return the three angles of one leg out of twelve."""
+    return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
+
+
+def _missing(dog: Description) -> list[str]:
+    """Return what is not there at all."""
+    problems = [f"joints: {name} is missing" for name in JOINTS if name not in dog.joints]
+    problems += [f"joints: there is no joint {name!r}" for name in dog.joints if name not in JOINTS]
+    problems += [f"actuators: {part} is missing" for part in PARTS if part not in dog.actuators]
+    users = {f"joints.{name}": wiring.bus for name, wiring in dog.joints.items()}
+    users |= {
+        name: part.bus for name in ("imu", "battery", "led") if (part := getattr(dog, name)) is not None
+    }
+    problems += [f"{user}: there is no bus {bus!r}" for user, bus in users.items() if bus not in dog.buses]
+    return problems
+
+
+def _addresses(dog: Description) -> list[str]:
+    """Return the drives that have the same address."""
+    taken: dict[tuple[str, int], str] = {}
+    problems = []
+    for name, wiring in dog.joints.items():
+        other = taken.setdefault((wiring.bus, wiring.id), name)
+        if other != name:
+            problems.append(f"joints: {name} and {other} are both id {wiring.id} on bus {wiring.bus!r}")
+    return problems
+
+
+def _poses(dog: Description) -> list[str]:
+    """Return the postures that the legs cannot take."""
+    gait, poses = dog.gait, dog.poses
+    problems = []
+    if not gait.lowest <= gait.height <= gait.highest:
+        problems.append(f"gait: height {gait.height:g} is not between lowest and highest")
+    for height in (gait.lowest, gait.height, gait.highest):
+        down = -(height - dog.geometry.foot_radius)
+        if not all(leg.reaches((0.0, leg.side * leg.offset, down)) for leg in dog.legs):
+            problems.append(f"gait: the legs cannot stand at {height:g} m")
+        problems += _outside(dog, f"standing at {height:g} m", dog.stance(height))
+    problems += _outside(dog, "poses.fold", dog.posture(poses.fold))
+    if (poses.roll_near is None) != (poses.roll_far is None):
+        problems.append("poses: roll_near and roll_far belong together")
+    if poses.roll_near and poses.roll_far:
+        problems += _outside(dog, "poses.roll", dog.posture(poses.roll_near, poses.roll_far))
+        problems += _outside(dog, "poses.roll mirrored", dog.posture(poses.roll_far, poses.roll_near))
+    return problems
+
+
+def _outside(dog: Description, what: str, posture: Twelve) -> list[str]:
+    """Return the joints that a posture would take beyond their limits."""
+    margin = dog.safety.margin
+    return [
+        f"{what}: {joint.name} at {angle:.2f} rad is outside {joint.low:g} to {joint.high:g} less {margin:g}"
+        for joint, angle in zip(dog.all_joints, posture, strict=True)
+        if not joint.low + margin <= angle <= joint.high - margin
+    ]
+
+
+def _loads(dog: Description) -> list[str]:
+    """Return the buses that would be too full."""
+    return [
+        f"buses: {bus} would be {load:.0%} full, more than {HIGHEST:.0%}; "
+        f"lower drive.cycle_hz or spread the joints over more buses"
+        for bus, load in dog.loads.items()
+        if load > HIGHEST
+    ]
+
+
+def load_description(path: Path) -> Description:
+    """Read a dog's YAML file; raises ConfigError with one line for each problem."""
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        place = getattr(error, "problem_mark", None)
+        where = f"{path}:{place.line + 1}" if place else str(path)
+        raise ConfigError(f"{where}: {getattr(error, 'problem', None) or 'is not UTF-8 text'}") from None
+    try:
+        return Description.model_validate(tree)
+    except ValidationError as error:
+        lines = [f"{path}: {_place(problem['loc'])}{problem['msg']}" for problem in error.errors()]
+        raise ConfigError("\n".join(lines)) from None
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    """Return where in the file a problem is, empty for the file as a whole."""
+    return f"{'.'.join(map(str, location))}: " if location else ""

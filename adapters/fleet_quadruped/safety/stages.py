@@ -1,0 +1,71 @@
+"""The stages of a stop, and what each does to a dog that is in some mode.
+
+Hardware (a button, the drives' own watchdog) is the stage beyond these: ours to arm, not to run.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+
+class Stage(enum.IntEnum):
+    """Ordered: a later one is harder."""
+
+    NONE = 0
+    SLOW = 1  # velocity to zero, stand
+    SIT = 2  # finish the step, stand, lower, damp, off
+    DAMP = 3  # give way slowly with damping at once, then off; latched
+
+
+class Mode(enum.StrEnum):
+    """What the body is doing."""
+
+    OFF = "off"
+    ENABLING = "enabling"
+    RISING = "rising"
+    STANDING = "standing"
+    WALKING = "walking"
+    SITTING = "sitting"
+    SETTLING = "settling"  # folded, giving way, about to be off
+    RECOVERING = "recovering"
+    DAMPED = "damped"  # stopped hard; off follows
+
+
+class Trip(NamedTuple):
+    """Why the dog is to be stopped, and how hard; the cause names joint, object, wanted and actual."""
+
+    stage: Stage
+    cause: str
+
+
+FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
+    {
+        Stage.SIT: MappingProxyType(
+            {
+                Mode.ENABLING: Mode.OFF,
+                Mode.RISING: Mode.SITTING,
+                Mode.STANDING: Mode.SITTING,
+                Mode.WALKING: Mode.SITTING,
+                Mode.RECOVERING: Mode.DAMPED,
+            }
+        ),
+        Stage.DAMP: MappingProxyType(
+            {mode: Mode.DAMPED for mode in Mode if mode not in {Mode.OFF, Mode.DAMPED}}
+        ),
+    }
+)
+"""Where a trip takes the body; a mode that is not named stays."""
+
+POSITIONED = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.RECOVERING})
+"""Modes in which the drives hold positions."""
+
+UPRIGHT = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING})
+"""Modes in which tilting means falling."""
+
+
+def forced(stage: Stage, mode: Mode) -> Mode:
+    """Return the mode that a trip of this stage leads to."""
+    return FORCED.get(stage, {}).get(mode, mode)

@@ -1,0 +1,1 @@
+"""A simulated dog: twelve drives that speak the real frames, on a body with physics."""

@@ -1,0 +1,90 @@
+"""``python -m fleet_quadruped.sim``: a simulated dog on real python-can buses, in real time.
+
+    python -m fleet_quadruped.sim --bus a=can:udp_multicast:239.74.163.2?port=43113
+
+The controller runs elsewhere and finds twelve drives, an IMU and a battery. Ends with its standard input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import os
+import select
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from fleet.clock import Clock, SystemClock
+from fleet.errors import FleetError
+from fleet.sim.faults import parse_faults
+from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.control.loop import realtime
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+from fleet_quadruped.sim.dog import SimDog
+from fleet_quadruped.sim.faults import ALL_FAULTS
+from fleet_quadruped.sim.worlds import WORLDS, make_world
+
+log = logging.getLogger(__name__)
+
+_STEP = 0.002  # s: the drives' own loop
+_LATEST = 0.1  # s behind real time after which the rest is let go
+
+
+def main(arguments: list[str]) -> int:
+    """Run until the standard input ends; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="fleet_quadruped.sim", description=(__doc__ or "").partition("\n")[0]
+    )
+    parser.add_argument("--body", type=Path, default=EXAMPLE, help="the dog's description")
+    parser.add_argument(
+        "--bus", action="append", required=True, metavar="NAME=URL", help="a bus and where it is"
+    )
+    parser.add_argument("--world", choices=sorted(WORLDS), default="auto")
+    parser.add_argument("--faults", default="", help=", ".join(ALL_FAULTS))
+    given = parser.parse_args(arguments)
+    clock = SystemClock()
+    try:
+        dog = load_description(given.body)
+        with contextlib.ExitStack() as stack:
+            buses: dict[str, Bus] = {}
+            for name, _, url in (text.partition("=") for text in given.bus):
+                buses[name] = Bus(name, url, dog.buses[name].bitrate, clock)
+                stack.callback(buses[name].close)
+            sim = SimDog(dog, make_world(given.world, dog), lambda bus, frame: buses[bus].send(frame))
+            for fault, value in parse_faults(given.faults, ALL_FAULTS).items():
+                sim.fault(fault, value)
+            realtime()
+            sys.stdout.write("ready\n")
+            sys.stdout.flush()
+            _serve(sim, buses, clock, dog.dt)
+    except (FleetError, ValueError, KeyError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0
+
+
+def _serve(sim: SimDog, buses: Mapping[str, Bus], clock: Clock, sense_every: float) -> None:
+    """Keep the dog in step with real time."""
+    begun, sensed = clock.monotonic() - sim.time, sim.time
+    while True:
+        for name, bus in buses.items():
+            for frame in bus.receive(0.0005):
+                sim.take(name, frame)
+        behind = clock.monotonic() - begun - sim.time
+        if behind > _LATEST:
+            begun += behind
+            log.warning("the simulated dog is %.2f s late and lets them go", behind)
+        while behind >= _STEP:
+            due = sim.time + _STEP - sensed >= sense_every - 1e-9
+            sim.advance(_STEP, sense=due)
+            sensed = sim.time if due else sensed
+            behind -= _STEP
+        ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+        if ready and not os.read(sys.stdin.fileno(), 64):
+            return
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,220 @@
+"""A simulated CiA 402 drive: SDO server, state machine, PDOs, heartbeat, emergency, watchdog."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives.cia402 import frames as wire
+from fleet_quadruped.drives.cia402.setup import mapping_objects
+from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.sdo import REQUEST, SdoServer
+from fleet_quadruped.sim.world import Motor
+
+_STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
+_STATUS: Mapping[State, int] = MappingProxyType(
+    {
+        State.NOT_READY: 0x0000,
+        State.SWITCH_ON_DISABLED: 0x0250,
+        State.READY: 0x0231,
+        State.SWITCHED_ON: 0x0233,
+        State.ENABLED: 0x1237,
+        State.QUICK_STOP: 0x0217,
+        State.FAULT_REACTION: 0x021F,
+        State.FAULT: 0x0218,
+    }
+)
+_STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
+    {
+        (State.SWITCH_ON_DISABLED, 0x06): State.READY,
+        (State.READY, 0x07): State.SWITCHED_ON,
+        (State.SWITCHED_ON, 0x0F): State.ENABLED,
+        (State.SWITCHED_ON, 0x06): State.READY,
+        (State.ENABLED, 0x07): State.SWITCHED_ON,
+        (State.ENABLED, 0x06): State.READY,
+        (State.ENABLED, 0x02): State.QUICK_STOP,
+    }
+)
+"""(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
+_VOLTAGE = 48_000  # mV
+_CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
+
+
+class SimDrive:
+    """One drive at one joint; ``send`` puts its frames on the bus."""
+
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:  # noqa: ARG002 - all have the same
+        self.joint = joint
+        self.motor = motor
+        self._send = send
+        self.sdo = SdoServer(joint.id, _dictionary(joint), send)
+        self.state = State.SWITCH_ON_DISABLED
+        self.nmt = 0x7F  # pre-operational
+        self._muted = False
+        self._jump = 0.0  # rad that the encoder is off
+        self._code = 0
+        self._control = 0
+        self._waiting: wire.Told | None = None
+        self._from = self._to = motor.angle
+        self._feed = 0.0
+        self._share = 1.0
+        self._time = 0.0
+        self._next_beat = 0.0
+        self._master_at: float | None = None
+        self._syncs = 0
+        self.boot()
+
+    @property
+    def hears(self) -> frozenset[int]:
+        """NMT, SYNC, the master's heartbeat, its own RPDO and SDO."""
+        node = self.joint.id
+        return frozenset({0x000, wire.SYNC, wire.HEARTBEAT + wire.MASTER, wire.RPDO1 + node, REQUEST + node})
+
+    def boot(self) -> None:
+        """Start as after power-on."""
+        self.state, self.nmt, self._master_at, self._waiting = State.SWITCH_ON_DISABLED, 0x7F, None, None
+        self._say(wire.HEARTBEAT, bytes([wire.BOOT_UP]))
+
+    def fail(self, why: str) -> None:
+        """Go into fault, and say so in an emergency."""
+        self._code, self.state = _CODES[why], State.FAULT
+        self._say(wire.EMERGENCY, struct.pack("<HB5x", self._code, 0x21))
+
+    def mute(self) -> None:
+        """Say and hear nothing any more."""
+        self._muted = self.sdo.silent = True
+
+    def shift(self, angle: float) -> None:
+        """Let the encoder be off by an angle, rad."""
+        self._jump += angle
+
+    def pretend(self) -> None:
+        """Be an I/O module."""
+        self.sdo.objects[0x1000, 0].value = 0x0003_0191
+
+    def refuse(self) -> None:
+        """Refuse the first entry of the target PDO's mapping."""
+        self.sdo.refusals[0x1600, 1] = 0x06040041
+
+    def take(self, frame: Frame) -> None:
+        """Take a frame from the bus."""
+        if self._muted:
+            return
+        if frame.id == wire.SYNC:
+            self._sync()
+        elif frame.id == wire.RPDO1 + self.joint.id:
+            self._waiting = wire.unpack_target(frame.data) if self.nmt == wire.OPERATIONAL else None
+        elif frame.id == wire.HEARTBEAT + wire.MASTER:
+            self._master_at = self._time
+        elif frame.id == 0x000:
+            self._command(frame.data)
+        else:
+            self.sdo.take(frame)
+
+    def control(self, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
+        self._time += dt
+        self._watch()
+        if not self._muted and self._time >= self._next_beat:
+            period = self.sdo.objects[0x1017, 0].value / 1000
+            self._next_beat = self._time + (period or 1e9)
+            if period:
+                self._say(wire.HEARTBEAT, bytes([self.nmt]))
+        motor = self.motor
+        motor.kp, motor.kd, motor.feed, motor.target_speed = 0.0, 0.0, 0.0, 0.0
+        if self.state is State.ENABLED:
+            period = self._cycle()
+            self._share = min(1.0, self._share + dt / period)
+            motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+            motor.target = self._from + (self._to - self._from) * self._share
+            motor.target_speed = (self._to - self._from) / period if self._share < 1.0 else 0.0
+        elif self.state is State.QUICK_STOP:
+            motor.kd = _BRAKE
+
+    def _watch(self) -> None:
+        """Stop by ourselves when the master's heartbeat is missing (1016h, 6007h)."""
+        timeout = self.sdo.objects[0x1016, 1].value & 0xFFFF
+        if not timeout or self._master_at is None or self._time - self._master_at <= timeout / 1000:
+            return
+        self._master_at = None
+        self._say(wire.EMERGENCY, struct.pack("<HB5x", 0x8130, 0x11))
+        if self.state is State.ENABLED and self.sdo.objects[0x6007, 0].value == 3:
+            self.state = State.QUICK_STOP
+
+    def _cycle(self) -> float:
+        """Return the interpolation period, s."""
+        exponent = self.sdo.objects[0x60C2, 2].value
+        return float(
+            self.sdo.objects[0x60C2, 1].value * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
+        )
+
+    def _command(self, data: bytes) -> None:
+        """Obey NMT."""
+        if len(data) < 2 or data[1] not in {0, self.joint.id}:
+            return
+        command = data[0]
+        if command in {0x81, 0x82}:
+            self.boot()
+        else:
+            self.nmt = {0x01: wire.OPERATIONAL, 0x02: 0x04, 0x80: 0x7F}.get(command, self.nmt)
+
+    def _sync(self) -> None:
+        """Obey the target that came since the last SYNC, and tell where we are."""
+        if self.nmt != wire.OPERATIONAL:
+            return
+        if self._waiting is not None:
+            self._obey(self._waiting)
+            self._waiting = None
+        angle = wire.counts_of(self.joint, self.motor.angle + self._jump)
+        torque = wire.per_mille_of(self.joint, self.motor.torque)
+        self._say(wire.TPDO1, wire.pack_told(wire.Told(_STATUS[self.state], angle, torque)))
+        self._syncs += 1
+        if self._syncs % 10 == 0:
+            self._say(wire.TPDO2, wire.pack_slow(_VOLTAGE, self._code))
+
+    def _obey(self, told: wire.Told) -> None:
+        """Take a control word and a target."""
+        control, before = told.status, self._control
+        self._control = control
+        if self.state is State.FAULT:
+            if control & 0x80 and not before & 0x80:
+                self.state, self._code = State.SWITCH_ON_DISABLED, 0
+                self._say(wire.EMERGENCY, bytes(8))
+        elif not control & 0x02:
+            self.state = State.SWITCH_ON_DISABLED
+        else:
+            self.state = _STEPS.get((self.state, control & 0x0F), self.state)
+        if self.state is State.ENABLED:
+            self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
+            self._to = wire.angle_of(self.joint, told.counts) - self._jump
+            self._feed = wire.torque_of(self.joint, told.per_mille)
+            self._share = 0.0
+
+    def _say(self, base: int, data: bytes) -> None:
+        """Send a frame of ours."""
+        if not self._muted:
+            self._send(Frame(base + self.joint.id, data))
+
+
+def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
+    """Return the drive's objects: (index, sub) to (bytes, value)."""
+    objects = {
+        (0x1000, 0): (4, 0x0002_0192),
+        (0x1001, 0): (1, 0),
+        (0x1018, 1): (4, 0x00F1EE70),
+        (0x1018, 2): (4, 0x0402),
+        (0x6502, 0): (4, 0x80),
+        (0x1016, 1): (4, 0),
+        (0x1017, 0): (2, 0),
+        (0x6007, 0): (2, 0),
+        (0x605A, 0): (2, 2),
+        (0x60C2, 1): (1, 1),
+        (0x60C2, 2): (1, 0xFD),
+        (0x6060, 0): (1, 0),
+    }
+    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
+    return objects

@@ -1,0 +1,150 @@
+"""The simulated dog as a whole: drives and sensors on buses, moved by a world, with faults by name."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet.sim.faults import BadWire, check_fault
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.frames import encode
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.sim.cia402 import SimDrive
+from fleet_quadruped.sim.drive import AnyDrive
+from fleet_quadruped.sim.faults import ALL_FAULTS, ON_DRIVE
+from fleet_quadruped.sim.mit import SimMitDrive
+from fleet_quadruped.sim.world import World
+
+STEP = 0.002  # s between two steps of the drives' own loops
+_HEAD = struct.Struct("<I")
+_MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDrive, "mit": SimMitDrive})
+
+
+class SimDog:
+    """A dog on buses. ``heard`` is called with (bus, frame) for each frame that the dog sends.
+
+    ``seed`` fixes what is lost on a bad wire.
+    """
+
+    def __init__(
+        self, dog: Description, world: World, heard: Callable[[str, Frame], None], seed: int = 1
+    ) -> None:
+        self.dog = dog
+        self.world = world
+        self.time = 0.0
+        self.percent = 80.0
+        self._heard = heard
+        self._faults: dict[str, float] = {}
+        self._imu_silent = False
+        self._next_battery = 0.0
+        chance = random.Random(seed)  # noqa: S311 - faults must be the same on every run
+        self._in = {bus: BadWire(self._faults, chance) for bus in dog.buses}
+        self._out = {bus: BadWire(self._faults, chance) for bus in dog.buses}
+        make = _MAKE[dog.drive.protocol]
+        self.drives: list[AnyDrive] = [
+            make(joint, motor, self._sender(joint.bus), dog.drive)
+            for joint, motor in zip(dog.all_joints, world.motors, strict=True)
+        ]
+        self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
+        for drive, joint in zip(self.drives, dog.all_joints, strict=True):
+            for identifier in drive.hears:
+                self._listeners.setdefault((joint.bus, identifier), []).append(drive)
+
+    def fault(self, name: str, value: float = 1.0) -> None:
+        """Begin a fault; raises ValueError for one that does not exist."""
+        check_fault(name, value, ALL_FAULTS)
+        if name in ON_DRIVE:
+            if not 1 <= value <= len(self.drives):
+                raise ValueError(f"fault {name}: {value:g} is no {ALL_FAULTS[name]}")
+            ON_DRIVE[name](self.drives[int(value) - 1])
+        elif name == "imu":
+            self._imu_silent = True
+        elif name == "battery":
+            self.percent = value
+        else:
+            self._faults[name] = value
+
+    def clear(self, name: str) -> None:
+        """End a fault of the wire, or of the IMU."""
+        self._faults.pop(name, None)
+        if name == "imu":
+            self._imu_silent = False
+
+    def take(self, bus: str, frame: Frame) -> None:
+        """Take a frame that was sent to the dog."""
+        for arrived in self._carried(self._in[bus], [frame]):
+            self._deliver(bus, arrived)
+
+    def advance(self, dt: float, *, sense: bool = True) -> None:
+        """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
+        steps = max(1, round(dt / STEP))
+        for _ in range(steps):
+            for drive in self.drives:
+                drive.control(dt / steps)
+            self.world.step(dt / steps)
+        self.time += dt
+        for bus in self.dog.buses:
+            for frame in self._carried(self._in[bus], ()):
+                self._deliver(bus, frame)
+        if sense:
+            self._sense()
+        for bus in self.dog.buses:
+            for frame in self._carried(self._out[bus], ()):
+                self._heard(bus, frame)
+
+    def _deliver(self, bus: str, frame: Frame) -> None:
+        for drive in self._listeners.get((bus, frame.id), ()):
+            drive.take(frame)
+
+    def _sense(self) -> None:
+        """Send what the IMU and the battery measure."""
+        sensors = self.dog.imu, self.dog.battery
+        if sensors[0] is not None and not self._imu_silent:
+            values = imu_values(self.world.imu())
+            for frame in sensors[0].frames:
+                self._send(sensors[0].bus, Frame(frame.id, encode(frame, values)))
+        if sensors[1] is not None and self.time >= self._next_battery:
+            self._next_battery = self.time + 1.0
+            values = {"percent": self.percent, "voltage": 44.0 + self.percent * 0.06, "current": 3.0}
+            for frame in sensors[1].frames:
+                self._send(sensors[1].bus, Frame(frame.id, encode(frame, values)))
+
+    def _sender(self, bus: str) -> Callable[[Frame], None]:
+        return lambda frame: self._send(bus, frame)
+
+    def _send(self, bus: str, frame: Frame) -> None:
+        """Put a frame of the dog on a bus."""
+        if not self._faults:
+            self._heard(bus, frame)
+            return
+        for arrived in self._carried(self._out[bus], [frame]):
+            self._heard(bus, arrived)
+
+    def _carried(self, wire: BadWire, frames: list[Frame] | tuple[()]) -> list[Frame]:
+        """Return the frames that come through a wire now."""
+        if not self._faults and not frames:
+            return []
+        if not self._faults:
+            return list(frames)
+        raw = wire.carry([_HEAD.pack(frame.id) + frame.data for frame in frames], self.time)
+        return [Frame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]
+
+
+def imu_values(imu: Imu) -> dict[str, float]:
+    """Return an IMU's values by the names that frame maps use."""
+    turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
+    return {
+        "qw": turn.w,
+        "qx": turn.x,
+        "qy": turn.y,
+        "qz": turn.z,
+        "gx": gyro.x,
+        "gy": gyro.y,
+        "gz": gyro.z,
+        "ax": accel.x,
+        "ay": accel.y,
+        "az": accel.z,
+    }

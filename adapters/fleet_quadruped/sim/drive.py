@@ -1,0 +1,39 @@
+"""What the simulated dog asks of a simulated drive, whatever its protocol."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from fleet_quadruped.can.frame import Frame
+
+
+class AnyDrive(Protocol):
+    """One simulated drive."""
+
+    @property
+    def hears(self) -> frozenset[int]:
+        """Identifiers of the frames that mean something to the drive."""
+
+    def take(self, frame: Frame) -> None:
+        """Take a frame from the bus."""
+
+    def control(self, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds."""
+
+    def mute(self) -> None:
+        """Say nothing any more."""
+
+    def boot(self) -> None:
+        """Start as after power-on."""
+
+    def fail(self, why: str) -> None:
+        """Go into fault: ``overcurrent`` or ``hot``."""
+
+    def shift(self, angle: float) -> None:
+        """Let the encoder be off by an angle, rad."""
+
+    def pretend(self) -> None:
+        """Be another device."""
+
+    def refuse(self) -> None:
+        """Refuse to be configured."""

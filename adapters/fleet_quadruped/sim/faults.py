@@ -1,0 +1,37 @@
+"""Faults of a simulated dog by name; a joint is told by its place in ``JOINTS``, 1 to 12."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet.sim.faults import WIRE_FAULTS
+from fleet_quadruped.sim.drive import AnyDrive
+
+DOG_FAULTS: Mapping[str, str] = MappingProxyType(
+    {
+        "mute": "joint 1 to 12 whose drive is silent",
+        "reboot": "joint 1 to 12 whose drive restarts",
+        "overcurrent": "joint 1 to 12 whose drive fails",
+        "hot": "joint 1 to 12 whose drive is too hot",
+        "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
+        "stranger": "joint 1 to 12 at whose id another device is",
+        "abort": "joint 1 to 12 whose drive refuses its PDO mapping",
+        "imu": "the IMU is silent",
+        "battery": "percent that the battery has",
+    }
+)
+ALL_FAULTS: Mapping[str, str] = MappingProxyType({**WIRE_FAULTS, **DOG_FAULTS})
+
+ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
+    {
+        "mute": lambda drive: drive.mute(),
+        "reboot": lambda drive: drive.boot(),
+        "overcurrent": lambda drive: drive.fail("overcurrent"),
+        "hot": lambda drive: drive.fail("hot"),
+        "jump": lambda drive: drive.shift(0.5),
+        "stranger": lambda drive: drive.pretend(),
+        "abort": lambda drive: drive.refuse(),
+    }
+)
+"""What a fault does to one drive."""

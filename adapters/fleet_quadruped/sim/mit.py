@@ -1,0 +1,138 @@
+"""A simulated MIT motor: special frames, commands, replies, Damiao registers and watchdog."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+from fleet.errors import LinkRefused
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives.mit import frames as wire
+from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
+from fleet_quadruped.drives.mit.profiles import PROFILES
+from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.world import Motor
+
+_STATUS = {"overcurrent": 0xA, "hot": 0xC}
+_LOST = 0xD
+
+
+class SimMitDrive:
+    """One motor at one joint; ``send`` puts its frames on the bus."""
+
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
+        if drive.profile not in PROFILES:
+            raise LinkRefused(f"there is no motor {drive.profile!r}")
+        self.joint = joint
+        self.motor = motor
+        self._send = send
+        self._profile = PROFILES[drive.profile]
+        ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
+        self._registers = {
+            register: struct.pack("<f", value)
+            for register, value in zip(wire.RANGE_REGISTERS, ranges, strict=True)
+        }
+        self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
+        self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
+        self.status = 0
+        self._command = MitCommand()
+        self._muted = False
+        self._refusing = False
+        self._jump = 0.0
+        self._silence = 0.0
+
+    @property
+    def hears(self) -> frozenset[int]:
+        """Its own id, and the register's."""
+        return frozenset({self.joint.id, wire.REGISTERS})
+
+    def boot(self) -> None:
+        """Start as after power-on: disabled, registers as they were stored."""
+        self.status = 0
+        self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
+
+    def mute(self) -> None:
+        """Say and hear nothing any more."""
+        self._muted = True
+
+    def fail(self, why: str) -> None:
+        """Go into fault; it is told in the next reply."""
+        self.status = _STATUS[why]
+
+    def shift(self, angle: float) -> None:
+        """Let the encoder be off by an angle, rad."""
+        self._jump += angle
+
+    def pretend(self) -> None:
+        """Be a motor with other ranges."""
+        self._registers[wire.RANGE_REGISTERS[0]] = struct.pack("<f", self._profile.angle * 2)
+
+    def refuse(self) -> None:
+        """Keep the watchdog's register as it is."""
+        self._refusing = True
+
+    def take(self, frame: Frame) -> None:
+        """Take a frame from the bus."""
+        if self._muted:
+            return
+        if frame.id == wire.REGISTERS and self._profile.damiao:
+            self._register(frame.data)
+        elif frame.id == self.joint.id and len(frame.data) == 8:
+            self._obey(frame.data)
+            self._reply()
+
+    def control(self, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
+        self._silence += dt
+        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
+        if ticks and self.status == wire.ENABLED and self._silence > ticks * 50e-6:
+            self.status = _LOST
+        motor = self.motor
+        motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
+        if self.status != wire.ENABLED:
+            return
+        joint, command = self.joint, self._command
+        motor.kp = command.kp * joint.kind.ratio**2
+        motor.kd = command.kd * joint.kind.ratio**2
+        motor.target = joint.angle(command.angle) - self._jump
+        motor.target_speed = joint.sign * command.speed / joint.kind.ratio
+        motor.feed = joint.sign * command.torque * joint.kind.ratio
+
+    def _obey(self, data: bytes) -> None:
+        """Take a special frame or a command."""
+        self._silence = 0.0
+        if data == wire.ENABLE:
+            self._command = MitCommand()
+            self.status = wire.ENABLED if self.status in {0, wire.ENABLED} else self.status
+        elif data == wire.DISABLE:
+            self.status = 0 if self.status == wire.ENABLED else self.status
+        elif data == wire.CLEAR:
+            self.status = 0
+        else:
+            self._command = wire.unpack_command(data, self._profile) or self._command
+
+    def _reply(self) -> None:
+        """Tell where the motor is."""
+        joint, motor = self.joint, self.motor
+        reply = MitReply(
+            joint.id,
+            joint.motor(motor.angle + self._jump),
+            joint.sign * motor.speed * joint.kind.ratio,
+            joint.sign * motor.torque / joint.kind.ratio,
+            self.status,
+            40.0,
+        )
+        identifier = wire.MASTER + joint.id if self._profile.damiao else 0
+        self._send(Frame(identifier, wire.pack_reply(reply, self._profile)))
+
+    def _register(self, data: bytes) -> None:
+        """Answer a question for a register, or a change of one."""
+        told = wire.unpack_register(data)
+        if told is None or told[0] != self.joint.id or told[1] not in self._registers:
+            return
+        motor, register, value = told
+        if data[2] == wire.WRITE and not self._refusing:
+            self._registers[register] = value
+        answer = struct.pack("<HBB4s", motor, data[2], register, self._registers[register])
+        self._send(Frame(wire.MASTER + self.joint.id, answer))

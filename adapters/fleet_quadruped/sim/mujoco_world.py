@@ -1,0 +1,157 @@
+"""The dog in MuJoCo (extra ``sim``): the model is made from the dog's own description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import LEGS
+from fleet_quadruped.sim.world import Motor
+
+STEP = 0.002  # s; divides every control cycle that is used
+_TRUNK = 0.55  # share of the mass
+_BODY_HALF_HEIGHT = 0.05  # m
+
+
+def model_of(dog: Description, friction: float = 0.8) -> str:
+    """Return the MuJoCo model (MJCF) of a dog on flat ground."""
+    mass = dog.robot.mass
+    shape = dog.geometry
+    legs = "".join(
+        _leg(dog, name, leg, mass * (1 - _TRUNK) / 4) for name, leg in zip(LEGS, dog.legs, strict=True)
+    )
+    motors = "".join(
+        f'<general name="{joint.name}" joint="{joint.name}" biastype="affine" gainprm="1" biasprm="0 0 0"'
+        f' forcelimited="true" forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
+        for joint in dog.all_joints
+    )
+    return f"""<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="{STEP}" integrator="implicitfast"/>
+  <default><geom friction="{friction} 0.02 0.001" solref="0.01 1"/>
+    <joint armature="0.01" damping="0.05" limited="true"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="50 50 1" conaffinity="1" contype="1"/>
+    <body name="trunk" pos="0 0 0.13">
+      <freejoint name="root"/>
+      <geom type="box" size="{shape.hip_x} {shape.hip_y + 0.03} {_BODY_HALF_HEIGHT}"
+            mass="{mass * _TRUNK}" contype="0" conaffinity="1"/>
+      {legs}
+    </body>
+  </worldbody>
+  <actuator>{motors}</actuator>
+</mujoco>"""
+
+
+def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
+    """Return one leg: hip block, thigh, calf with a round foot."""
+    joints = {joint.name: joint for joint in dog.all_joints}
+    ranges = {
+        part: f"{joints[f'{name}_{part}'].low} {joints[f'{name}_{part}'].high}"
+        for part in ("abad", "hip", "knee")
+    }
+    limb = 'type="capsule" contype="0" conaffinity="1"'
+    return f"""
+      <body pos="{leg.x} {leg.y} 0">
+        <joint name="{name}_abad" axis="1 0 0" range="{ranges["abad"]}"/>
+        <geom type="sphere" size="0.04" mass="{mass * 0.4}" pos="0 {leg.side * leg.offset / 2} 0"
+              contype="0" conaffinity="1"/>
+        <body pos="0 {leg.side * leg.offset} 0">
+          <joint name="{name}_hip" axis="0 1 0" range="{ranges["hip"]}"/>
+          <geom {limb} size="0.018" fromto="0 0 0 0 0 {-leg.thigh}" mass="{mass * 0.42}"/>
+          <body pos="0 0 {-leg.thigh}">
+            <joint name="{name}_knee" axis="0 1 0" range="{ranges["knee"]}"/>
+            <geom {limb} size="0.012" fromto="0 0 0 0 0 {-leg.calf}" mass="{mass * 0.14}"/>
+            <geom name="{name}_foot" type="sphere" size="{dog.geometry.foot_radius}" pos="0 0 {-leg.calf}"
+                  mass="{mass * 0.04}" contype="0" conaffinity="1"/>
+          </body>
+        </body>
+      </body>"""
+
+
+class MujocoWorld:
+    """Rigid bodies, contacts and friction."""
+
+    def __init__(self, dog: Description, *, friction: float = 0.8) -> None:
+        self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
+        self.data: Any = mujoco.MjData(self._model)
+        self._addresses = [int(self._model.joint(joint.name).qposadr[0]) for joint in dog.all_joints]
+        self._speeds = [int(self._model.joint(joint.name).dofadr[0]) for joint in dog.all_joints]
+        fold = dog.posture(dog.poses.fold)
+        self.motors: Sequence[Motor] = [Motor(angle=angle, target=angle) for angle in fold]
+        for address, angle in zip(self._addresses, fold, strict=True):
+            self.data.qpos[address] = angle
+        self._rest = 0.0
+        for _ in range(250):
+            self.step(STEP)
+
+    def put(self, rotation: Quaternion, height: float) -> None:
+        """Put the body somewhere above the ground, turned, at rest."""
+        self.data.qpos[2] = height
+        self.data.qpos[3:7] = (rotation.w, rotation.x, rotation.y, rotation.z)
+        self.data.qvel[:] = 0
+
+    def push(self, force: tuple[float, float, float]) -> None:
+        """Push the trunk with a force (N, world) until the next push."""
+        self.data.xfrc_applied[1, :3] = force
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` seconds pass in steps of the engine; what is left over counts for the next call."""
+        self._rest += dt
+        while self._rest > STEP - 1e-9:
+            self._rest -= STEP
+            self._load()
+            mujoco.mj_step(self._model, self.data)
+        self._store()
+
+    def _load(self) -> None:
+        """Give the engine the motors' gains and targets."""
+        for number, motor in enumerate(self.motors):
+            self._model.actuator_biasprm[number, 1] = -motor.kp
+            self._model.actuator_biasprm[number, 2] = -motor.kd
+            self.data.ctrl[number] = motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed
+
+    def _store(self) -> None:
+        """Take the measured joints out of the engine."""
+        angles, speeds, forces = (
+            self.data.qpos.tolist(),
+            self.data.qvel.tolist(),
+            self.data.actuator_force.tolist(),
+        )
+        for number, motor in enumerate(self.motors):
+            motor.angle = angles[self._addresses[number]]
+            motor.speed = speeds[self._speeds[number]]
+            motor.torque = forces[number]
+
+    def imu(self) -> Imu:
+        """Return orientation, rates and the acceleration that an IMU feels."""
+        w, x, y, z = self.data.qpos[3:7].tolist()
+        rotation = Quaternion(w, x, y, z)
+        gx, gy, gz = self.data.qvel[3:6].tolist()
+        ax, ay, az = self.data.qacc[0:3].tolist()
+        felt = _to_body(rotation, (ax, ay, az + 9.81))
+        return Imu(rotation, Vector3(gx, gy, gz), Vector3(*felt))
+
+    def place(self) -> Point:
+        """Return where the trunk is."""
+        x, y, z = self.data.qpos[0:3].tolist()
+        return x, y, z
+
+    @property
+    def fall_speed(self) -> float:
+        """Downward speed of the trunk, m/s."""
+        return -float(self.data.qvel[2])
+
+
+def _to_body(rotation: Quaternion, vector: Point) -> Point:
+    """Turn a world vector into the body frame."""
+    w, x, y, z = rotation.w, -rotation.x, -rotation.y, -rotation.z
+    a, b, c = vector
+    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx

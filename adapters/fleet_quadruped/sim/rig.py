@@ -1,0 +1,88 @@
+"""A dog in lock-step with its controller: for tests, measurements and tuning; time passes only in ``go``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import msgspec
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.control.orders import Errand, Order, State, Timing
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.lockstep import lockstep
+from fleet_quadruped.sim.world import World
+
+
+class Rig:
+    """A simulated dog that is configured and off. ``order`` is what its host says, kept fresh."""
+
+    def __init__(
+        self, dog: Description, world: World | None = None, *, real: Description | None = None, seed: int = 1
+    ) -> None:
+        self.dog = dog
+        self.sim, self.buses = lockstep(dog, world, real=real, seed=seed)
+        self.controller = Controller(dog, self.buses)
+        self.controller.drives.configure()
+        self.order = Order()
+        self.alive = True
+        self.tilt = 0.0  # greatest since the last ``go`` began, rad
+        self.watch: Callable[[], None] = lambda: None
+
+    @property
+    def mode(self) -> Mode:
+        """What the body is doing."""
+        return self.controller.body.mode
+
+    @property
+    def fault(self) -> str:
+        """The latched fault."""
+        return self.controller.body.fault
+
+    def state(self) -> State:
+        """Return what the controller tells."""
+        return self.controller.state(self.sim.time, Timing())
+
+    def cycle(self) -> None:
+        """Run one control cycle."""
+        now, dt = self.sim.time, self.dog.dt
+        self.controller.begin(now)
+        for name, bus in self.buses.items():
+            for frame in bus.receive(0.0):
+                self.controller.take(name, frame, now)
+        if self.alive:
+            self.order = msgspec.structs.replace(self.order, until=now + 1.0, alive=now)
+        self.controller.finish(now, dt, self.order)
+        self.sim.advance(dt)
+        self.tilt = max(self.tilt, math.acos(max(-1.0, min(1.0, self.sim.world.imu().up))))
+        self.watch()
+
+    def go(self, seconds: float, twist: Twist = Twist()) -> None:  # noqa: B008 - a tuple does not change
+        """Let time pass with a velocity."""
+        self.order = msgspec.structs.replace(self.order, x=twist.x, y=twist.y, turn=twist.turn)
+        self.tilt = 0.0
+        for _ in range(round(seconds / self.dog.dt)):
+            self.cycle()
+
+    def ask(self, ask: Ask, value: float = 0.0) -> str:
+        """Ask the body for something; return why it refuses, empty when it does it."""
+        self.order = msgspec.structs.replace(
+            self.order, errand=Errand(self.order.errand.number + 1, ask, value)
+        )
+        self.cycle()
+        return self.state().refusal
+
+    def emergency(self) -> None:
+        """Ask for an emergency stop; it is obeyed in the next cycle."""
+        self.order = msgspec.structs.replace(self.order, stop=self.order.stop + 1)
+
+    def stand(self) -> None:
+        """Stand up, from off to standing."""
+        self.go(0.1)
+        refusal = self.ask(Ask.STAND)
+        self.go(3.0)
+        if self.mode is not Mode.STANDING:
+            raise AssertionError(refusal or self.fault or f"it is {self.mode}")

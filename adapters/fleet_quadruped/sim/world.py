@@ -1,0 +1,106 @@
+"""What the simulated drives and the physics share, and the kinematic world that needs no engine.
+
+The kinematic body stands on its lowest feet and never falls: for tests and for computers without MuJoCo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from fleet import Quaternion, Vector3, quaternion_from_yaw
+from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.odometry import body_twist
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.robot.description import Description, leg_angles
+
+GRAVITY = 9.81  # m/s2
+_LAG = 0.01  # s: how far a joint is behind its target
+_GROUNDED = 0.008  # m above the lowest foot that still counts as standing
+
+
+@dataclass(slots=True)
+class Motor:
+    """One joint between its drive and the world: rad, rad/s, N m of the joint.
+
+    The drive sets the second half: torque = kp (target - angle) + kd (target_speed - speed) + feed.
+    """
+
+    angle: float = 0.0
+    speed: float = 0.0
+    torque: float = 0.0
+    kp: float = 0.0
+    kd: float = 0.0
+    target: float = 0.0
+    target_speed: float = 0.0
+    feed: float = 0.0
+
+
+class World(Protocol):
+    """A body with twelve motors."""
+
+    @property
+    def motors(self) -> Sequence[Motor]:
+        """The motors in the order of ``JOINTS``."""
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` seconds pass."""
+
+    def imu(self) -> Imu:
+        """Return what an ideal IMU in the body measures."""
+
+    def place(self) -> Point:
+        """Return where the body is, m."""
+
+
+class KinematicWorld:
+    """Joints that follow their targets with a lag; feet that do not slip."""
+
+    def __init__(self, dog: Description) -> None:
+        self._dog = dog
+        self.motors = [Motor(angle=angle, target=angle) for angle in dog.posture(dog.poses.fold)]
+        self._x = self._y = self._yaw = 0.0
+        self._turn = 0.0
+        self._feet = self._all_feet()
+
+    def step(self, dt: float) -> None:
+        """Move the joints, then the body over its standing feet."""
+        for motor, joint in zip(self.motors, self._dog.all_joints, strict=True):
+            before = motor.angle
+            if motor.kp > 0:
+                most = joint.kind.velocity * dt
+                motor.angle += max(-most, min(most, (motor.target - motor.angle) * min(1.0, dt / _LAG)))
+            motor.speed = (motor.angle - before) / dt
+            motor.torque = motor.feed if motor.kp > 0 else 0.0
+        old, self._feet = self._feet, self._all_feet()
+        lowest = min(foot[2] for foot in self._feet)
+        standing = [
+            (now[0], now[1], (now[0] - then[0]) / dt, (now[1] - then[1]) / dt)
+            for then, now in zip(old, self._feet, strict=True)
+            if now[2] < lowest + _GROUNDED
+        ]
+        twist = body_twist(standing, None)
+        self._turn = twist.turn
+        cos, sin = math.cos(self._yaw), math.sin(self._yaw)
+        self._x += (cos * twist.x - sin * twist.y) * dt
+        self._y += (sin * twist.x + cos * twist.y) * dt
+        self._yaw += twist.turn * dt
+
+    def imu(self) -> Imu:
+        """Return a level body that turns."""
+        rotation: Quaternion = quaternion_from_yaw(self._yaw)
+        return Imu(rotation, Vector3(0.0, 0.0, self._turn), Vector3(0.0, 0.0, GRAVITY))
+
+    def place(self) -> Point:
+        """Return where the body is."""
+        return self._x, self._y, self._dog.geometry.foot_radius - min(foot[2] for foot in self._feet)
+
+    def _all_feet(self) -> list[Point]:
+        posture = tuple(motor.angle for motor in self.motors)
+        feet = []
+        for number, leg in enumerate(self._dog.legs):
+            x, y, z = leg.foot(leg_angles(posture, number))
+            feet.append((leg.x + x, leg.y + y, z))
+        return feet

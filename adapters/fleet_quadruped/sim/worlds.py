@@ -1,0 +1,35 @@
+"""The worlds a simulated dog can be in, by name."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from fleet.errors import LinkRefused
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.sim.world import KinematicWorld, World
+
+
+def _mujoco(dog: Description) -> World:
+    if importlib.util.find_spec("mujoco") is None:
+        raise LinkRefused("sim:mujoco needs zenoh-fleet[sim]; or use sim:kinematic")
+    from fleet_quadruped.sim.mujoco_world import MujocoWorld  # noqa: PLC0415 - only where it is installed
+
+    return MujocoWorld(dog)
+
+
+def _best(dog: Description) -> World:
+    return _mujoco(dog) if importlib.util.find_spec("mujoco") else KinematicWorld(dog)
+
+
+WORLDS: Mapping[str, Callable[[Description], World]] = MappingProxyType(
+    {"mujoco": _mujoco, "kinematic": KinematicWorld, "auto": _best}
+)
+
+
+def make_world(name: str, dog: Description) -> World:
+    """Return a world; ``auto`` takes physics where MuJoCo is installed. Raises LinkRefused for others."""
+    if name not in WORLDS:
+        raise LinkRefused(f"there is no simulated world {name!r}; there are {', '.join(WORLDS)}")
+    return WORLDS[name](dog)

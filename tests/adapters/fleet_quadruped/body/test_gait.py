@@ -1,0 +1,81 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet_quadruped.body.gait import Trot, Twist
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+
+DOG = load_description(EXAMPLE)
+LEVEL = (0.0, 0.0)
+speeds = st.builds(Twist, st.floats(-0.8, 0.8), st.floats(-0.3, 0.3), st.floats(-1, 1))
+
+
+def trot():
+    return Trot(DOG.gait, DOG.legs, DOG.geometry.foot_radius)
+
+
+def walk(gait, twist, seconds, dt=0.01):
+    feet = []
+    for _ in range(round(seconds / dt)):
+        feet = gait.step(dt, twist, Twist(), 0.27, LEVEL)
+    return feet
+
+
+def test_a_standing_dog_keeps_all_feet_down():
+    gait = trot()
+    walk(gait, Twist(), 1.0)
+    assert gait.stance == [True] * 4
+    assert not gait.walking
+
+
+def test_diagonal_feet_swing_together_and_two_stand_at_all_times():
+    gait = trot()
+    seen = set()
+    for _ in range(200):
+        gait.step(0.01, Twist(0.5), Twist(), 0.27, LEVEL)
+        fl, fr, rl, rr = gait.stance
+        assert fl == rr
+        assert fr == rl
+        assert sum(gait.stance) >= 2
+        seen.add(fl)
+    assert seen == {True, False}
+
+
+def test_standing_feet_move_back_as_fast_as_the_body_moves_on():
+    gait = trot()
+    walk(gait, Twist(0.4), 1.0)
+    before, stood = list(gait.feet), list(gait.stance)
+    gait.step(0.01, Twist(0.4), Twist(), 0.27, LEVEL)
+    number = next(n for n in range(4) if stood[n] and gait.stance[n])
+    assert (gait.feet[number][0] - before[number][0]) / 0.01 == pytest.approx(-0.4)
+
+
+def test_it_ends_two_cycles_after_the_velocity():
+    gait = trot()
+    walk(gait, Twist(0.4), 1.0)
+    walk(gait, Twist(), 2.0 * DOG.gait.period + 0.05)
+    assert not gait.walking
+
+
+def test_a_standing_dog_that_is_tilted_steps():
+    gait = trot()
+    gait.step(0.01, Twist(), Twist(), 0.27, (0.2, 0.0))
+    assert gait.walking
+
+
+def test_a_dog_rolled_to_the_right_shortens_its_left_legs():
+    left, right = (trot().step(0.01, Twist(), Twist(), 0.27, (0.1, 0.0))[number][2] for number in (0, 1))
+    assert left > right
+
+
+@given(speeds, st.floats(0.004, 0.05))
+def test_feet_stay_within_reach_whatever_the_cycle(twist, dt):
+    gait = trot()
+    for _ in range(120):
+        for number, (x, y, z) in enumerate(gait.step(dt, twist, Twist(), 0.27, LEVEL)):
+            leg = DOG.legs[number]
+            away = math.hypot(x - leg.x, y - leg.y - leg.side * leg.offset)
+            assert away < DOG.gait.reach + 0.1
+            assert -0.35 < z < -0.15

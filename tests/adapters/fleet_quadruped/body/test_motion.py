@@ -1,0 +1,42 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet_quadruped.body.motion import folding, rising, rolling, sitting
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+
+DOG = load_description(EXAMPLE)
+FOLD = DOG.posture(DOG.poses.fold)
+within = st.tuples(*[st.floats(joint.low + 0.04, joint.high - 0.04) for joint in DOG.all_joints])
+
+
+def last(motion, dt=0.01):
+    targets = motion.step(dt)
+    while not motion.done:
+        targets = motion.step(dt)
+    return targets.angles
+
+
+def test_standing_up_ends_standing():
+    assert last(rising(DOG, FOLD, 0.27)) == pytest.approx(DOG.stance(0.27))
+
+
+def test_sitting_down_ends_folded():
+    assert last(sitting(DOG, DOG.stance(0.27), 0.27)) == pytest.approx(FOLD)
+
+
+@given(within)
+def test_folding_begins_where_the_joints_are_and_never_jumps(start):
+    motion = folding(DOG, start)
+    before = start
+    while not motion.done:
+        now = motion.step(0.01).angles
+        assert max(abs(a - b) for a, b in zip(before, now, strict=True)) < 0.15
+        before = now
+    assert before == pytest.approx(FOLD)
+
+
+def test_rolling_without_a_roll_pose_is_refused():
+    poses = DOG.poses.model_copy(update={"roll_near": None, "roll_far": None})
+    with pytest.raises(ValueError, match="example has no roll poses"):
+        rolling(DOG.model_copy(update={"poses": poses}), FOLD, to_left=True)

@@ -1,0 +1,47 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.odometry import Odometry, body_twist
+from fleet_quadruped.body.sense import ZEROS, Imu, Sense
+
+PLACES = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
+speeds = st.floats(-1, 1)
+
+
+def feet(twist, places=PLACES):
+    """Return how feet move in the body while they rest on the ground."""
+    return [(x, y, -(twist.x - twist.turn * y), -(twist.y + twist.turn * x)) for x, y in places]
+
+
+@given(speeds, speeds, speeds)
+def test_resting_feet_tell_the_velocity_of_the_body(x, y, turn):
+    assert body_twist(feet(Twist(x, y, turn)), None) == pytest.approx((x, y, turn), abs=1e-9)
+
+
+@given(speeds, speeds, speeds)
+def test_one_foot_is_enough_when_the_turn_is_known(x, y, turn):
+    assert body_twist(feet(Twist(x, y, turn), PLACES[:1]), turn) == pytest.approx((x, y, turn), abs=1e-9)
+
+
+def test_a_dog_whose_joints_rest_stays_where_it_is(dog):
+    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    for _ in range(50):
+        odometry.update(0.01, Sense(dog.stance(0.27), ZEROS, None), [True] * 4)
+    assert (odometry.x, odometry.y, odometry.yaw) == (0.0, 0.0, 0.0)
+
+
+def test_the_heading_is_taken_from_the_imu_relative_to_the_first(dog):
+    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    for turn in (Quaternion(0.8, 0, 0, 0.6), Quaternion(0.6, 0, 0, 0.8)):
+        imu = Imu(turn, Vector3(), Vector3(0, 0, 9.81))
+        odometry.update(0.01, Sense(dog.stance(0.27), ZEROS, imu), [True] * 4)
+    assert odometry.yaw == pytest.approx(Quaternion(0.6, 0, 0, 0.8).yaw - Quaternion(0.8, 0, 0, 0.6).yaw)
+
+
+def test_without_a_standing_foot_nothing_is_known(dog):
+    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    odometry.update(0.01, Sense(dog.stance(0.27), (1.0,) * 12, None), [False] * 4)
+    assert odometry.twist == Twist()

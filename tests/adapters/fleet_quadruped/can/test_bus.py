@@ -1,0 +1,98 @@
+import errno
+
+import can
+import pytest
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.can.bus import Bus, parse_bus
+from fleet_quadruped.can.frame import Frame
+
+
+@pytest.fixture
+def clock():
+    return ManualClock()
+
+
+@pytest.fixture
+def pair(clock, request):
+    """Return two ends of a virtual bus."""
+    url = f"can:virtual:{request.node.name}"
+    ends = [Bus(name, url, 1_000_000, clock) for name in "ab"]
+    yield ends
+    for end in ends:
+        end.close()
+
+
+def full(*_args, **_kwargs):
+    raise can.CanOperationError("No buffer space available", error_code=errno.ENOBUFS)
+
+
+def test_frames_cross_as_they_are(pair):
+    one, other = pair
+    frames = [Frame(0x181, b"\x01\x02"), Frame(0x18FF0102, bytes(8)), Frame(0x080, b"")]
+    for frame in frames:
+        one.send(frame)
+    assert other.receive(1.0) == frames
+
+
+def test_nothing_arrives_without_being_sent(pair):
+    assert pair[0].receive(0.0) == []
+
+
+def test_a_full_queue_drops_and_goes_on(pair, clock, monkeypatch):
+    one, other = pair
+    with monkeypatch.context() as broken:
+        broken.setattr(one._bus, "send", full)
+        one.send(Frame(1, b"old"))
+    one.send(Frame(2, b"new"))
+    assert one.dropped == 1
+    assert other.receive(1.0) == [Frame(2, b"new")]
+
+
+def test_a_queue_that_stays_full_is_a_dead_bus_and_nothing_old_is_sent(pair, clock, monkeypatch):
+    one, other = pair
+    with monkeypatch.context() as broken:
+        broken.setattr(one._bus, "send", full)
+        for _ in range(13):
+            one.send(Frame(1, b"old"))
+            clock.advance(0.01)
+    one.send(Frame(2, b"new"))
+    assert other.receive(0.0) == []
+    with pytest.raises(LinkLost, match="nobody acknowledges"):
+        one.receive(0.0)
+
+
+def test_a_bus_that_is_unplugged_is_told(pair, monkeypatch):
+    def gone(*_args):
+        raise can.CanOperationError("No such device", error_code=errno.ENODEV)
+
+    monkeypatch.setattr(pair[0]._bus, "recv", gone)
+    with pytest.raises(LinkLost, match=r"bus 'a'.*reading failed: No such device"):
+        pair[0].receive(0.0)
+
+
+def test_bus_off_is_told(pair, monkeypatch):
+    error = can.Message(arbitration_id=0x40, is_error_frame=True)
+    monkeypatch.setattr(pair[0]._bus, "recv", lambda _wait: error)
+    with pytest.raises(LinkLost, match="bus-off"):
+        pair[0].receive(0.0)
+    assert pair[0].errors == 1
+
+
+def test_a_closed_bus_is_told(pair):
+    pair[0].close()
+    pair[0].close()
+    pair[0].send(Frame(1, b""))
+    with pytest.raises(LinkLost, match="it is closed"):
+        pair[0].receive(0.0)
+
+
+@pytest.mark.parametrize("text", ["can0", "can:socketcan", "can::can0", "can:nothing:can0", "socketcan:can0"])
+def test_what_is_no_bus_is_refused(text):
+    with pytest.raises(LinkRefused, match=text):
+        parse_bus(text)
+
+
+def test_a_multicast_bus_has_its_port():
+    assert parse_bus("can:udp_multicast:239.74.163.2?port=43113") == ("udp_multicast", "239.74.163.2", 43113)

@@ -1,0 +1,96 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet_quadruped.drives.cia402 import frames as wire
+from fleet_quadruped.drives.cia402.setup import all_objects, final_values, mapping_objects, mode_objects
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+
+DOG = load_description(EXAMPLE)
+
+
+@pytest.mark.parametrize(
+    ("target", "golden"),
+    [
+        ((0x0F, 0, 0), "0f00000000000000"),
+        ((0x0F, 1, -1), "0f0001000000ffff"),
+        ((0x02, -20000, 250), "0200e0b1fffffa00"),
+        ((0x80, 1 << 40, 1 << 20), "8000ffffff7fff7f"),
+        ((0x80, -(1 << 40), -(1 << 20)), "8000000000800080"),
+    ],
+)
+def test_golden_targets(target, golden):
+    assert wire.pack_target(*target).hex() == golden
+
+
+def test_golden_answer():
+    told = wire.unpack_told(bytes.fromhex("371210a4000006ff"))
+    assert told == (0x1237, 42000, -250)
+    assert wire.pack_told(told).hex() == "371210a4000006ff"
+
+
+@given(st.integers(), st.integers())
+def test_numbers_are_clamped_and_never_wrapped(counts, torque):
+    told = wire.unpack_target(wire.pack_target(0x0F, counts, torque))
+    assert told.counts == max(-(1 << 31), min((1 << 31) - 1, counts))
+    assert told.per_mille == max(-32768, min(32767, torque))
+
+
+@pytest.mark.parametrize("data", [b"", b"\x37\x12", bytes(7)])
+def test_a_short_answer_says_nothing(data):
+    assert wire.unpack_told(data) is None
+
+
+def test_a_short_emergency_still_counts():
+    assert wire.unpack_emergency(b"\x10\x23").text == "over-current (emergency 2310h, register 00h)"
+    assert wire.unpack_emergency(b"") is None
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x2310, "over-current"),
+        (0x3210, "over-voltage"),
+        (0x4310, "temperature"),
+        (0x7305, "encoder"),
+        (0x8130, "our heartbeat did not reach the drive"),
+        (0x8611, "following error"),
+        (0xFF01, "the maker's own error"),
+    ],
+)
+def test_error_codes_are_told_in_words(code, words):
+    assert wire.meaning(code) == words
+
+
+def test_a_cleared_emergency_is_told_from_an_error():
+    assert wire.unpack_emergency(bytes(8)).cleared
+    assert not wire.unpack_emergency(b"\x10\x23\x21").cleared
+
+
+@given(st.sampled_from(DOG.all_joints), st.floats(-3, 3))
+def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
+    assert wire.angle_of(joint, wire.counts_of(joint, value)) == pytest.approx(value, abs=1e-4)
+    assert wire.torque_of(joint, wire.per_mille_of(joint, value)) == pytest.approx(value, abs=5e-3)
+
+
+@pytest.mark.parametrize(("rate", "period"), [(100, (10, 0xFD)), (200, (5, 0xFD)), (400, (25, 0xFC))])
+def test_the_drive_interpolates_over_one_cycle(rate, period):
+    assert tuple(item.value for item in mode_objects(rate)[:2]) == period
+
+
+def test_a_mapping_is_off_and_empty_while_it_changes():
+    names = [(item.name, item.value) for item in mapping_objects(5)[:7]]
+    assert names[0] == ("1400h:1", 0x80000205)
+    assert names[2:] == [
+        ("1600h:0", 0),
+        ("1600h:1", 0x60400010),
+        ("1600h:2", 0x607A0020),
+        ("1600h:3", 0x60B20010),
+        ("1600h:0", 3),
+    ]
+
+
+def test_what_is_read_back_is_what_was_written_last():
+    finals = {item.name: item.value for item in final_values(all_objects(DOG.drive, 5))}
+    assert finals["1400h:1"] == 0x205
+    assert finals["1016h:1"] == 0x7F << 16 | 100

@@ -1,0 +1,75 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet_quadruped.drives.mit import frames as wire
+from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
+from fleet_quadruped.drives.mit.profiles import PROFILES
+
+KATZ = PROFILES["tmotor-ak80-9"]
+DAMIAO = PROFILES["damiao-8006"]
+profiles = st.sampled_from(list(PROFILES.values()))
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+commands = st.builds(MitCommand, numbers, numbers, numbers, numbers, numbers)
+
+
+@pytest.mark.parametrize(
+    ("command", "golden"),
+    [
+        (MitCommand(), "8000800000000800"),
+        (MitCommand(-99, -99, -9, -9, -99), "0000000000000000"),
+        (MitCommand(99, 99, 999, 99, 99), "ffffffffffffefff"),
+        (MitCommand(12.5, 0, 60, 2, 0), "ffff8001eb666800"),
+    ],
+)
+def test_golden_commands(command, golden):
+    assert wire.pack_command(command, DAMIAO).hex() == golden
+
+
+@given(commands, profiles)
+def test_a_command_is_clamped_and_never_wrapped(command, profile):
+    told = wire.unpack_command(wire.pack_command(command, profile), profile)
+    assert told.angle == pytest.approx(max(-profile.angle, min(profile.angle, command.angle)), abs=1e-3)
+    assert told.torque == pytest.approx(max(-profile.torque, min(profile.torque, command.torque)), abs=0.02)
+
+
+@given(commands, profiles)
+def test_a_command_is_never_a_special_frame(command, profile):
+    assert wire.pack_command(command, profile)[:7] != b"\xff" * 7
+
+
+def test_what_is_no_number_is_not_sent():
+    with pytest.raises(ValueError, match="cannot be sent nan"):
+        wire.pack_command(MitCommand(math.nan), KATZ)
+
+
+def test_golden_reply_of_a_damiao_motor():
+    reply = wire.unpack_reply(bytes.fromhex("1380007ff7ff2a2c"), DAMIAO)
+    assert reply == MitReply(3, pytest.approx(0, abs=1e-3), *[pytest.approx(0, abs=0.02)] * 2, 1, 44.0)
+
+
+def test_a_plain_reply_has_no_status():
+    assert wire.unpack_reply(bytes.fromhex("0380007ff7ff"), KATZ).status is None
+    assert wire.unpack_reply(bytes.fromhex("0380007ff7"), KATZ) is None
+
+
+@given(profiles, st.floats(-8, 8), st.sampled_from([0, 1, 0xA, 0xD]))
+def test_replies_come_back(profile, value, status):
+    sent = MitReply(3, value, value, value, status, 40.0)
+    told = wire.unpack_reply(wire.pack_reply(sent, profile), profile)
+    assert told.motor == 3
+    assert told.angle == pytest.approx(value, abs=1e-3)
+    if profile.damiao:
+        assert told.status == status
+
+
+def test_golden_registers():
+    assert wire.read_register(5, 21).hex() == "0500331500000000"
+    assert wire.write_register(5, 9, wire.timeout_value(0.1)).hex() == "05005509d0070000"
+    assert wire.unpack_register(bytes.fromhex("05003309d0070000")) == (5, 9, bytes.fromhex("d0070000"))
+
+
+def test_an_answer_for_a_register_is_told_from_feedback():
+    assert wire.unpack_register(bytes.fromhex("1380007ff7ff2a2c")) is None

@@ -1,0 +1,24 @@
+from collections import Counter
+
+import pytest
+
+from fleet_quadruped.robot.busload import bus_loads, frame_bits
+from fleet_quadruped.robot.parts import Drive
+
+
+def test_a_full_frame_with_worst_stuffing_takes_135_bits():
+    assert frame_bits(8) == 135
+    assert frame_bits(8, extended=True) == 160
+
+
+@pytest.mark.parametrize(("protocol", "load"), [("mit", 0.324), ("cia402", 0.37)])
+def test_twelve_drives_at_100_cycles_take_a_third_of_a_megabit(protocol, load):
+    loads = bus_loads(Drive(protocol=protocol), Counter(a=12), [], {"a": 1_000_000})
+    assert loads["a"] == pytest.approx(load, abs=0.01)
+
+
+def test_half_the_drives_take_half_the_bus():
+    drive = Drive(protocol="mit")
+    whole = bus_loads(drive, Counter(a=12), [], {"a": 1_000_000})["a"]
+    halves = bus_loads(drive, Counter(a=6, b=6), [], {"a": 1_000_000, "b": 1_000_000})
+    assert halves == {"a": whole / 2, "b": whole / 2}

@@ -1,0 +1,76 @@
+import pytest
+
+from fleet.errors import ConfigError
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+from fleet_quadruped.robot.names import JOINTS
+
+
+def refused(path):
+    with pytest.raises(ConfigError) as caught:
+        load_description(path)
+    return str(caught.value)
+
+
+def test_the_example_dog_is_accepted():
+    dog = load_description(EXAMPLE)
+    assert [joint.name for joint in dog.all_joints] == list(JOINTS)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    assert "No such file" in refused(tmp_path / "nothing.yaml")
+
+
+def test_a_slip_in_the_yaml_is_told_with_its_line(write_dog):
+    assert "dog.yaml:7" in refused(write_dog(("robot: {name: example, mass: 12.6}", "robot: {name: example")))
+
+
+def test_an_unknown_key_is_refused(write_dog):
+    assert "gait.hight" in refused(write_dog(("gait: {height: 0.27", "gait: {hight: 0.27")))
+
+
+def test_two_drives_with_one_id_are_refused(write_dog):
+    told = refused(write_dog(("FL_hip:  {bus: a, id: 2", "FL_hip:  {bus: a, id: 1")))
+    assert "FL_hip and FL_abad are both id 1 on bus 'a'" in told
+
+
+def test_a_missing_joint_is_refused(write_dog):
+    told = refused(write_dog(("  RR_knee: {bus: a, id: 12, sign: -1}\n", "")))
+    assert "RR_knee is missing" in told
+
+
+def test_a_bus_that_is_not_there_is_refused(write_dog):
+    assert "there is no bus 'b'" in refused(write_dog(("FL_abad: {bus: a", "FL_abad: {bus: b")))
+
+
+def test_a_bus_that_would_be_too_full_is_refused(write_dog):
+    told = refused(write_dog(("cycle_hz: 100", "cycle_hz: 200")))
+    assert "buses: a would be 79% full, more than 60%" in told
+
+
+def test_a_posture_outside_the_limits_is_refused(write_dog):
+    told = refused(write_dog(("knee: -2.65", "knee: -2.9")))
+    assert "poses.fold: FL_knee at -2.90 rad is outside" in told
+
+
+def test_a_height_the_legs_cannot_reach_is_refused(write_dog):
+    assert "the legs cannot stand at 0.5 m" in refused(write_dog(("highest: 0.32", "highest: 0.5")))
+
+
+def test_limits_the_wrong_way_round_are_refused(write_dog):
+    assert "must be the smaller" in refused(write_dog(("limits: [-0.95, 0.95]", "limits: [0.95, -0.95]")))
+
+
+def test_half_of_a_roll_pose_is_refused(write_dog):
+    assert "belong together" in refused(
+        write_dog(("  roll_far: {abad: 0.288, hip: 3.245, knee: -0.955}\n", ""))
+    )
+
+
+def test_abduction_is_mirrored_on_the_right(dog):
+    left, right = (dog.all_joints[JOINTS.index(name)] for name in ("FL_abad", "FR_abad"))
+    assert (left.low, left.high) == (-right.high, -right.low)
+
+
+def test_a_motor_angle_leads_back_to_its_joint(dog):
+    for joint in dog.all_joints:
+        assert joint.angle(joint.motor(0.37)) == pytest.approx(0.37)

@@ -1,0 +1,81 @@
+"""The dog in physics: what it reaches, and what it survives."""
+
+import math
+
+import pytest
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
+
+
+@pytest.fixture
+def walker(any_dog):
+    rig = Rig(any_dog, MujocoWorld(any_dog))
+    rig.stand()
+    return rig
+
+
+def speed(rig, twist, seconds=2.0):
+    """Return the true speed (m/s) and turn (rad/s) once the velocity is reached."""
+    rig.go(1.5, twist)
+    start, heading = rig.sim.world.place(), rig.sim.world.imu().rotation.yaw
+    rig.go(seconds, twist)
+    end, turned = rig.sim.world.place(), rig.sim.world.imu().rotation.yaw
+    return math.dist(start[:2], end[:2]) / seconds, math.remainder(turned - heading, math.tau) / seconds
+
+
+def test_it_walks_forward_sideways_and_turns_at_the_speed_it_is_given(walker):
+    assert speed(walker, Twist(0.6))[0] == pytest.approx(0.6, rel=0.1)
+    assert math.degrees(walker.tilt) < 5
+    walker.go(1.5)
+    assert speed(walker, Twist(0, 0.2))[0] == pytest.approx(0.2, rel=0.1)
+    walker.go(1.5)
+    assert speed(walker, Twist(0, 0, 0.8), 1.5)[1] == pytest.approx(0.8, rel=0.1)
+    assert math.degrees(walker.tilt) < 5
+    assert walker.fault == ""
+
+
+def test_its_odometry_is_within_a_tenth(walker):
+    before = walker.state()
+    start = walker.sim.world.place()
+    walker.go(4.0, Twist(0.5))
+    after, end = walker.state(), walker.sim.world.place()
+    true = math.dist(start[:2], end[:2])
+    assert math.dist((before.x, before.y), (after.x, after.y)) == pytest.approx(true, rel=0.1)
+
+
+def test_five_percent_of_lost_frames_do_not_make_it_fall(walker):
+    walker.sim.fault("loss", 0.05)
+    walker.go(5.0, Twist(0.6))
+    assert (walker.mode, walker.fault) == (Mode.WALKING, "")
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.1, 0.2, 0.3])
+def test_an_emergency_stop_lowers_it_gently(walker, phase):
+    walker.go(1.5 + phase, Twist(0.5))
+    drops = []
+    walker.watch = lambda: drops.append(walker.sim.world.fall_speed)
+    walker.emergency()
+    walker.go(2.5)
+    assert max(drops) < 0.5
+    assert walker.mode is Mode.OFF
+
+
+def test_a_push_that_throws_it_over_is_noticed(walker):
+    walker.sim.world.push((0.0, 400.0, 100.0))
+    walker.go(0.6)
+    walker.sim.world.push((0.0, 0.0, 0.0))
+    walker.go(0.5)
+    assert walker.mode is Mode.DAMPED
+    assert walker.fault.startswith("imu: tilted")
+
+
+def test_its_drives_damp_it_when_the_controller_dies_in_mid_trot(walker):
+    walker.go(2.0, Twist(0.5))
+    for _ in range(200):
+        walker.sim.advance(0.01)
+        for joint, motor in zip(walker.dog.all_joints, walker.sim.world.motors, strict=True):
+            assert joint.low - 0.15 < motor.angle < joint.high + 0.15, joint.name
+    assert walker.sim.world.place()[2] < 0.2

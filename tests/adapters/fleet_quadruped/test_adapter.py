@@ -1,0 +1,93 @@
+"""The adapter with its body controller as a real process and a simulated dog in it."""
+
+import os
+import signal
+
+import pytest
+
+from fleet import (
+    BatteryReport,
+    Goal,
+    GoTo,
+    LinkLost,
+    LinkRefused,
+    NotReady,
+    PoseReport,
+    Refused,
+    Vector3,
+    Velocity,
+)
+from fleet.model.report import ImuReport, JointReport, MetricsReport
+from fleet_quadruped import QuadrupedConfig
+
+TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
+
+
+async def all_of(command):
+    return [progress async for progress in command]
+
+
+async def test_it_stands_walks_to_a_place_and_sits_down(running):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        await all_of(adapter.navigate(GoTo(Goal(Vector3(0.5, 0.2)))))
+        await adapter.stop("arrived")
+        await all_of(adapter.sit_down())
+        pose = [report for report in robot.reports if isinstance(report, PoseReport)][-1]
+        assert (pose.position.x, pose.position.y) == pytest.approx((0.5, 0.2), abs=0.15)
+        await robot.until(
+            lambda: {JointReport, ImuReport, BatteryReport, MetricsReport} <= set(map(type, robot.reports))
+        )
+    joints = next(report for report in robot.reports if isinstance(report, JointReport))
+    assert list(joints.positions)[:3] == ["FL_abad", "FL_hip", "FL_knee"]
+    assert len(joints.positions) == len(joints.velocities) == len(joints.efforts) == 12
+
+
+async def test_a_dog_that_lies_does_not_walk(running):
+    async with running() as (adapter, _, _):
+        with pytest.raises(NotReady, match="stand_up first"):
+            adapter.drive(Velocity(Vector3(0.3)))
+
+
+async def test_an_emergency_stop_is_seen_to_be_obeyed(running):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        adapter.drive(Velocity(Vector3(0.3)))
+        await adapter.stop("emergency_stop")
+        await robot.until(lambda: robot.healths[-1].cause == "emergency stop")
+
+
+async def test_the_height_changes_only_while_it_stands(running):
+    async with running() as (adapter, robot, _):
+        with pytest.raises(Refused, match="stand up first"):
+            await all_of(adapter.sit_down(delta_z=0.05))
+        await all_of(adapter.stand_up())
+        await all_of(adapter.sit_down(delta_z=0.05))
+        await robot.until(lambda: adapter._state.height == pytest.approx(0.22))
+
+
+async def test_a_killed_body_controller_is_a_lost_link(running):
+    async with running() as (adapter, _, run):
+        os.kill(adapter._body.pid, signal.SIGKILL)
+        with pytest.raises(LinkLost, match="ended with status -9"):
+            await run
+
+
+async def test_a_drive_that_is_another_device_is_told(running):
+    with pytest.raises(LinkRefused, match="RL_knee"):
+        async with running(link="sim:kinematic?faults=stranger:9"):
+            pass
+
+
+async def test_a_bus_that_cannot_be_opened_is_told(running):
+    with pytest.raises((LinkLost, LinkRefused), match="nowhere"):
+        async with running(link=None, buses={"a": "can:slcan:/dev/nowhere"}):
+            pass
+
+
+@pytest.mark.parametrize("changes", [{"link": None}, {"buses": {"a": "can:virtual:x"}}, {"link": "sim:moon"}])
+def test_a_dog_that_is_neither_real_nor_simulated_is_refused(changes):
+    with pytest.raises(ValueError, match="sim:auto"):
+        QuadrupedConfig(
+            **{"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:kinematic"} | changes
+        )

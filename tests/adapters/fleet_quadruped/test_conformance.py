@@ -1,0 +1,263 @@
+"""What every kind of drive must do, whatever its protocol: run on CiA 402 and on MIT."""
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.drives.base import Power
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.lockstep import lockstep
+from fleet_quadruped.sim.rig import Rig
+
+RL_HIP = JOINTS.index("RL_hip") + 1
+
+
+def angles(rig):
+    return [motor.angle for motor in rig.sim.world.motors]
+
+
+def powers(rig):
+    return {joint.power for joint in rig.controller.drives.feedback(rig.sim.time)}
+
+
+def unconfigured(dog, fault):
+    """Return a controller whose simulated dog has a fault before anything is configured."""
+    sim, buses = lockstep(dog)
+    sim.fault(fault, RL_HIP)
+    return Controller(dog, buses)
+
+
+def test_another_device_at_an_id_is_refused_by_name(any_dog):
+    with pytest.raises(LinkRefused, match=r"^RL_hip: .*wanted"):
+        unconfigured(any_dog, "stranger").drives.configure()
+
+
+def test_a_drive_that_cannot_be_configured_is_refused_by_name(any_dog):
+    with pytest.raises(LinkRefused, match=r"^RL_hip: "):
+        unconfigured(any_dog, "abort").drives.configure()
+
+
+def test_a_silent_drive_is_told_by_name_and_id(any_dog):
+    with pytest.raises(LinkLost, match=r"^RL_hip: id 8 on bus 'a'"):
+        unconfigured(any_dog, "mute").drives.configure()
+
+
+def test_configuring_twice_changes_nothing(rig):
+    rig.controller.drives.configure()
+    rig.stand()
+
+
+def test_nothing_moves_before_it_is_asked_to_stand_up(rig):
+    before = angles(rig)
+    rig.go(1.0, Twist(0.5, 0.2, 0.5))
+    assert angles(rig) == before
+    assert rig.mode is Mode.OFF
+
+
+def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
+    rig.go(0.1)
+    before = angles(rig)
+    rig.ask(Ask.STAND)
+    while rig.mode is Mode.ENABLING:
+        rig.cycle()
+    assert powers(rig) == {Power.ENABLED}
+    assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
+
+
+def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
+    rig.go(0.1)
+    begun = rig.sim.time
+    rig.ask(Ask.STAND)
+    while rig.mode is Mode.ENABLING:
+        rig.cycle()
+    assert rig.sim.time - begun < 0.1
+
+
+def test_a_drive_that_does_not_come_up_disables_all_others(rig):
+    rig.go(0.1)
+    rig.ask(Ask.STAND)
+    rig.sim.fault("mute", RL_HIP)
+    rig.go(4.0)
+    assert rig.mode is Mode.OFF
+    assert rig.fault.startswith("RL_hip: ")
+    assert all(motor.kp == 0 for number, motor in enumerate(rig.sim.world.motors) if number != RL_HIP - 1)
+
+
+def test_it_stands_walks_and_sits_down(standing):
+    standing.go(2.0, Twist(0.4))
+    assert standing.mode is Mode.WALKING
+    standing.go(2.0)
+    assert standing.mode is Mode.STANDING
+    assert standing.ask(Ask.SIT) == ""
+    standing.go(3.0)
+    assert standing.mode is Mode.OFF
+    assert powers(standing) == {Power.DISABLED}
+    assert standing.fault == ""
+
+
+def test_sitting_down_and_standing_up_can_be_repeated(rig):
+    for _ in range(2):
+        rig.stand()
+        rig.ask(Ask.SIT)
+        rig.go(3.0)
+        assert rig.mode is Mode.OFF
+
+
+@pytest.mark.parametrize("cycles", [0, 10, 25])
+def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles):
+    standing.go(1.0 + cycles * 0.01, Twist(0.5))
+    standing.emergency()
+    standing.cycle()
+    standing.cycle()
+    assert standing.mode is Mode.DAMPED
+    assert all(motor.kp == 0 and motor.kd >= 2.9 for motor in standing.sim.world.motors)
+
+
+def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
+    standing.emergency()
+    standing.go(3.0, Twist(0.5))
+    assert (standing.mode, standing.fault) == (Mode.OFF, "emergency stop")
+    assert powers(standing) == {Power.DISABLED}
+    standing.stand()
+    assert standing.fault == ""
+
+
+@pytest.mark.parametrize("ask", [Ask.STAND, Ask.SIT])
+def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
+    if ask is Ask.SIT:
+        rig.stand()
+    rig.go(0.1)
+    rig.ask(ask)
+    rig.go(0.5)
+    rig.emergency()
+    rig.go(0.05)
+    assert rig.mode is Mode.DAMPED
+
+
+def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
+    standing.go(1.0, Twist(0.5))
+    standing.sim.fault("overcurrent", RL_HIP)
+    standing.go(0.03)
+    assert standing.mode is Mode.DAMPED
+    assert standing.fault.startswith("RL_hip: over-current")
+    standing.go(3.0)
+    assert "reset_faults" in standing.ask(Ask.STAND)
+    assert standing.ask(Ask.RESET) == ""
+    standing.go(0.1)
+    standing.stand()
+
+
+def test_a_silent_drive_damps_the_others(standing):
+    standing.sim.fault("mute", RL_HIP)
+    standing.go(0.4)
+    assert standing.mode is Mode.DAMPED
+    assert standing.fault.startswith("RL_hip: ")
+
+
+def test_a_drive_that_restarts_damps_the_others(standing):
+    standing.sim.fault("reboot", RL_HIP)
+    standing.go(0.2)
+    assert standing.mode is Mode.DAMPED
+    assert standing.fault.startswith("RL_hip: ")
+
+
+def test_an_encoder_that_jumps_damps(standing):
+    standing.sim.fault("jump", RL_HIP)
+    standing.go(0.3)
+    assert standing.mode is Mode.DAMPED
+    assert "RL_hip" in standing.fault
+
+
+def test_a_silent_imu_damps_a_standing_dog(standing):
+    standing.sim.fault("imu")
+    standing.go(0.3)
+    assert standing.mode is Mode.DAMPED
+    assert standing.fault.startswith("imu: no valid frame")
+
+
+def test_an_empty_battery_makes_it_sit_down(standing):
+    standing.sim.fault("battery", 8.0)
+    standing.go(6.0)
+    assert standing.mode is Mode.OFF
+    assert standing.fault == "battery: 8 %, it sits down at 10 %"
+
+
+def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
+    safety = any_dog.safety.model_copy(update={"abandoned": 3.0})
+    rig = Rig(any_dog.model_copy(update={"safety": safety}))
+    rig.stand()
+    rig.go(0.5, Twist(0.4))
+    rig.alive = False
+    rig.go(2.3, Twist(0.4))
+    assert rig.mode is Mode.STANDING
+    rig.go(4.0, Twist(0.4))
+    assert rig.mode is Mode.OFF
+
+
+def test_the_drives_stop_by_themselves_when_the_controller_dies(standing):
+    standing.go(1.0, Twist(0.5))
+    for _ in range(12):
+        standing.sim.advance(0.01)
+    assert all(motor.kp == 0 for motor in standing.sim.world.motors)
+
+
+def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
+    wiring = any_dog.joints["RL_knee"]
+    mirrored = any_dog.joints | {"RL_knee": wiring.model_copy(update={"sign": -wiring.sign})}
+    wrong = type(any_dog).model_validate(any_dog.model_copy(update={"joints": mirrored}).model_dump())
+    rig = Rig(wrong, real=any_dog)
+    rig.go(0.1)
+    before = angles(rig)
+    rig.ask(Ask.STAND)
+    rig.go(1.0)
+    assert rig.mode in {Mode.DAMPED, Mode.OFF}
+    assert rig.fault.startswith("RL_knee: is at")
+    assert "check its sign and offset" in rig.fault
+    assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
+
+
+def test_frames_that_are_lost_or_come_twice_do_not_stop_it(standing):
+    for name, value in (("loss", 0.05), ("duplicate", 0.1)):
+        standing.sim.fault(name, value)
+    standing.go(3.0, Twist(0.4))
+    assert (standing.mode, standing.fault) == (Mode.WALKING, "")
+
+
+def test_a_bus_that_is_cut_is_told(standing):
+    standing.buses["a"].cut = True
+    with pytest.raises(LinkLost, match="bus 'a' is gone"):
+        standing.cycle()
+
+
+asks = st.one_of(
+    st.tuples(st.just("ask"), st.sampled_from(Ask), st.floats(-1, 1)),
+    st.tuples(st.just("go"), st.floats(0.02, 0.6), st.tuples(*[st.floats(-5, 5)] * 3)),
+    st.tuples(st.just("stop"), st.none(), st.none()),
+)
+
+
+@given(st.lists(asks, max_size=6))
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_sequence_of_commands_takes_a_target_beyond_the_limits(any_dog, sequence):
+    rig = Rig(any_dog)
+    rig.go(0.05)
+    rig.watch = lambda: within(rig)
+    for kind, first, second in sequence:
+        if kind == "ask":
+            rig.ask(first, second)
+        elif kind == "go":
+            rig.go(first, Twist(*second))
+        else:
+            rig.emergency()
+            rig.cycle()
+
+
+def within(rig):
+    for joint, motor in zip(rig.dog.all_joints, rig.sim.world.motors, strict=True):
+        if motor.kp > 0:
+            assert joint.low - 0.01 <= motor.target <= joint.high + 0.01, joint.name

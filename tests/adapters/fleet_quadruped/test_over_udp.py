@@ -1,0 +1,64 @@
+"""The dog in a process of its own, reached over CAN on UDP multicast: nothing is shared but frames."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+
+import can
+import pytest
+
+from fleet import LinkLost, Vector3, Velocity
+from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
+from fleet_quadruped.drives.cia402.states import State, state_of
+
+
+@pytest.fixture
+def bus():
+    """Return the URL of a multicast group of our own, with a simulated dog on it."""
+    group = f"239.{random.randint(1, 254)}.{random.randint(1, 254)}.{random.randint(1, 254)}"
+    url = f"can:udp_multicast:{group}?port={random.randint(43000, 60000)}"
+    command = [sys.executable, "-m", "fleet_quadruped.sim", "--world", "kinematic", "--bus", f"a={url}"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as sim:
+        assert sim.stdout.readline() == b"ready\n"
+        yield url
+        sim.stdin.close()
+
+
+def states(url):
+    """Ask all drives once; return their states."""
+    _, _, group, port = url.replace("?port=", ":").split(":")
+    with can.Bus(interface="udp_multicast", channel=group, port=int(port), fd=False, hop_limit=0) as watcher:
+        watcher.send(can.Message(arbitration_id=SYNC, is_extended_id=False))
+        seen = {}
+        while len(seen) < 12:
+            message = watcher.recv(5.0)
+            assert message is not None, f"only {len(seen)} drives answered"
+            if TPDO1 < message.arbitration_id <= TPDO1 + 12:
+                seen[message.arbitration_id] = state_of(unpack_told(bytes(message.data)).status)
+    return set(seen.values())
+
+
+async def test_it_stands_and_walks_over_the_bus_and_its_drives_stop_when_the_controller_is_killed(
+    running, bus
+):
+    async with running(link=None, buses={"a": bus}) as (adapter, robot, run):
+        async for _ in adapter.stand_up():
+            pass
+        adapter.drive(Velocity(Vector3(0.4)))
+        await robot.until(lambda: adapter._state.x > 0.1)
+        assert states(bus) == {State.ENABLED}
+        os.kill(adapter._body.pid, signal.SIGKILL)
+        with pytest.raises(LinkLost):
+            await run
+        assert await _stopped(bus) == {State.QUICK_STOP}
+
+
+async def _stopped(url):
+    """Return the drives' states once none of them is enabled any more."""
+    for _ in range(50):
+        seen = states(url)
+        if State.ENABLED not in seen:
+            return seen
+    return seen

@@ -1,0 +1,110 @@
+"""The published Cyberwave SDK stands a dog up, walks it round a square and sits it down."""
+
+import json
+import math
+import time
+
+import pytest
+from cyberwave import Cyberwave
+
+from fleet.testing.waiting import wait_until
+
+TWIN = "6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7b8d"
+
+
+class Operator:
+    """A person with the SDK, and ears on the twin's topics."""
+
+    def __init__(self, client, ears):
+        self.client = client
+        self.ears = ears
+
+    def ask(self, command, **data):
+        """Send a command; return its receipt."""
+        return self.client.mqtt.request_command(TWIN, command, data, source_type="tele")
+
+    def insist(self, command):
+        wait_until(f"{command} to be taken", lambda: self.ask(command)["status"] == "accepted")
+
+    def position(self):
+        place = self.ears.of("position")[-1]["position"]
+        return place["x"], place["y"]
+
+    def heading(self):
+        turn = self.ears.of("rotation")[-1]["rotation"]
+        return 2 * math.atan2(turn["z"], turn["w"])
+
+    def mode(self):
+        told = [each["metrics"].get("navigation", {}) for each in self.ears.of("metrics")]
+        return told[-1].get("mode", "") if told else ""
+
+    def is_seen(self, mode):
+        wait_until(f"the dog to be {mode}", lambda: self.mode() == mode, within=60)
+
+    def hold(self, verb, until, **data):
+        """Hold a verb until something is seen."""
+
+        def again():
+            self.ask(verb, **data)
+            time.sleep(0.1)  # as often as a thumb on a stick
+            return until()
+
+        wait_until(f"{verb} to be seen", again, within=60)
+
+
+@pytest.fixture
+def operator(fleet, ears, broker, tmp_path, monkeypatch):
+    monkeypatch.setenv("CYBERWAVE_SDK_AUTO_ATTACH_CONTROLLER", "0")
+    dog = {"name": "rex", "twin": TWIN, "adapter": "quadruped", "link": "sim:mujoco"}
+    accepts = {"command": ["tele"], "navigate": ["tele"]}
+    file = {
+        "edge": {"id": "yard"},
+        "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
+        "robots": [dog | {"accepts": accepts}],
+    }
+    (tmp_path / "fleet.yaml").write_text(json.dumps(file))
+    listener = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#")
+    fleet("run", "--json", folder=tmp_path).robot("rex", "is well", lambda state: state["health"] == "ok")
+    client = Cyberwave(
+        base_url="http://127.0.0.1:9",
+        api_key="cw_test",
+        mqtt_host="127.0.0.1",
+        mqtt_port=broker.port,
+        topic_prefix="",
+    )
+    client.mqtt.connect()
+    yield Operator(client, listener)
+    client.disconnect()
+
+
+@pytest.mark.timeout(300)
+def test_the_sdk_walks_a_dog_round_a_square(operator):
+    operator.insist("stand_up")
+    operator.is_seen("standing")
+    start = operator.position()
+    for _ in range(4):
+        corner, heading = operator.position(), operator.heading()
+        operator.hold(
+            "move_forward", lambda corner=corner: math.dist(operator.position(), corner) > 0.5, linear_x=0.4
+        )
+        operator.hold(
+            "turn_left",
+            lambda heading=heading: math.remainder(operator.heading() - heading, math.tau) > 1.3,
+            angular_z=0.8,
+        )
+        assert operator.ask("stop")["status"] == "accepted"
+    assert math.dist(operator.position(), start) < 1.0
+    operator.insist("sit_down")
+    operator.is_seen("off")
+
+
+def test_an_emergency_stop_over_the_cloud_ends_in_a_named_fault_until_it_is_released(operator):
+    operator.insist("stand_up")
+    operator.is_seen("standing")
+    operator.hold("move_forward", lambda: operator.mode() == "walking", linear_x=0.3)
+    assert operator.ask("emergency_stop")["status"] == "accepted"
+    operator.is_seen("off")
+    assert operator.ask("stand_up")["status"] != "accepted"
+    assert operator.ask("release_emergency_stop")["status"] == "accepted"
+    operator.insist("stand_up")
+    operator.is_seen("standing")
