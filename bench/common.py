@@ -106,10 +106,10 @@ def robot(number, port):
 
 
 @contextlib.contextmanager
-def vehicles(number, *, to, flavour="px4"):
+def vehicles(number, *, to, flavour="px4", first_id=1):
     """Simulated vehicles in a process of their own, speaking to HOST:PORT."""
     command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", flavour, "--vehicles", str(number)]
-    with process(*command, "--to", to, "--ready-after", "0") as running:
+    with process(*command, "--to", to, "--ready-after", "0", "--system-id", str(first_id)) as running:
         yield running
 
 

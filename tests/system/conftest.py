@@ -24,6 +24,17 @@ from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
 
 
+REAL_TIME = ("test_dog.py", "test_ugv.py", "test_sdk.py")
+"""Robots whose simulation needs the processor in time: never two of them at once on two cores."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the real-time tests on one worker of pytest-xdist."""
+    for item in items:
+        if item.path.name in REAL_TIME:
+            item.add_marker(pytest.mark.xdist_group("real time"))
+
+
 class Running:
     """A ``fleet`` process: its lines, and how it ends."""
 
