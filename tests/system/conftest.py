@@ -23,7 +23,6 @@ from fleet.cli.demo import twin_of
 from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
 
-
 REAL_TIME = ("test_dog.py", "test_ugv.py", "test_sdk.py")
 """Robots whose simulation needs the processor in time: never two of them at once on two cores."""
 
