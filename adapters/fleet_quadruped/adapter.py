@@ -61,7 +61,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     async def run(self, robot: Robot) -> None:
         """Start the body controller and report what it says until it ends."""
-        self._dog = load_description(self.config.body)
+        self._dog = load_description(self.config.body_file)
         self._robot = robot
         async with BodyProcess(self.config) as body:
             self._body = body

@@ -36,7 +36,9 @@ class QuadrupedConfig(AdapterConfig):
     """A quadruped's fields in fleet.yaml: a real one has ``buses``, a simulated one ``link``."""
 
     adapter: Literal["quadruped"]
-    body: Path = Field(EXAMPLE, description="The dog's description, a YAML file; left out, the example dog.")
+    body: Path | None = Field(
+        None, description="The dog's description, a YAML file; left out, the example dog."
+    )
     buses: dict[str, BusText] = Field(
         {}, description="Each bus of the description and where it is, like {a: can:socketcan:can0}."
     )
@@ -51,3 +53,8 @@ class QuadrupedConfig(AdapterConfig):
         if bool(self.buses) == (self.link is not None):
             raise ValueError("give either buses (a real dog) or link: sim:auto (a simulated one)")
         return self
+
+    @property
+    def body_file(self) -> Path:
+        """The description to load: what was given, else the example dog's."""
+        return self.body or EXAMPLE

@@ -64,7 +64,7 @@ class BodyProcess:
     async def _start(self) -> None:
         config = self._config
         world, faults = simulation(config.link) if config.link else ("", {})
-        plan = Plan(str(config.body), config.buses, world, faults, *self._descriptors)
+        plan = Plan(str(config.body_file), config.buses, world, faults, *self._descriptors)
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),
