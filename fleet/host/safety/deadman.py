@@ -23,6 +23,11 @@ class DeadMan:
         """True while a velocity is being held."""
         return self._until != math.inf
 
+    @property
+    def until(self) -> float:
+        """When the lease runs out (monotonic s); infinity while nothing is held."""
+        return self._until
+
     def feed(self, now: float, lease: float) -> None:
         """Hold a fresh setpoint for ``lease`` seconds from ``now`` (monotonic)."""
         with self._lock:
