@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
@@ -117,12 +117,13 @@ class Uplink:
             self.dropped += 1
         self._events.append((slot, sample))
 
-    def turn(self, now: float) -> None:
-        """Publish what is due at the monotonic time ``now``."""
+    def turn(self, now: float) -> Iterator[None]:
+        """Publish what is due at the monotonic time ``now``, one sample a step."""
         for _ in range(len(self._events)):
             slot, sample = self._events.popleft()
             if slot.takes_event(now):
                 self._send(slot, sample)
+                yield
             else:
                 self.dropped += 1
         for _ in range(len(self._fresh)):
@@ -131,11 +132,12 @@ class Uplink:
                 slot.fresh = False
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
             else:
                 self._fresh.append(slot)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
-            self._repeat(now)
+            yield from self._repeat(now)
             self._tell_dropped(now)
 
     def _tell_dropped(self, now: float) -> None:
@@ -145,13 +147,14 @@ class Uplink:
             self._told, self._next_tell = self.dropped, now + TELL_EVERY
             log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
-    def _repeat(self, now: float) -> None:
+    def _repeat(self, now: float) -> Iterator[None]:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
             due = slot.sample and not slot.refused and now - slot.sent >= slot.repeat - REPEAT_LOOK / 2
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
 
     def _send(self, slot: _Slot, sample: bytes) -> None:
         """Translate one sample and publish what it becomes."""

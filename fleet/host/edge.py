@@ -110,7 +110,8 @@ class Edge:
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
-                self.bridge.turn()
+                for _ in self.bridge.turn():
+                    pass
                 await asyncio.to_thread(self.bridge.close)
             stop_logs()
             self.bus.close()

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from fleet.clock import Clock
 from fleet.errors import WireError
+from fleet.event_loop import OWNER
 from fleet.host.asks import Decoder, Kind
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.handle import Handle
@@ -19,7 +20,7 @@ from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
-from fleet.host.wheel import OWNER, Wheel
+from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
 from fleet.model.health import Level

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from fleet.bus.lane import Lane, Publisher, Question, keys_meet
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
@@ -53,13 +53,20 @@ class Outbox:
 
     def flush(self) -> None:
         """Put everything that waits."""
+        for _ in self.flushing():
+            pass
+
+    def flushing(self) -> Iterator[None]:
+        """Put everything that waits, one report a step; what comes meanwhile waits for the next time."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():
             for report in reports:
                 self._send(twin, report)
+                yield
         for (twin, _), report in latest.items():
             self._send(twin, report)
+            yield
 
     def _send(self, twin: str, report: Report) -> None:
         """Encode and put one report; what cannot be said is dropped and counted, the first of a row told."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import contextlib
 import itertools
 import logging
 import os
 import sys
-import threading
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, cast
@@ -60,9 +60,9 @@ class RobotProcess:
         self.clock = clock
         self.worker = worker
         self.loop = asyncio.get_running_loop()
-        self.wheel = Wheel(self.loop)
+        self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
-        self._thread = LoopThread(threading.get_ident())
+        self._thread = LoopThread(self.loop)
         self._shared = Shared()
         self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -111,8 +111,9 @@ class RobotProcess:
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
             self._tasks[robot.name] = robot.start()
-        self.wheel.every(STATE_EVERY, self._publish_states, owner="", failed=_never)
-        self.wheel.at_end(self.outbox.flush)
+            tell = partial(self.publish_state, robot.name)
+            self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+        self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
         self.watchdog.start()
 
@@ -149,11 +150,6 @@ class RobotProcess:
     def states(self) -> list[RobotState]:
         """Return the state of every robot here."""
         return [robot.state() for robot in self.robots.values()]
-
-    def _publish_states(self) -> None:
-        """Publish every state."""
-        for name in self._states:
-            self.publish_state(name)
 
     def _declare(self, robot: LocalRobot) -> None:
         """Show the robot on the bus and take what is asked of it there."""
@@ -230,7 +226,8 @@ class RobotProcess:
         where = self._thread.place()
         robot = self.robots.get(name)
         if robot is not None:
-            self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
+            with contextlib.suppress(RuntimeError):  # the loop has just been closed
+                self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
         log.error("%s blocks the event loop at %s", name, where)
 
     def _stuck(self, name: str) -> None:

@@ -15,6 +15,7 @@ import signal
 import sys
 from pathlib import Path
 
+from fleet import event_loop
 from fleet.bus import keys
 from fleet.bus.session import join
 from fleet.bus.settings import runtime_dir
@@ -77,7 +78,7 @@ def main() -> int:
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        asyncio.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        event_loop.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1
