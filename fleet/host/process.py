@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import contextlib
+import gc
 import itertools
 import logging
 import os
@@ -36,6 +36,7 @@ log = logging.getLogger(__name__)
 
 SETTLED = 5.0  # s after which most of what lives long is there
 STATE_EVERY = 1.0  # s between states of a robot that does not change
+STATE_PARTS = 20  # in so many parts of that time: a thousand states at once would hold up the loop
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
 LAST_WORDS = 1.0  # s for the log line of a process that ends itself
 KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
@@ -67,6 +68,7 @@ class RobotProcess:
         self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states: dict[str, Publisher] = {}
+        self._parts = itertools.cycle(range(STATE_PARTS))
         self._settling: asyncio.TimerHandle | None = None
         self.watchdog = Watchdog(
             clock,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
+import operator
 import threading
 from collections.abc import Callable
 
@@ -48,6 +49,9 @@ class LoopWatch(msgspec.Struct, frozen=True):
     running: Callable[[], str]
     blocked: Callable[[str, float], None]
     stuck: Callable[[str], None]
+
+
+_END = operator.attrgetter("deadman.until")
 
 
 class _Silence:
@@ -111,17 +115,17 @@ class Watchdog:
 
     def patience(self, now: float) -> float:
         """Return how long to sleep: to the end of the first lease, at most ``PERIOD``."""
-        first = min((watched.deadman.until for watched in self._robots.values()), default=math.inf)
-        return max(SHORTEST, min(first - now, PERIOD))
+        return max(SHORTEST, min(self._first_end() - now, PERIOD))
+
+    def _first_end(self) -> float:
+        """Return when the first lease ends (monotonic s); cheap, for a thousand robots fifty times a second."""
+        return min(map(_END, self._robots.values()), default=math.inf)
 
     def look(self, now: float) -> None:
         """Look once, at the monotonic time ``now``; never raises."""
-        over = [
-            watched
-            for watched in self._robots.values()
-            if watched.deadman.until <= now and watched.deadman.expire(now)
-        ]
-        in_turn(map(_expiry, over), wait=HALT_WAIT)
+        if self._first_end() <= now:
+            over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]
+            in_turn(map(_expiry, over), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
 
     def _look_at_loop(self, now: float) -> None:
