@@ -146,8 +146,9 @@ class RobotProcess:
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
-        if name in self._states:
-            self._states[name].put(msgspec.json.encode(self.robots[name].state()))
+        publisher = self._states.get(name)
+        if publisher is not None and publisher.wanted:
+            publisher.put(msgspec.json.encode(self.robots[name].state()))
 
     def states(self) -> list[RobotState]:
         """Return the state of every robot here."""

@@ -118,7 +118,7 @@ class Watchdog:
         return max(SHORTEST, min(self._first_end() - now, PERIOD))
 
     def _first_end(self) -> float:
-        """Return when the first lease ends (monotonic s); cheap, for a thousand robots fifty times a second."""
+        """Return when the first lease ends (monotonic s)."""
         return min(map(_END, self._robots.values()), default=math.inf)
 
     def look(self, now: float) -> None:

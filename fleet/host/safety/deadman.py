@@ -11,7 +11,7 @@ import threading
 
 
 class DeadMan:
-    """One robot's running lease; ``until`` is when it runs out (monotonic s), infinity while there is none."""
+    """One robot's running lease; ``until``: when it runs out (monotonic s), infinity without one."""
 
     def __init__(self) -> None:
         self.until = math.inf
