@@ -17,7 +17,9 @@ from pathlib import Path
 
 import psutil
 
-PLUGINS = Path(__file__).parent / "plugins"
+import fleet.testing as fleet_testing
+
+PLUGINS = Path(fleet_testing.__file__).parent / "plugins"
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
 
@@ -98,7 +100,7 @@ def fleet(robots, broker, folder=None):
 
 
 def puppets(number, **options):
-    """Robots that cost next to nothing (``bench/plugins/puppet.py``), in the edge's own process."""
+    """Robots that cost next to nothing (``fleet/testing/plugins/puppet.py``), in the edge's own process."""
     names = [f"puppet-{each}" for each in range(number)]
     return [
         {"name": name, "twin": twin_of(name), "adapter": "puppet", "worker": "main", **options}

@@ -12,10 +12,13 @@ import math
 import os
 from typing import Any, Literal
 
-from fleet import Adapter, AdapterConfig, Health, Limits, PoseReport, Robot, Vector3, Velocity, command
-from fleet.model.geometry import Quaternion
+from fleet.adapter import Adapter, Robot
+from fleet.commands import command
+from fleet.model.geometry import Quaternion, Vector3, Velocity
+from fleet.model.health import Health
 from fleet.model.navigation import ActionState
-from fleet.model.report import ImuReport, JointReport, NavigationReport
+from fleet.model.report import ImuReport, JointReport, NavigationReport, PoseReport
+from fleet.robot_config import AdapterConfig, Limits
 
 
 class PuppetConfig(AdapterConfig):
