@@ -59,7 +59,7 @@ def floor(number):
         return measure(running.pid, port, twins)
 
 
-def run(_options):
+def run():
     few, many = (100, 1000)
     mine, bare = {}, {}
     for number in (few, many):

@@ -135,11 +135,14 @@ def _lines(journal: Path) -> Iterable[Mapping[str, Any]]:
 
 
 def _execution(line: Mapping[str, Any], asks: Mapping[int, Ask]) -> Event | None:
-    """Return the event of one line, None for a stop and for a velocity of zero."""
+    """Return the event of one line, None for a stop, a velocity of zero, and what others asked."""
     number = line.get("number", round(line.get("x", 0.0) * SPEED_STEP))
     if not number:
         return None
-    moves, ask = line["what"] in MOVES, asks[number]
+    ask = asks.get(number)
+    if ask is None:
+        return None
+    moves = line["what"] in MOVES
     return Event(line["at"], What.EXECUTED, line["robot"], str(number), stamp=ask.stamp, moves=moves)
 
 

@@ -78,7 +78,7 @@ class Puppet(Adapter[PuppetConfig]):
             self._credit -= 1
             self._told += 1
             now = robot.clock.time()
-            note = f"{self._told} {robot.clock.monotonic()}"
+            note = f"{self._told} {robot.clock.monotonic()} {os.getpid()}"
             robot.report(NavigationReport(now, f"{self.config.name}", ActionState.RUNNING, 1.0, note))
 
     def _note(self, what: str, **fields: Any) -> None:
