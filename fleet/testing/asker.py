@@ -25,7 +25,7 @@ MOVES = frozenset({"lunge", "drive"})
 
 
 class Ask(msgspec.Struct):
-    """One thing that was asked, and whether it was answered; ``sent`` counts its messages."""
+    """One thing that was asked, whether it was answered, why refused; ``sent`` counts its messages."""
 
     robot: str
     number: int
@@ -34,6 +34,7 @@ class Ask(msgspec.Struct):
     stamp: float
     sent: int = 0
     answered: bool = False
+    refusal: str = ""
 
 
 class Asker:
@@ -110,7 +111,10 @@ class Asker:
         """Take a reply; on the connection's thread."""
         ask = self.asks[int(packet.correlation_data)]
         ask.answered = True
-        self._note(ask, What.REPLIED, ok=json.loads(packet.payload)["status"] == "accepted")
+        reply = json.loads(packet.payload)
+        taken = reply["status"] == "accepted"
+        ask.refusal = "" if taken else reply.get("reason", reply["status"])
+        self._note(ask, What.REPLIED, ok=taken)
 
 
 def _message(command: str, data: Mapping[str, Any]) -> bytes:
