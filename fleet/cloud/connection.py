@@ -149,6 +149,6 @@ class Connection(asyncio.Protocol):
 
     def _write(self, data: bytes) -> None:
         """Hand bytes to the socket."""
-        if data and self._transport and not self.ended.done():
+        if data and self._transport and not self.ended.done() and not self._transport.is_closing():
             self._transport.write(data)
             self._keepalive.sent(self._clock.monotonic())
