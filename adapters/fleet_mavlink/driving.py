@@ -66,7 +66,7 @@ class Driver:
         self._must_ask = False
 
     def drive(self, velocity: Velocity) -> None:
-        """Take the newest velocity, which leaves at once where the vehicle already takes setpoints.
+        """Take the newest velocity, and send it at once, not with the next tick.
 
         Raises NotReady or Refused when the vehicle cannot be driven, LinkLost.
         """
@@ -83,7 +83,7 @@ class Driver:
             self._must_ask = self.phase is Phase.BRAKING
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(Phase.STARTING)
-        elif self.phase is Phase.DRIVING and self._is_ours():
+        if self.phase is not Phase.BRAKING and self._is_ours():
             self._stream()
 
     def rest(self) -> bool:
