@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 import msgspec
 
 from fleet.errors import WireError
+from fleet.model.report import Report
 from fleet.wire.databus import decode_report
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rules import Rule, rule_of, rule_of_channel
@@ -46,7 +47,7 @@ class _Slot:
         self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        self.sample = b""
+        self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
         self.credit = 0.0  # events that may go now
@@ -89,7 +90,7 @@ class Uplink:
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, bytes]] = deque(maxlen=WAITING)
+        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -99,8 +100,8 @@ class Uplink:
         self.dropped = 0
         self.refused = 0
 
-    def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample from the bus; any thread, never blocks."""
+    def arrived(self, key: str, sample: Report | bytes) -> None:
+        """Take a sample from the bus, or a report of this process; any thread, never blocks."""
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
             return
@@ -156,10 +157,10 @@ class Uplink:
                 self._send(slot, slot.sample)
                 yield
 
-    def _send(self, slot: _Slot, sample: bytes) -> None:
+    def _send(self, slot: _Slot, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
         try:
-            report = decode_report(slot.channel, sample)
+            report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
             source_type = self._twins[slot.twin].source_type
             messages = to_mqtt(report, source_type=source_type, session=self._session)
         except WireError as error:

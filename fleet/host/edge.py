@@ -182,7 +182,8 @@ class Edge:
         edge = self._config.edge.id
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
+            self.process.outbox.bridge = self.bridge.uplink.arrived
+            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
