@@ -15,9 +15,9 @@ from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.safety.limits import limit
 from fleet_quadruped.safety.monitor import Monitor, Observed
-from fleet_quadruped.safety.stages import Mode, Stage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode, Stage, Trip
 
-_STOP_TRIP = Trip(Stage.DAMP, "emergency stop")
+_STOP_TRIP = Trip(Stage.DAMP, EMERGENCY_STOP)
 
 
 class Controller:
@@ -125,18 +125,18 @@ class Controller:
         )
 
     def _obey(self, order: Order, now: float, sense: Sense) -> None:
-        """Take stops first, then what is asked, then the absence of whoever asks."""
-        if order.stop > self._stops:
-            self._stops = order.stop
-            self.body.trip(_STOP_TRIP)
-            if self.body.mode is Mode.OFF:
-                self.body.fault = self.body.fault or _STOP_TRIP.cause
+        """Take what is asked, then stops, which so have the last word, then the absence of whoever asks."""
         if order.errand.number > self._errand:
             self._errand = order.errand.number
             self._release(order.errand.ask)
             self._refusal = self._start_refusal(order.errand.ask) or self.body.ask(
                 order.errand.ask, order.errand.value, sense
             )
+        if order.stop > self._stops:
+            self._stops = order.stop
+            self.body.trip(_STOP_TRIP)
+            if self.body.mode is Mode.OFF:
+                self.body.fault = self.body.fault or _STOP_TRIP.cause
         if order.leave or now - order.alive > self.dog.safety.abandoned:
             why = (
                 "told to leave"
@@ -147,7 +147,7 @@ class Controller:
 
     def _release(self, ask: Ask) -> None:
         """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
-        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == _STOP_TRIP.cause:
+        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == EMERGENCY_STOP:
             self.body.fault = ""
 
     def _start_refusal(self, ask: Ask) -> str:

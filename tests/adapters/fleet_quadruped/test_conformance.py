@@ -127,6 +127,14 @@ def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
     assert standing.fault == ""
 
 
+def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
+    rig.go(0.1)
+    rig.emergency()
+    assert rig.ask(Ask.STAND) == ""
+    rig.go(3.0)
+    assert (rig.mode, rig.fault) == (Mode.OFF, "emergency stop")
+
+
 @pytest.mark.parametrize("ask", [Ask.STAND, Ask.SIT])
 def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
     if ask is Ask.SIT:
