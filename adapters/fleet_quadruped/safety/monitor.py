@@ -60,7 +60,8 @@ class Monitor:
             if told.power is Power.FAULT:
                 yield Trip(Stage.DAMP, f"{joint.name}: {told.fault or 'the drive reports a fault'}")
             elif seen.mode in POSITIONED and told.power is not Power.ENABLED:
-                yield Trip(Stage.DAMP, f"{joint.name}: wanted enabled, the drive is {told.power.value}")
+                why = told.fault or f"wanted enabled, the drive is {told.power.value}"
+                yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
     def feedback(self, seen: Observed) -> Iterator[Trip]:
         """Stop when joints of two legs are silent, or one for longer."""

@@ -8,11 +8,12 @@ from types import MappingProxyType
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import mapping_objects
-from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.drives.cia402.setup import MODE_DISPLAY, mapping_objects
+from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.sdo import REQUEST, SdoServer
+from fleet_quadruped.sim.drive import COOL, WARMING
+from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
 from fleet_quadruped.sim.world import Motor
 
 _STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
@@ -40,21 +41,24 @@ _STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
     }
 )
 """(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
-_VOLTAGE = 48_000  # mV
+_VOLTAGE = 48.0  # V
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
 
 class SimDrive:
     """One drive at one joint; ``send`` puts its frames on the bus."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:  # noqa: ARG002 - all have the same
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
         self._send = send
-        self.sdo = SdoServer(joint.id, _dictionary(joint), send)
+        self._temperature, self._warming = COOL, 0.0
+        self._scale = drive.temperature.scale if drive.temperature else None
+        self.sdo = SdoServer(joint.id, _dictionary(joint, drive), send)
+        self.sdo.objects[MODE_DISPLAY] = self.sdo.objects[0x6060, 0]
         self.state = State.SWITCH_ON_DISABLED
         self.nmt = 0x7F  # pre-operational
-        self._muted = False
+        self._muted = self._terse = self._deaf = False
         self._jump = 0.0  # rad that the encoder is off
         self._code = 0
         self._control = 0
@@ -88,6 +92,23 @@ class SimDrive:
         """Say and hear nothing any more."""
         self._muted = self.sdo.silent = True
 
+    def cut_short(self) -> None:
+        """Fail, and say so in an emergency of two bytes."""
+        self._terse = True
+        self.fail("overcurrent")
+
+    def ignore(self) -> None:
+        """Ignore targets, as a drive does that has its own reasons."""
+        self._deaf = True
+
+    def keep_mode(self) -> None:
+        """Stay in the mode it is in."""
+        self.sdo.objects[MODE_DISPLAY] = Entry(1, 1)
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
+
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
@@ -118,6 +139,7 @@ class SimDrive:
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
         self._time += dt
+        self._temperature += self._warming * dt
         self._watch()
         if not self._muted and self._time >= self._next_beat:
             period = self.sdo.objects[0x1017, 0].value / 1000
@@ -171,10 +193,12 @@ class SimDrive:
             self._waiting = None
         angle = wire.counts_of(self.joint, self.motor.angle + self._jump)
         torque = wire.per_mille_of(self.joint, self.motor.torque)
-        self._say(wire.TPDO1, wire.pack_told(wire.Told(_STATUS[self.state], angle, torque)))
+        status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
+        self._say(wire.TPDO1, wire.pack_told(wire.Told(status, angle, torque)))
         self._syncs += 1
         if self._syncs % 10 == 0:
-            self._say(wire.TPDO2, wire.pack_slow(_VOLTAGE, self._code))
+            heat = None if self._scale is None else round(self._temperature / self._scale)
+            self._say(wire.TPDO2, wire.pack_slow(wire.Slow(_VOLTAGE, self._code, heat)))
 
     def _obey(self, told: wire.Told) -> None:
         """Take a control word and a target."""
@@ -188,7 +212,7 @@ class SimDrive:
             self.state = State.SWITCH_ON_DISABLED
         else:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
-        if self.state is State.ENABLED:
+        if self.state is State.ENABLED and not self._deaf:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
             self._to = wire.angle_of(self.joint, told.counts) - self._jump
             self._feed = wire.torque_of(self.joint, told.per_mille)
@@ -197,10 +221,11 @@ class SimDrive:
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""
         if not self._muted:
-            self._send(Frame(base + self.joint.id, data))
+            short = self._terse and base == wire.EMERGENCY
+            self._send(Frame(base + self.joint.id, data[:2] if short else data))
 
 
-def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
+def _dictionary(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, int]]:
     """Return the drive's objects: (index, sub) to (bytes, value)."""
     objects = {
         (0x1000, 0): (4, 0x0002_0192),
@@ -216,5 +241,5 @@ def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
     }
-    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
+    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(drive, joint.id)})
     return objects

@@ -12,6 +12,7 @@ from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.drive import COOL, WARMING
 from fleet_quadruped.sim.world import Motor
 
 _STATUS = {"overcurrent": 0xA, "hot": 0xC}
@@ -37,7 +38,8 @@ class SimMitDrive:
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
         self._command = MitCommand()
-        self._muted = False
+        self._temperature, self._warming = COOL, 0.0
+        self._muted = self._terse = False
         self._refusing = False
         self._jump = 0.0
         self._silence = 0.0
@@ -59,6 +61,14 @@ class SimMitDrive:
     def fail(self, why: str) -> None:
         """Go into fault; it is told in the next reply."""
         self.status = _STATUS[why]
+
+    def cut_short(self) -> None:
+        """Send no whole reply any more."""
+        self._terse = True
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
 
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
@@ -85,6 +95,7 @@ class SimMitDrive:
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
+        self._temperature += self._warming * dt
         (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
         if ticks and self.status == wire.ENABLED and self._silence > ticks * 50e-6:
             self.status = _LOST
@@ -121,10 +132,11 @@ class SimMitDrive:
             joint.sign * motor.speed * joint.kind.ratio,
             joint.sign * motor.torque / joint.kind.ratio,
             self.status,
-            40.0,
+            self._temperature,
         )
         identifier = wire.MASTER + joint.id if self._profile.damiao else 0
-        self._send(Frame(identifier, wire.pack_reply(reply, self._profile)))
+        data = wire.pack_reply(reply, self._profile)
+        self._send(Frame(identifier, data[:2] if self._terse else data))
 
     def _register(self, data: bytes) -> None:
         """Answer a question for a register, or a change of one."""

@@ -77,15 +77,13 @@ async def test_a_halt_at_the_same_time_loses_no_emergency_stop(running):
 
 
 async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
-    async with running(link="sim:kinematic?faults=battery:5") as (adapter, robot, _):
-        await robot.until(lambda: robot.healths[-1].level is Level.DEGRADED)
-        await all_of(adapter.stand_up())
-        await robot.until(lambda: robot.healths[-1].level is Level.FAULT)
-        assert "battery: 5 %" in robot.healths[-1].cause
-        assert "send reset_faults" in robot.healths[-1].cause
-        await robot.until(lambda: adapter._state.mode == "off")
+    async with running(link="sim:kinematic?faults=overcurrent:8") as (adapter, robot, _):
+        await robot.until(lambda: "RL_hip: over-current" in robot.healths[-1].cause)
+        assert robot.healths[-1].level is Level.FAULT
+        with pytest.raises(Refused, match="send reset_faults"):
+            await all_of(adapter.stand_up())
         await adapter.reset_faults()
-        await robot.until(lambda: robot.healths[-1].level is Level.DEGRADED)
+        await robot.until(lambda: robot.healths[-1].level is Level.OK)
 
 
 async def test_an_emergency_stop_is_seen_to_be_obeyed(running):

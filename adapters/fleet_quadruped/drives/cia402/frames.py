@@ -1,6 +1,7 @@
 """The frames of a CiA 402 drive that every cycle needs: PDOs, emergencies, heartbeats.
 
-Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh.
+Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh and
+the maker's object for the temperature, where the description names one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ BOOT_UP = 0x00
 
 _CYCLIC = struct.Struct("<Hih")
 _SLOW = struct.Struct("<IH")
+_TEMPERATURE = struct.Struct("<h")
 _EMERGENCY = struct.Struct("<HB")
 _I32 = (-(1 << 31), (1 << 31) - 1)
 _I16 = (-(1 << 15), (1 << 15) - 1)
@@ -35,6 +37,14 @@ class Told(NamedTuple):
     status: int
     counts: int
     per_mille: int
+
+
+class Slow(NamedTuple):
+    """TPDO2: bus voltage (V), error code 603Fh, temperature in the drive's own units where it is mapped."""
+
+    voltage: float
+    code: int
+    temperature: int | None
 
 
 class Emergency(NamedTuple):
@@ -74,17 +84,19 @@ def unpack_told(data: bytes) -> Told | None:
     return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
 
 
-def pack_slow(millivolts: int, code: int) -> bytes:
+def pack_slow(slow: Slow) -> bytes:
     """Return TPDO2 (the drive's side)."""
-    return _SLOW.pack(millivolts, code)
+    temperature = b"" if slow.temperature is None else _TEMPERATURE.pack(_clamp(slow.temperature, _I16))
+    return _SLOW.pack(round(slow.voltage * 1000), slow.code) + temperature
 
 
-def unpack_slow(data: bytes) -> tuple[float, int] | None:
-    """Return the bus voltage (V) and the error code of TPDO2; None when it is too short."""
+def unpack_slow(data: bytes) -> Slow | None:
+    """Return what TPDO2 says; None when it is too short."""
     if len(data) < _SLOW.size:
         return None
     millivolts, code = _SLOW.unpack_from(data)
-    return millivolts / 1000, code
+    told = len(data) >= _SLOW.size + _TEMPERATURE.size
+    return Slow(millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if told else None)
 
 
 def unpack_emergency(data: bytes) -> Emergency | None:

@@ -40,6 +40,11 @@ _STRICT: Mapping[int, State] = MappingProxyType(
 FOLLOWS = 1 << 12  # status word: in cyclic synchronous position the drive follows the target
 
 
+def follows(status: int) -> bool:
+    """Return False for a drive that is enabled and yet ignores its targets."""
+    return bool(status & FOLLOWS) or state_of(status) is not State.ENABLED
+
+
 def state_of(status: int) -> State:
     """Return the state that a status word (6041h) tells."""
     return _LOOSE.get(status & 0x4F) or _STRICT.get(status & 0x6F) or State.NOT_READY

@@ -35,7 +35,7 @@ STATUS: Mapping[int, str] = MappingProxyType(
         0xE: "overload",
     }
 )
-ENABLED = 0x1
+DISABLED, ENABLED = 0x0, 0x1
 
 
 class MitCommand(NamedTuple):

@@ -79,7 +79,7 @@ def test_the_drive_interpolates_over_one_cycle(rate, period):
 
 
 def test_a_mapping_is_off_and_empty_while_it_changes():
-    names = [(item.name, item.value) for item in mapping_objects(5)[:7]]
+    names = [(item.name, item.value) for item in mapping_objects(DOG.drive, 5)[:7]]
     assert names[0] == ("1400h:1", 0x80000205)
     assert names[2:] == [
         ("1600h:0", 0),
