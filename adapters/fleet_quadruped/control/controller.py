@@ -34,6 +34,12 @@ class Controller:
         self._monitor = Monitor(dog)
         self._imu = Values(dog.imu) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
+        self._sensors = {
+            place: sensor
+            for sensor in (self._imu, self._battery)
+            if sensor is not None
+            for place in sensor.frames
+        }
         self._last = ZEROS
         self._joints: tuple[JointFeedback, ...] = (JointFeedback(),) * 12
         self._seen_imu: Imu | None = None
@@ -51,10 +57,11 @@ class Controller:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        self.drives.take(bus, frame, now)
-        for sensor in (self._imu, self._battery):
-            if sensor is not None:
-                sensor.take(bus, frame, now)
+        sensor = self._sensors.get((bus, frame.id))
+        if sensor is not None:
+            sensor.take(frame, now)
+        else:
+            self.drives.take(bus, frame, now)
 
     def finish(self, now: float, dt: float, order: Order) -> None:
         """End a cycle: decide by what was heard, and write to the drives.

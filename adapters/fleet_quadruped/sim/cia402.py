@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -51,6 +52,7 @@ class SimDrive:
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
+        self._units = wire.Units(joint)
         self._send = send
         self._temperature, self._warming = COOL, 0.0
         self._scale = drive.temperature.scale if drive.temperature else None
@@ -67,7 +69,8 @@ class SimDrive:
         self._feed = 0.0
         self._share = 1.0
         self._time = 0.0
-        self._next_beat = 0.0
+        self._next_beat = self._beat = self._timeout = math.inf
+        self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
         self._syncs = 0
         self.boot()
@@ -138,41 +141,41 @@ class SimDrive:
 
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
+        if self.sdo.changed:
+            self._configure()
         self._time += dt
         self._temperature += self._warming * dt
-        self._watch()
-        if not self._muted and self._time >= self._next_beat:
-            period = self.sdo.objects[0x1017, 0].value / 1000
-            self._next_beat = self._time + (period or 1e9)
-            if period:
-                self._say(wire.HEARTBEAT, bytes([self.nmt]))
+        if self._master_at is not None and self._time - self._master_at > self._timeout:
+            self._stop_alone()
+        if self._time >= self._next_beat:
+            self._next_beat = self._time + self._beat
+            self._say(wire.HEARTBEAT, bytes([self.nmt]))
         motor = self.motor
-        motor.kp, motor.kd, motor.feed, motor.target_speed = 0.0, 0.0, 0.0, 0.0
         if self.state is State.ENABLED:
-            period = self._cycle()
-            self._share = min(1.0, self._share + dt / period)
+            share = self._share = min(1.0, self._share + dt / self._cycle)
             motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-            motor.target = self._from + (self._to - self._from) * self._share
-            motor.target_speed = (self._to - self._from) / period if self._share < 1.0 else 0.0
-        elif self.state is State.QUICK_STOP:
-            motor.kd = _BRAKE
-
-    def _watch(self) -> None:
-        """Stop by ourselves when the master's heartbeat is missing (1016h, 6007h)."""
-        timeout = self.sdo.objects[0x1016, 1].value & 0xFFFF
-        if not timeout or self._master_at is None or self._time - self._master_at <= timeout / 1000:
+            motor.target = self._from + (self._to - self._from) * share
+            motor.target_speed = (self._to - self._from) / self._cycle if share < 1.0 else 0.0
             return
+        motor.kp, motor.feed, motor.target_speed = 0.0, 0.0, 0.0
+        motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
+
+    def _configure(self) -> None:
+        """Take what was written into the object dictionary."""
+        self.sdo.changed = False
+        value = {place: entry.value for place, entry in self.sdo.objects.items()}
+        self._timeout = (value[0x1016, 1] & 0xFFFF) / 1000 or math.inf
+        self._beat = value[0x1017, 0] / 1000 or math.inf
+        self._next_beat = min(self._next_beat, self._time + self._beat)
+        exponent = value[0x60C2, 2]
+        self._cycle = value[0x60C2, 1] * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
+
+    def _stop_alone(self) -> None:
+        """Stop by ourselves because the master's heartbeat is missing (1016h, 6007h)."""
         self._master_at = None
         self._say(wire.EMERGENCY, struct.pack("<HB5x", 0x8130, 0x11))
         if self.state is State.ENABLED and self.sdo.objects[0x6007, 0].value == 3:
             self.state = State.QUICK_STOP
-
-    def _cycle(self) -> float:
-        """Return the interpolation period, s."""
-        exponent = self.sdo.objects[0x60C2, 2].value
-        return float(
-            self.sdo.objects[0x60C2, 1].value * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
-        )
 
     def _command(self, data: bytes) -> None:
         """Obey NMT."""
@@ -191,8 +194,8 @@ class SimDrive:
         if self._waiting is not None:
             self._obey(self._waiting)
             self._waiting = None
-        angle = wire.counts_of(self.joint, self.motor.angle + self._jump)
-        torque = wire.per_mille_of(self.joint, self.motor.torque)
+        angle = self._units.counts(self.motor.angle + self._jump)
+        torque = self._units.per_mille(self.motor.torque)
         status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
         self._say(wire.TPDO1, wire.pack_told(wire.Told(status, angle, torque)))
         self._syncs += 1
@@ -214,8 +217,8 @@ class SimDrive:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
         if self.state is State.ENABLED and not self._deaf:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
-            self._to = wire.angle_of(self.joint, told.counts) - self._jump
-            self._feed = wire.torque_of(self.joint, told.per_mille)
+            self._to = self._units.angle(told.counts) - self._jump
+            self._feed = self._units.torque(told.per_mille)
             self._share = 0.0
 
     def _say(self, base: int, data: bytes) -> None:

@@ -99,14 +99,15 @@ class SimDog:
             for drive in self.drives:
                 drive.control(dt / steps)
             self.world.step(dt / steps)
+        self.world.measure()
         self.time += dt
-        for bus in self.dog.buses:
-            for frame in self._carried(self._in[bus], ()):
+        for bus, wire in self._in.items():
+            for frame in self._carried(wire, ()):
                 self._deliver(bus, frame)
         if sense:
             self._sense()
-        for bus in self.dog.buses:
-            for frame in self._carried(self._out[bus], ()):
+        for bus, wire in self._out.items():
+            for frame in self._carried(wire, ()):
                 self._heard(bus, frame)
 
     def _deliver(self, bus: str, frame: Frame) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 
@@ -38,6 +39,7 @@ class SimMitDrive:
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
         self._command = MitCommand()
+        self._done: tuple[int, MitCommand] | None = None
         self._temperature, self._warming = COOL, 0.0
         self._muted = self._terse = False
         self._refusing = False
@@ -73,6 +75,7 @@ class SimMitDrive:
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
+        self._done = None
 
     def pretend(self) -> None:
         """Be a motor with other ranges."""
@@ -96,14 +99,23 @@ class SimMitDrive:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
         self._temperature += self._warming * dt
-        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
-        if ticks and self.status == wire.ENABLED and self._silence > ticks * 50e-6:
+        if self.status == wire.ENABLED and self._silence > self._timeout():
             self.status = _LOST
-        motor = self.motor
+        if (self.status, self._command) != self._done:
+            self._done = self.status, self._command
+            self._apply()
+
+    def _timeout(self) -> float:
+        """Return the seconds of silence after which the motor lets go."""
+        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
+        return ticks * 50e-6 or math.inf
+
+    def _apply(self) -> None:
+        """Do what was commanded last, or nothing when not enabled."""
+        motor, joint, command = self.motor, self.joint, self._command
         motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
         if self.status != wire.ENABLED:
             return
-        joint, command = self.joint, self._command
         motor.kp = command.kp * joint.kind.ratio**2
         motor.kd = command.kd * joint.kind.ratio**2
         motor.target = joint.angle(command.angle) - self._jump

@@ -20,12 +20,9 @@ from fleet_quadruped.drives.cia402.frames import (
     SYNC,
     TPDO1,
     TPDO2,
-    angle_of,
-    counts_of,
+    Units,
     meaning,
     pack_target,
-    per_mille_of,
-    torque_of,
     unpack_emergency,
     unpack_slow,
     unpack_told,
@@ -41,6 +38,7 @@ class _Node:
     """One drive as it was last heard; times are monotonic seconds."""
 
     joint: Joint
+    units: Units
     state: State = State.NOT_READY
     follows: bool = True
     angle: float = 0.0
@@ -60,7 +58,7 @@ class Cia402Drives:
     def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
         self._dog = dog
         self._buses = buses
-        self._nodes = [_Node(joint) for joint in dog.all_joints]
+        self._nodes = [_Node(joint, Units(joint)) for joint in dog.all_joints]
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
             for node in self._nodes
@@ -139,10 +137,8 @@ class Cia402Drives:
             bus.send(frame)
 
     def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
-        joint = node.joint
-        data = pack_target(
-            control_word(goal, node.state), counts_of(joint, angle), per_mille_of(joint, torque)
-        )
+        joint, units = node.joint, node.units
+        data = pack_target(control_word(goal, node.state), units.counts(angle), units.per_mille(torque))
         self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
 
     def _feedback(self, node: _Node, now: float) -> JointFeedback:
@@ -180,11 +176,11 @@ class Cia402Drives:
         told = unpack_told(data)
         if told is None:
             return
-        angle = angle_of(node.joint, told.counts)
+        angle = node.units.angle(told.counts)
         if node.told_at is not None and now - node.told_at > 1e-4:
             node.speed = (angle - node.angle) / (now - node.told_at)
         node.state, node.angle, node.told_at = state_of(told.status), angle, now
-        node.torque, node.follows = torque_of(node.joint, told.per_mille), follows(told.status)
+        node.torque, node.follows = node.units.torque(told.per_mille), follows(told.status)
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:

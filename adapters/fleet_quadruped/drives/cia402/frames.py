@@ -106,24 +106,31 @@ def unpack_emergency(data: bytes) -> Emergency | None:
     return Emergency(*_EMERGENCY.unpack_from(data.ljust(_EMERGENCY.size, b"\x00")))
 
 
-def counts_of(joint: Joint, angle: float) -> int:
-    """Return an angle of the joint (rad) in the drive's counts."""
-    return round(joint.motor(angle) * joint.kind.counts_per_rad)
+class Units:
+    """The drive's own units of one joint: rad and N m of the joint, counts and per mille of the motor."""
 
+    __slots__ = ("_counts", "_per_mille", "_zero")
 
-def angle_of(joint: Joint, counts: int) -> float:
-    """Return the drive's counts as an angle of the joint, rad."""
-    return joint.angle(counts / joint.kind.counts_per_rad)
+    def __init__(self, joint: Joint) -> None:
+        self._zero = joint.motor(0.0) * joint.kind.counts_per_rad
+        self._counts = joint.motor(1.0) * joint.kind.counts_per_rad - self._zero
+        self._per_mille = joint.sign * 1000 / joint.kind.rated_torque
 
+    def counts(self, angle: float) -> int:
+        """Return an angle in counts."""
+        return round(self._zero + self._counts * angle)
 
-def per_mille_of(joint: Joint, torque: float) -> int:
-    """Return a torque of the joint (N m) in per mille of the rated one, in the motor's direction."""
-    return round(joint.sign * torque / joint.kind.rated_torque * 1000)
+    def angle(self, counts: int) -> float:
+        """Return counts as an angle."""
+        return (counts - self._zero) / self._counts
 
+    def per_mille(self, torque: float) -> int:
+        """Return a torque in per mille of the rated one."""
+        return round(self._per_mille * torque)
 
-def torque_of(joint: Joint, per_mille: int) -> float:
-    """Return per mille of the rated torque as a torque of the joint, N m."""
-    return joint.sign * per_mille / 1000 * joint.kind.rated_torque
+    def torque(self, per_mille: int) -> float:
+        """Return per mille of the rated torque as a torque."""
+        return per_mille / self._per_mille
 
 
 _EXACT: Mapping[int, str] = MappingProxyType(
