@@ -43,6 +43,7 @@ _STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
 )
 """(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
 _VOLTAGE = 48.0  # V
+_SOON = 1e-6  # s beyond a time-out
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
 
@@ -54,7 +55,7 @@ class SimDrive:
         self.motor = motor
         self._units = wire.Units(joint)
         self._send = send
-        self._temperature, self._warming = COOL, 0.0
+        self._warm_since: float | None = None
         self._scale = drive.temperature.scale if drive.temperature else None
         self.sdo = SdoServer(joint.id, _dictionary(joint, drive), send)
         self.sdo.objects[MODE_DISPLAY] = self.sdo.objects[0x6060, 0]
@@ -67,8 +68,9 @@ class SimDrive:
         self._waiting: wire.Told | None = None
         self._from = self._to = motor.angle
         self._feed = 0.0
-        self._share = 1.0
+        self._begun = 0.0  # when the way from _from to _to began
         self._time = 0.0
+        self._look_at = 0.0
         self._next_beat = self._beat = self._timeout = math.inf
         self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
@@ -110,7 +112,7 @@ class SimDrive:
 
     def warm(self) -> None:
         """Become warmer, for good."""
-        self._warming = WARMING
+        self._warm_since = self._time
 
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
@@ -133,6 +135,8 @@ class SimDrive:
         elif frame.id == wire.RPDO1 + self.joint.id:
             self._waiting = wire.unpack_target(frame.data) if self.nmt == wire.OPERATIONAL else None
         elif frame.id == wire.HEARTBEAT + wire.MASTER:
+            if self._master_at is None:
+                self._look_at = self._time
             self._master_at = self._time
         elif frame.id == 0x000:
             self._command(frame.data)
@@ -141,24 +145,33 @@ class SimDrive:
 
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
+        self._time += dt
+        if self._time >= self._look_at or self.sdo.changed:
+            self._look()
+        motor = self.motor
+        if self.state is not State.ENABLED:
+            motor.kp = motor.feed = motor.target_speed = 0.0
+            motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
+            return
+        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+        passed = self._time - self._begun
+        if passed < self._cycle:
+            motor.target_speed = (self._to - self._from) / self._cycle
+            motor.target = self._from + motor.target_speed * passed
+        else:
+            motor.target, motor.target_speed = self._to, 0.0
+
+    def _look(self) -> None:
+        """Look after the watchdog and the heartbeat, and what was configured."""
         if self.sdo.changed:
             self._configure()
-        self._time += dt
-        self._temperature += self._warming * dt
         if self._master_at is not None and self._time - self._master_at > self._timeout:
             self._stop_alone()
         if self._time >= self._next_beat:
             self._next_beat = self._time + self._beat
             self._say(wire.HEARTBEAT, bytes([self.nmt]))
-        motor = self.motor
-        if self.state is State.ENABLED:
-            share = self._share = min(1.0, self._share + dt / self._cycle)
-            motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-            motor.target = self._from + (self._to - self._from) * share
-            motor.target_speed = (self._to - self._from) / self._cycle if share < 1.0 else 0.0
-            return
-        motor.kp, motor.feed, motor.target_speed = 0.0, 0.0, 0.0
-        motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
+        silent = math.inf if self._master_at is None else self._master_at + self._timeout + _SOON
+        self._look_at = min(self._next_beat, silent)
 
     def _configure(self) -> None:
         """Take what was written into the object dictionary."""
@@ -200,7 +213,8 @@ class SimDrive:
         self._say(wire.TPDO1, wire.pack_told(wire.Told(status, angle, torque)))
         self._syncs += 1
         if self._syncs % 10 == 0:
-            heat = None if self._scale is None else round(self._temperature / self._scale)
+            warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
+            heat = None if self._scale is None else round(warm / self._scale)
             self._say(wire.TPDO2, wire.pack_slow(wire.Slow(_VOLTAGE, self._code, heat)))
 
     def _obey(self, told: wire.Told) -> None:
@@ -219,7 +233,7 @@ class SimDrive:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
             self._to = self._units.angle(told.counts) - self._jump
             self._feed = self._units.torque(told.per_mille)
-            self._share = 0.0
+            self._begun = self._time
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""

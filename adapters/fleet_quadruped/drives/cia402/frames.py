@@ -66,7 +66,10 @@ class Emergency(NamedTuple):
 
 def pack_target(control: int, counts: int, per_mille: int) -> bytes:
     """Return RPDO1; numbers out of range are clamped, never wrapped."""
-    return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
+    try:
+        return _CYCLIC.pack(control, counts, per_mille)
+    except struct.error:
+        return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
 def unpack_target(data: bytes) -> Told | None:
@@ -76,7 +79,7 @@ def unpack_target(data: bytes) -> Told | None:
 
 def pack_told(told: Told) -> bytes:
     """Return TPDO1 (the drive's side)."""
-    return _CYCLIC.pack(told.status & 0xFFFF, _clamp(told.counts, _I32), _clamp(told.per_mille, _I16))
+    return pack_target(*told)
 
 
 def unpack_told(data: bytes) -> Told | None:
