@@ -226,7 +226,7 @@ class Edge:
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
-        return robot is not None and robot.state().health in (Level.OK.word, Level.DEGRADED.word)
+        return robot is not None and robot.state().reachable
 
     def _worker_is(self, worker: str, cause: str) -> None:
         """Pass on what is wrong with a worker to its robots."""

@@ -23,7 +23,6 @@ from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
-from fleet.model.health import Level
 from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
@@ -163,6 +162,7 @@ class LocalRobot:
             stamp=self._clock.time(),
             health=health.level.word,
             cause=health.cause,
+            reachable=not self.desk.offline,
             simulated=self.config.simulated,
             worker=self._worker,
             mode=self._seen.mode,
@@ -208,7 +208,7 @@ class LocalRobot:
 
     def _health_changed(self) -> None:
         """Say on the telemetry channel when the robot comes and goes."""
-        online = self.runner.health.level < Level.OFFLINE
+        online = not self.desk.offline
         if online != self._online:
             self._online = online
             kind = "connected" if online else "disconnected"
