@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import paho.mqtt.client as mqtt
 import pytest
@@ -241,7 +241,7 @@ class Bases:
         self._life: asyncio.Task[None] | None = None
         self._thread = threading.Thread(target=self._live, daemon=True)
 
-    def __enter__(self) -> "Bases":
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 

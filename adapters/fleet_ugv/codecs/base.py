@@ -14,11 +14,10 @@ class Codec(ABC):
     """Translates for one open line; a fresh one for each. Nothing in it waits, reads a clock or does I/O.
 
     ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread).
-    ``longest``: bytes of the longest motion frame. ``garbage`` counts pieces that made no sense.
+    ``garbage`` counts pieces that made no sense.
     """
 
     stop: ClassVar[bytes]
-    longest: ClassVar[int]
     garbage: int = 0
 
     @abstractmethod

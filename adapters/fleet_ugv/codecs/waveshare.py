@@ -38,7 +38,6 @@ class WaveshareCodec(Codec):
     """One board. ``main`` and ``module`` are the numbers of T 900; ``timeout``: of its dead-man, s."""
 
     stop: ClassVar[bytes] = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
-    longest: ClassVar[int] = 40
 
     def __init__(self, *, main: int, module: int, timeout: float) -> None:
         self.garbage = 0
