@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from fleet import LinkLost, NotReady, Robot, Vector3, Velocity
@@ -19,6 +20,7 @@ from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
 from fleet_ugv.observer import Observer
 from fleet_ugv.readiness import Readiness
 
+GREETING = 0.5  # s between two greetings of a base that says nothing
 TROUBLE_SHOWN = 30.0  # s that a complaint of the base is told
 INBOX = 1000  # events that may wait for the wheel; more are a base that floods
 STANDS = 0.02  # m/s below which the base stands
@@ -39,7 +41,7 @@ class Board:
         self._inbox: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
         self._slot: MotionSlot | None = None
         self._motion: Motion | None = None
-        self._polled = 0.0
+        self._asked = 0.0
         self._garbage = 0
         self._troubles: dict[str, float] = {}
         now = robot.clock.monotonic()
@@ -63,6 +65,7 @@ class Board:
             every=self._profile.keep,
             idle=self._profile.idle,
         )
+        self._asked = self._robot.clock.monotonic()
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
         self._robot.every(LOOK, self.turn)
@@ -157,13 +160,20 @@ class Board:
         self._slot.send(self.codec.setup())
 
     def _keep(self, now: float) -> None:
-        """Write the poll, and the motion that is due."""
-        assert self._slot is not None
+        """Write the question and the motion that are due."""
         assert self._motion is not None
-        if self._profile.poll and now - self._polled >= self._profile.poll - LOOK / 2:
-            self._polled = now
-            self._slot.send(self.codec.poll())
+        if self._profile.poll:
+            self._ask(now, self._profile.poll, self.codec.poll)
+        elif self.readiness.unheard:
+            self._ask(now, GREETING, self.codec.hello)
         self._motion.look()
+
+    def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
+        """Write a question when it is due."""
+        assert self._slot is not None
+        if now - self._asked >= every - LOOK / 2:
+            self._asked = now
+            self._slot.send(question())
 
     def _guarded(self, velocity: Velocity) -> Velocity:
         """Return a velocity that is slow enough for a base whose own stop is not sure."""

@@ -29,7 +29,7 @@ class Codec(ABC):
         """Return the frame that holds these speeds."""
 
     def hello(self) -> bytes:
-        """Return what ends half a line that another program may have left behind."""
+        """Return what is said until the base speaks: the end of half a line, and a question."""
         return b""
 
     def setup(self) -> bytes:

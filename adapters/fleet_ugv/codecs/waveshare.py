@@ -111,8 +111,8 @@ class WaveshareCodec(Codec):
         return b'{"T":1,"L":%.4f,"R":%.4f}\n' % (left, right)
 
     def hello(self) -> bytes:
-        """Return the end of a line that may be half there."""
-        return b"\n"
+        """Return the end of half a line, and ask once: the general firmware streams nothing yet."""
+        return b'\n{"T":130}\n'
 
     def setup(self) -> bytes:
         """Return the geometry, the dead-man (echoed, so that it is seen to be taken) and the stream."""
