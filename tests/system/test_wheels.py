@@ -44,10 +44,15 @@ def worker_of(running):
     return worker
 
 
-def test_a_base_whose_worker_is_killed_stops_within_its_own_time_and_stands(roll, bases, broker, ears):
+def test_a_base_goes_a_distance_and_when_its_worker_is_killed_it_stops_within_its_own_time(
+    roll, bases, broker, ears
+):
     port = bases.add("waveshare-beast")
     running = roll(port, "waveshare-beast", worker="wheels")
     pilot = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#").pilot(TWIN)
+    pilot.say("command", command="move_forward", data={"distance": 0.3})
+    pilot.heard("navigate/status", "the end of the way", lambda status: status["status"] == "completed")
+    assert port.board.physics.x == pytest.approx(0.3, abs=0.1)
     for _ in range(2):
         pilot.hold("move_forward", until=lambda: port.board.physics.speeds[0] > 0.2)
         worker = worker_of(running)
