@@ -334,7 +334,7 @@ class Desk:
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = "navigate", "under way"
+        self.last_command, self.last_outcome = ask.name, "under way"
         ticket.accept()
         ticket.watch(self._note)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)

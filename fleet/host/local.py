@@ -12,6 +12,7 @@ from fleet.errors import WireError
 from fleet.event_loop import OWNER
 from fleet.host.asks import Decoder, Kind
 from fleet.host.desk import EMERGENCY, Desk
+from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
 from fleet.host.make import AdapterClass, capabilities, make_adapter
 from fleet.host.outbox import Outbox
@@ -69,10 +70,11 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
-        can = capabilities(plugin)
+        self._can = can = capabilities(plugin)
+        self._limits = config.limits.over(can.limits)
         self._decoder = Decoder(
             config,
-            config.limits.over(can.limits),
+            self._limits,
             planar=can.limits.vertical_speed is None,
             home_altitude=lambda: self._seen.home_altitude,
         )
@@ -102,6 +104,7 @@ class LocalRobot:
         """Take a message. Its answers: the receipt, and the end when the asker waits; none to a reply."""
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+            ask = goal_of(ask, self._can, self._limits)
         except WireError as error:
             self._log.warning("refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
@@ -109,7 +112,7 @@ class LocalRobot:
             return
         if ask is None:
             return
-        ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
+        ticket = Ticket(ask.name, answer, waits=waits)
         self._context.run(self.desk.receive, ask, ticket)
 
     def _tell_failed(self, action_id: str, why: str) -> None:
