@@ -89,7 +89,7 @@ def fleet(robots, broker):
         cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
         path.write_text(json.dumps({"edge": {"id": "bench"}, "cloud": cloud, "robots": robots}))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
-        environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
+        environment = os.environ | {"FLEET_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
         with process(*command, stdout=subprocess.PIPE, env=environment) as running:
             yield Fleet(running)
 

@@ -6,9 +6,8 @@ answer. Runs on the event loop, but for ``emergency``, which any thread may call
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,12 +19,12 @@ from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
+from fleet.host.journal import RobotJournal
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.latch import RELEASE
+from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
-from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -43,7 +42,8 @@ RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the ru
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew.
+    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
+    ``journal`` knows what was asked before this process began.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class Desk:
         publish: Callable[[Report], None],
         crashed: Callable[[Exception], None],
         restart: Callable[[], None],
+        journal: RobotJournal,
         clock: Clock,
     ) -> None:
         self.name = config.name
@@ -66,17 +67,23 @@ class Desk:
         self._publish = publish
         self._crashed = crashed
         self._clock = clock
-        self._admission = Admission(config, clock)
-        self._repeats: Repeats[Ticket] = Repeats()
+        self._journal = journal
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
         self._offline = "it has not been reached yet"
         self.in_control = False
-        self._stops: set[asyncio.Task[None]] = set()
-        self._executor = Executor(crashed=crashed, ready=self._standing)
+        self._executor = Executor(crashed=crashed, journal=journal)
         self._navigator = Navigator(
-            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._standing
+            publish=publish,
+            hold=self._settle,
+            crashed=crashed,
+            clock=clock,
+            journal=journal,
+            ready=self._executor.standing,
         )
+        self.recall = self._navigator.recall  # says how the actions of an earlier process ended
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -208,6 +215,7 @@ class Desk:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            self._journal.note(ask.id, ask.name)
             own()
             ticket.done()
         elif spec is not None:
@@ -227,7 +235,7 @@ class Desk:
 
         def failed() -> None:
             if may_still_move(spec, ticket, superseding=superseding):
-                self._begin_stop(self._settle(f"{ask.name} failed"), "stop")
+                self._executor.stop(self._settle(f"{ask.name} failed"), "stop")
 
         self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 
@@ -243,19 +251,8 @@ class Desk:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
-            self._begin_stop(self._hold_for(ask.name, ticket), ask.name)
+            self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
         self._answered(ask, ticket)
-
-    def _begin_stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
-        """Carry out a stop; what is asked from now on waits for its end."""
-        stop = self._executor.spawn(work, name=name)
-        self._stops.add(stop)
-        stop.add_done_callback(self._stops.discard)
-
-    async def _standing(self) -> None:
-        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
-        while self._stops:
-            await asyncio.wait(set(self._stops))
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -364,7 +361,7 @@ class Desk:
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
-            self._begin_stop(self._hold_for("pause", ticket), "pause")
+            self._executor.stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:
             ticket.reject("there is no action to pause")
         else:

@@ -20,6 +20,7 @@ from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
@@ -28,6 +29,7 @@ from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.spool.place import state_folder
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -50,7 +52,9 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), clock=clock)
+            journal = Journal(state_folder(config.edge.id, config.edge.spool.path), clock)
+            undo.callback(journal.close)
+            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), journal=journal, clock=clock)
             self.remote = self._remote(loaded)
             self._workers = [
                 self._worker(name, path, directory)
@@ -123,7 +127,7 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        health = edge_health(states, [cloud])
+        health = edge_health(states, [cloud, self._journal_health()])
         load = read_load()
         stats = self.bridge.client.stats if self.bridge else None
         return EdgeState(
@@ -221,6 +225,11 @@ class Edge:
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 
+    def _journal_health(self) -> Health:
+        """Return how what safety must remember is kept."""
+        problem = self.process.journal.problem
+        return Health(Level.DEGRADED, problem) if problem else Health()
+
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
@@ -233,10 +242,8 @@ class Edge:
                 robot.worker_is(cause)
 
     def _halt_worker(self, worker: str) -> None:
-        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
-        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
-        stop = keys.stop(self._config.edge.id)
-        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
+        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:

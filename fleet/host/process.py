@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import logging
 import os
 import sys
@@ -21,6 +20,7 @@ from fleet.clock import Clock
 from fleet.host.aside import aside
 from fleet.host.asks import Kind
 from fleet.host.blame import LoopThread
+from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
@@ -48,21 +48,28 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process."""
+    """The robots of one process; it closes the journal when it stops."""
 
     def __init__(
-        self, edge: str, bus: Bus, specs: Iterable[RobotSpec], *, clock: Clock, worker: str = ""
+        self,
+        edge: str,
+        bus: Bus,
+        specs: Iterable[RobotSpec],
+        *,
+        journal: Journal,
+        clock: Clock,
+        worker: str = "",
     ) -> None:
         self.edge = edge
         self.bus = bus
         self.clock = clock
         self.worker = worker
+        self.journal = journal
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop)
         self.outbox = Outbox(bus.reports)
         self._thread = LoopThread(threading.get_ident())
         self._shared = Shared()
-        self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states: dict[str, Publisher] = {}
         self.watchdog = Watchdog(
@@ -91,6 +98,7 @@ class RobotProcess:
             wheel=self.wheel,
             shared=self._shared,
             outbox=self.outbox,
+            journal=self.journal.robot(config.name),
             changed=self.publish_state,
         )
 
@@ -117,6 +125,7 @@ class RobotProcess:
                 log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
         self.outbox.flush()
         self.wheel.stop()
+        await asyncio.to_thread(self.journal.close)
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
@@ -129,6 +138,11 @@ class RobotProcess:
             # One whose halt is held up must not keep the next one moving.
             aside(partial(self.robots[name].emergency, why), wait=HALT_WAIT)
         return stopped
+
+    def halt_robots(self) -> None:
+        """Halt all robots of this process at once, from any thread; no stop is set that stays."""
+        for robot in self.robots.values():
+            aside(robot.desk.halt, wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
@@ -205,7 +219,7 @@ class RobotProcess:
             way=Way.CLOUD if question.parameters.get("way") == "cloud" else Way.BUS,
             answer=answer,
             waits=waits,
-            request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
+            request_id=question.parameters.get("id", ""),
         )
 
     # -- who blocks the loop -------------------------------------------------------------------------
