@@ -17,6 +17,7 @@ from fleet.cloud.values import CloudSettings, CloudState, Message, Will
 from fleet.model.report import TelemetryReport
 from fleet.wire.health import edge_health
 from fleet.wire.reports import to_mqtt
+from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics
 
 log = logging.getLogger(__name__)
@@ -126,7 +127,7 @@ class Bridge:
             qos=1,
             correlation=correlation,
             content_type="application/json",
-            urgent=True,
+            traffic=Traffic.REPLY,
         )
 
     def _arrived(self, messages: list[Message]) -> None:

@@ -5,8 +5,10 @@ import paho.mqtt.publish
 import pytest
 
 from fleet.cloud.packets import Decoder
-from fleet.cloud.values import CloudState, Outcome, Will
+from fleet.cloud.values import CloudState, Will
 from fleet.errors import CloudError
+from fleet.spool.message import Outcome
+from fleet.wire.rules import Traffic
 
 CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED
 REFUSED, CLOSED = CloudState.REFUSED, CloudState.CLOSED
@@ -52,14 +54,14 @@ def test_an_old_message_is_marked_and_a_live_one_is_not(any_broker, watched, pro
 
 def test_nobody_listening_is_told_by_mqtt_5_only(any_broker, watched, protocol):
     says = watched(any_broker.port, "says", protocol=protocol).connected()
-    says.publish("nobody", qos=1, urgent=True)
+    says.publish("nobody", qos=1, traffic=Traffic.REPLY)
     says.until(lambda: says.outcomes)
     assert says.outcomes == [("nobody", Outcome.HELD if protocol == 5 else Outcome.ACKED)]
 
 
 def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
     both = watched(any_broker.port, "both", {"t": 1}).connected()
-    both.publish("t", b"mine", qos=1, urgent=True)
+    both.publish("t", b"mine", qos=1, traffic=Traffic.REPLY)
     both.until(lambda: both.outcomes)
     paho.mqtt.publish.single("t", "yours", 1, hostname="127.0.0.1", port=any_broker.port)
     assert both.payloads(1) == [b"yours"]
@@ -80,7 +82,7 @@ def test_urgent_messages_overtake_what_waits(any_broker, watched):
     says = watched(any_broker.port, "says")
     for number in range(200):
         says.publish("t", b"%d" % number, qos=1)
-    says.publish("t", b"stop", qos=1, urgent=True)
+    says.publish("t", b"stop", qos=1, traffic=Traffic.REPLY)
     says.connected()
     assert hears.payloads(201)[0] == b"stop"
 
@@ -294,7 +296,7 @@ def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
     says = watched(broker.port, "says").connected()
     hears.broken = True
     for number in range(2):
-        says.publish("t", b"%d" % number, qos=1, urgent=True)
+        says.publish("t", b"%d" % number, qos=1, traffic=Traffic.REPLY)
         hears.payloads(number + 1)
     assert "the one who takes messages is broken" in caplog.text
     assert hears.client.stats.connects == 1

@@ -4,8 +4,10 @@ import socket
 
 import mqtt5
 
-from fleet.cloud.values import CloudState, Outcome
+from fleet.cloud.values import CloudState
 from fleet.sim.broker import BrokerThread, Limits
+from fleet.spool.message import Outcome
+from fleet.wire.rules import Traffic
 
 WINDOW, RESERVED = 100, 12  # QoS 1 messages under way; those of them that only urgent ones may use
 
@@ -22,7 +24,7 @@ def test_the_window_keeps_room_for_what_is_urgent(broker, watched):
         says.publish("t", payload, qos=1)
     says.client.flush()
     assert hears.payloads(WINDOW - RESERVED) == numbered(WINDOW - RESERVED)
-    says.publish("t", b"stop", qos=1, urgent=True)
+    says.publish("t", b"stop", qos=1, traffic=Traffic.REPLY)
     assert hears.payloads(WINDOW - RESERVED + 1)[-1] == b"stop"
     assert (says.client.stats.inflight, says.client.stats.queued) == (89, 112)
 
