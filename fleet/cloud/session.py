@@ -22,8 +22,10 @@ from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
-WINDOW = 1000
-"""Most QoS 1 messages of ours under way at once, where the broker does not want less."""
+WINDOW = 400
+"""Most QoS 1 messages of ours under way at once, where the broker does not want less (Receive Maximum)."""
+UNTOLD_WINDOW = 100
+"""The same over MQTT 3.1.1, where a broker cannot say what it can take and drops what is too much."""
 INBOUND = 100
 """Most messages that the broker may have under way to us."""
 _RESERVE = 8
@@ -214,7 +216,8 @@ class Session:
         self.connected = True
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
-        self._window = min(packet.receive_max, WINDOW)
+        most = WINDOW if self._settings.protocol == 5 else UNTOLD_WINDOW
+        self._window = min(packet.receive_max, most)
         wanted = list(self._subscriptions.items())
         for start in range(0, len(wanted), _FILTERS):
             self._subscribe(wanted[start : start + _FILTERS])

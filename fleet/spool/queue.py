@@ -141,10 +141,13 @@ class Queue:
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
-        for message in reversed(list(messages)):
+        oldest_first = list(messages)
+        for message in reversed(oldest_first):
             line = self._lines[message.topic]
             line.flying -= 1
             self._return(line, message)
+        for message in oldest_first:
+            self._stand(self._lines[message.topic])
 
     def go_online(self, now: float) -> None:
         """Begin a new connection: nobody knows yet who hears."""
@@ -358,7 +361,6 @@ class Queue:
         line.give_back(message)
         self._memory.add_again(message)
         self.waiting += 1
-        self._stand(line)
 
     def _warm(self, line: Line, message: Outgoing) -> None:
         """Have a cold message stand in memory."""
