@@ -103,7 +103,7 @@ class SpoolConfig(Model):
     )
     size: int = Field(
         256,
-        ge=1,
+        ge=16,
         le=65536,
         description="Most MiB on disk; beyond it the least important and oldest is dropped, and told.",
     )

@@ -24,12 +24,13 @@ from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
-from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.settings import bus_settings, cloud_settings, spool_settings, topics, worker_of
 from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.place import state_folder
+from fleet.spool.spool import Spool
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -178,6 +179,7 @@ class Edge:
             soon=self._soon,
             alive=self._alive,
             clock=self._clock,
+            spool=Spool(spool_settings(self._config), self._clock),
         )
 
     def _declare(self) -> None:
@@ -220,7 +222,8 @@ class Edge:
     def _cloud_health(self) -> Health:
         """Return how the cloud's connection is."""
         if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
-            return Health()
+            problem = self.bridge.client.spool.problem if self.bridge else ""
+            return Health(Level.DEGRADED, problem) if problem else Health()
         client = self.bridge.client
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")

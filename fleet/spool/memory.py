@@ -26,6 +26,11 @@ class Memory:
         """True when there is no room for another message of common size."""
         return self.count >= self._most or self._bytes >= self._most_bytes
 
+    @property
+    def room(self) -> int:
+        """How many more messages fit, as far as their number goes."""
+        return max(0, self._most - self.count)
+
     def fits(self, message: Outgoing, share: int = 1) -> bool:
         """Tell whether there is room; ``share``: for how many times the bound."""
         return self.count < share * self._most and self._bytes + message.size <= share * self._most_bytes

@@ -24,8 +24,9 @@ NEWEST_FIRST = 0.1
 LOW = 64
 """Messages of a topic in memory below which more are fetched from disk."""
 FETCHED = 256
-"""Messages that one fetch brings at most; few when memory is full."""
+"""Messages of a topic that one fetch brings at most."""
 FETCHED_IN_NEED = 8
+"""The same when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
 
@@ -239,7 +240,8 @@ class Queue:
 
     def fetches(self) -> list[Fetch]:
         """Return of which topics more is wanted."""
-        limit = FETCHED_IN_NEED if self._memory.full else FETCHED
+        share = self._memory.room // max(1, len(self._hungry))
+        limit = max(FETCHED_IN_NEED, min(FETCHED, share))
         return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._hungry.values()]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
@@ -318,7 +320,8 @@ class Queue:
         if not line.queued and line.sendable:
             line.queued = True
             self._rings[line.traffic].append(line)
-        low = 1 if line.state is State.HELD else LOW
+        low = FETCHED_IN_NEED if self._memory.full else LOW
+        low = 1 if line.state is State.HELD else low
         if line.cold and self.online and len(line.memory) + len(line.back) < low:
             self._hungry[line.topic] = line
         else:
