@@ -4,7 +4,7 @@ Each side is measured under its own telemetry, as it would be at work: ours serv
 it, the peer carries as many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the
 SDK's ZenohMqttBridge and the smallest adapter: a Zenoh subscriber that packs the command and sends it. The
 sides take turns on one broker. A relay notes when the command's bytes pass. Two commands are measured:
-``move``, a velocity, as it comes while somebody drives, and ``set_home_here``, which is done once and answered.
+``move``, a velocity, as it comes while somebody drives, and ``set_home_here``, which is done once, answered.
 """
 
 import itertools

@@ -14,6 +14,7 @@ from fleet.host.asks import Decoder, Kind
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
+from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
@@ -50,6 +51,7 @@ class LocalRobot:
         wheel: Wheel,
         shared: Shared,
         outbox: Outbox,
+        journal: RobotJournal,
         changed: Callable[[str], None],
     ) -> None:
         self.config = config
@@ -79,7 +81,13 @@ class LocalRobot:
             home_altitude=lambda: self._seen.home_altitude,
         )
         self.desk = Desk(
-            config, can, publish=self.publish, crashed=self._crashed, restart=self._restart, clock=clock
+            config,
+            can,
+            publish=self.publish,
+            crashed=self._crashed,
+            restart=self._restart,
+            journal=journal,
+            clock=clock,
         )
         self._changed = changed
         self.runner = Runner(
@@ -123,6 +131,7 @@ class LocalRobot:
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
+        self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
     def look_for_emergency(self, payload: bytes) -> None:
