@@ -20,6 +20,7 @@ from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
@@ -53,7 +54,8 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            journal = Journal(state_folder(config.edge.id, config.edge.spool.path), clock)
+            folder = state_folder(config.edge.id, config.edge.spool.path)
+            journal = Journal(folder, clock, begun_file(directory, config.edge.id))
             undo.callback(journal.close)
             self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), journal=journal, clock=clock)
             self.remote = self._remote(loaded)
