@@ -131,7 +131,8 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        health = edge_health(states, [cloud, self._journal_health()])
+        problems = (self.bus.problem, self.process.journal.problem)
+        health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         stats = self.bridge.client.stats if self.bridge else None
         return EdgeState(
@@ -142,6 +143,7 @@ class Edge:
             health=health.level.word,
             cause=health.cause,
             robots=robots_by_health(states),
+            bus="alone" if problems[0] else "ok",
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
@@ -232,11 +234,6 @@ class Edge:
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 
-    def _journal_health(self) -> Health:
-        """Return how what safety must remember is kept."""
-        problem = self.process.journal.problem
-        return Health(Level.DEGRADED, problem) if problem else Health()
-
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
@@ -251,6 +248,11 @@ class Edge:
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
         self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
+
+
+def _degraded(problem: str) -> Health:
+    """Return the health of something that works with a problem, or without."""
+    return Health(Level.DEGRADED, problem) if problem else Health()
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:
