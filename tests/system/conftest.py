@@ -260,6 +260,10 @@ class BasesThread:
         adding = self._bases.add(SimSpec(profile))
         return asyncio.run_coroutine_threadsafe(adding, self._loop).result(DEADLINE)
 
+    def call(self, what: Callable[[], None]) -> None:
+        """Do something to a base on the thread where it lives."""
+        self._loop.call_soon_threadsafe(what)
+
 
 @pytest.fixture
 def bases(tmp_path: Path) -> Iterator[BasesThread]:
