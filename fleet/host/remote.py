@@ -139,7 +139,11 @@ class RemoteRobot:
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
             return self._state
         return msgspec.structs.replace(
-            self._state, health=Level.OFFLINE.word, cause=self._cause, stamp=self._clock.time()
+            self._state,
+            health=Level.OFFLINE.word,
+            cause=self._cause,
+            reachable=False,
+            stamp=self._clock.time(),
         )
 
     def _state_arrived(self, _key: str, payload: bytes) -> None:

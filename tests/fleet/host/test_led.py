@@ -8,6 +8,7 @@ import pytest
 from fleet.adapter import Adapter
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
+from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Setpoint, Way
@@ -64,6 +65,7 @@ class World:
             capabilities(Cart),
             publish=self.reports.append,
             crashed=self._crashed,
+            journal=RobotJournal(),
             restart=lambda: None,
             clock=self.clock,
         )
