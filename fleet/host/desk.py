@@ -19,12 +19,12 @@ from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
+from fleet.host.journal import RobotJournal
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.latch import RELEASE
+from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
-from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -42,7 +42,8 @@ RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the ru
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew.
+    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
+    ``journal`` knows what was asked before this process began.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Desk:
         publish: Callable[[Report], None],
         crashed: Callable[[Exception], None],
         restart: Callable[[], None],
+        journal: RobotJournal,
         clock: Clock,
     ) -> None:
         self.name = config.name
@@ -65,16 +67,23 @@ class Desk:
         self._publish = publish
         self._crashed = crashed
         self._clock = clock
-        self._admission = Admission(config, clock)
-        self._repeats: Repeats[Ticket] = Repeats()
+        self._journal = journal
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
-        self._executor = Executor(crashed=crashed)
+        self._executor = Executor(crashed=crashed, journal=journal)
         self._navigator = Navigator(
-            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._executor.standing
+            publish=publish,
+            hold=self._settle,
+            crashed=crashed,
+            clock=clock,
+            journal=journal,
+            ready=self._executor.standing,
         )
+        self.recall = self._navigator.recall  # says how the actions of an earlier process ended
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -217,6 +226,7 @@ class Desk:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            self._journal.note(ask.id, ask.name)
             own()
             ticket.done()
         elif spec is not None:
@@ -334,7 +344,7 @@ class Desk:
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = "navigate", "under way"
+        self.last_command, self.last_outcome = ask.name, "under way"
         ticket.accept()
         ticket.watch(self._note)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)

@@ -11,6 +11,7 @@ from fleet.adapter import Adapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, TimedOut
 from fleet.host.bounded import closing, insist, walled, was_cancelled
+from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
@@ -24,11 +25,13 @@ class Executor:
     """The running commands of one robot.
 
     The asker is told at once when a command is ended or runs out of time; what its method does with its
-    cancellation is not waited for. A command that moves waits until the stops before it have ended.
+    cancellation is not waited for. Each is in the ``journal`` before its method is called; one that
+    moves waits until the stops before it have ended.
     """
 
-    def __init__(self, *, crashed: Callable[[Exception], None]) -> None:
+    def __init__(self, *, crashed: Callable[[Exception], None], journal: RobotJournal) -> None:
         self._crashed = crashed
+        self._journal = journal
         self._tasks: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
@@ -108,6 +111,8 @@ class Executor:
     ) -> None:
         """Run one command to its end and answer."""
         try:
+            await self._journal.begin(ask.id, ask.name, safe=spec.safe)
+            self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()
             await walled(lambda: self._call(adapter, spec, ask, ticket))

@@ -126,7 +126,7 @@ class RemoteRobot:
             ask = self._decoder.decode(kind, payload, way=Way.BUS)
         except WireError as error:  # the worker refuses it, with the reason
             return getattr(error, "command", "") or kind
-        return None if ask is None else getattr(ask, "name", "navigate")
+        return None if ask is None else ask.name
 
     def worker_is(self, cause: str) -> None:
         """Note what is wrong with the worker; empty when it runs."""

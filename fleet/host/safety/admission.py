@@ -15,12 +15,12 @@ from fleet.robot_config import AdapterConfig
 class Admission:
     """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
 
-    def __init__(self, config: AdapterConfig, clock: Clock) -> None:
+    def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch) -> None:
         self._config = config
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
-        self.latch = Latch()
+        self.latch = latch
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
 

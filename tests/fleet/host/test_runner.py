@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from fleet.clock import SystemClock
 from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host import runner as runners
 from fleet.host.handle import Handle
@@ -25,7 +26,7 @@ class Stage:
         self.waited = []
         self.rounds = 0
         self.broken = None  # what making an adapter raises
-        self.wheel = Wheel(asyncio.get_running_loop())
+        self.wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         self.reports = []
         self.runner = Runner(
             bench.desk,
