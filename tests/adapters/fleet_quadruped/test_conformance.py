@@ -46,6 +46,8 @@ def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
         rig.cycle()
     assert powers(rig) == {Power.ENABLED}
     assert max(abs(a - b) for a, b in zip(before, angles(rig), strict=True)) < 0.02
+    for joint, motor in zip(rig.dog.all_joints, rig.sim.world.motors, strict=True):
+        assert abs(motor.torque) <= 0.05 * joint.kind.torque
 
 
 def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
