@@ -183,8 +183,8 @@ class LocalRobot:
             position=self._seen.position,
             activity=self.desk.activity,
             emergency_stop=self.desk.latched,
-            last_command=self.desk.last_command,
-            last_outcome=self.desk.last_outcome,
+            last_command=self.desk.last.command,
+            last_outcome=self.desk.last.outcome,
         )
 
     def _new_handle(self, runner: Runner) -> Handle:
