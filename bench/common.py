@@ -98,7 +98,7 @@ def fleet(robots, broker, folder=None, **sections):
         file |= sections
         path.write_text(json.dumps(file))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
-        environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
+        environment = os.environ | {"FLEET_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
         running = process(*command, stdout=subprocess.PIPE, env=environment)
         yield Fleet(stack.enter_context(running))
 

@@ -26,6 +26,14 @@ MOSQUITTO = (
 )
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _state_home(tmp_path_factory):
+    """Keep the lasting state of all edges, those in processes of their own too, away from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 class Mosquitto:
     """A Mosquitto broker on 127.0.0.1 at ``port``, for as long as a ``with`` block lasts."""
 

@@ -141,6 +141,13 @@ class Uplink:
             yield from self._repeat(now)
             self._tell_dropped(now)
 
+    def say_newest(self, now: float) -> None:
+        """Publish now what is true of the robots that answer, whatever was sent before."""
+        for slot in self._repeated:
+            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+                slot.sent = now
+                self._send(slot, slot.sample)
+
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
         lost = self.dropped - self._told

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import itertools
 import logging
 import os
 import sys
@@ -22,6 +21,7 @@ from fleet.clock import Clock
 from fleet.host.aside import aside, in_turn
 from fleet.host.asks import Kind
 from fleet.host.blame import LoopThread
+from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
@@ -36,7 +36,6 @@ log = logging.getLogger(__name__)
 
 SETTLED = 5.0  # s after which most of what lives long is there
 STATE_EVERY = 1.0  # s between states of a robot that does not change
-STATE_PARTS = 20  # in so many parts of that time: a thousand states at once would hold up the loop
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
 LAST_WORDS = 1.0  # s for the log line of a process that ends itself
 KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
@@ -51,24 +50,30 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process."""
+    """The robots of one process; it closes the journal when it stops."""
 
     def __init__(
-        self, edge: str, bus: Bus, specs: Iterable[RobotSpec], *, clock: Clock, worker: str = ""
+        self,
+        edge: str,
+        bus: Bus,
+        specs: Iterable[RobotSpec],
+        *,
+        journal: Journal,
+        clock: Clock,
+        worker: str = "",
     ) -> None:
         self.edge = edge
         self.bus = bus
         self.clock = clock
         self.worker = worker
+        self.journal = journal
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
         self._thread = LoopThread(self.loop)
         self._shared = Shared()
-        self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states: dict[str, Publisher] = {}
-        self._parts = itertools.cycle(range(STATE_PARTS))
         self._settling: asyncio.TimerHandle | None = None
         self.watchdog = Watchdog(
             clock,
@@ -96,6 +101,7 @@ class RobotProcess:
             wheel=self.wheel,
             shared=self._shared,
             outbox=self.outbox,
+            journal=self.journal.robot(config.name),
             changed=self.publish_state,
         )
 
@@ -132,6 +138,7 @@ class RobotProcess:
         if self._settling is not None:
             self._settling.cancel()
         gc.unfreeze()
+        await asyncio.to_thread(self.journal.close)
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
@@ -143,6 +150,11 @@ class RobotProcess:
         # One whose halt is held up must not keep the next one moving.
         in_turn((partial(self.robots[name].emergency, why) for name in stopped), wait=HALT_WAIT)
         return stopped
+
+    def halt_robots(self) -> None:
+        """Halt all robots of this process at once, from any thread; no stop is set that stays."""
+        for robot in self.robots.values():
+            aside(robot.desk.halt, wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
@@ -215,7 +227,7 @@ class RobotProcess:
             way=Way.CLOUD if question.parameters.get("way") == "cloud" else Way.BUS,
             answer=answer,
             waits=waits,
-            request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
+            request_id=question.parameters.get("id", ""),
         )
 
     # -- who blocks the loop -------------------------------------------------------------------------

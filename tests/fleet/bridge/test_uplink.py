@@ -312,3 +312,16 @@ def test_telemetry_crosses_with_its_own_fields(bench):
     bench.turn()
     assert bench.of("telemetry")[0][1]["type"] == "vehicle_state"
     assert bench.of("telemetry")[0][1]["armed"] is True
+
+
+def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn()
+    bench.uplink.arrived(STATUS, status(0))
+    bench.turn()
+    before = len(bench.sent)
+    bench.uplink.say_newest(bench.now)
+    assert sorted(leaf for _, leaf, _, _ in bench.sent[before:]) == ["position", "rotation"]
+    bench.alive = False
+    bench.uplink.say_newest(bench.now)
+    assert len(bench.sent) == before + 2

@@ -16,7 +16,7 @@ WITHIN = 30.0  # s
 class Watched:
     """A cloud client whose callbacks a test can wait for."""
 
-    def __init__(self, port, name="edge", subscriptions=None, **settings):
+    def __init__(self, port, name="edge", subscriptions=None, spool=None, **settings):
         self.states = []
         self.messages = []
         self.outcomes = []
@@ -29,6 +29,7 @@ class Watched:
             on_message=self._on_message,
             on_state=lambda state, cause: self._note(self.states, (state, cause)),
             clock=SystemClock(),
+            spool=spool,
         )
 
     def start(self):
