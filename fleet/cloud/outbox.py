@@ -51,7 +51,6 @@ class Outbox:
         self._lasting: deque[Outgoing] = deque()
         self._light: deque[Outgoing] = deque()
         self._stats = stats
-        self._bytes = 0
         self._dropped: list[Outgoing] = []
         self._online = False
         self._closed = False
@@ -132,7 +131,8 @@ class Outbox:
         """Tell whether there is room for a message, after pushing older ones out for it."""
         if self._closed or message.size > self._most_bytes or not (message.qos or self._online):
             return False
-        while self._stats.queued >= self._most_messages or self._bytes + message.size > self._most_bytes:
+        stats = self._stats
+        while stats.queued >= self._most_messages or stats.queued_bytes + message.size > self._most_bytes:
             if not (message.qos and self._drop_oldest(urgent=message.urgent)):
                 return False
         return True
@@ -145,13 +145,13 @@ class Outbox:
     def _add(self, message: Outgoing) -> None:
         """Count a message in."""
         self._stats.queued += 1
-        self._bytes += message.size
+        self._stats.queued_bytes += message.size
 
     def _pop(self, lane: deque[Outgoing]) -> Outgoing:
         """Take the oldest of a lane and count it out."""
         message = lane.popleft()
         self._stats.queued -= 1
-        self._bytes -= message.size
+        self._stats.queued_bytes -= message.size
         return message
 
     def _drop_oldest(self, *, urgent: bool) -> bool:

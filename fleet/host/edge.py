@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import msgspec
 
+from fleet.bridge.answers import Port
 from fleet.bridge.bridge import Bridge
-from fleet.bridge.downlink import Port
 from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import open_edge
@@ -21,13 +21,22 @@ from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.logs import publish_robot_logs
+from fleet.host.metrics import Metrics
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
-from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.settings import (
+    bridge_rules,
+    bus_settings,
+    cloud_settings,
+    settle_time,
+    topics,
+    worker_of,
+)
 from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.robot_config import AdapterConfig
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -50,14 +59,20 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), clock=clock)
+            self.process = RobotProcess(
+                config.edge.id, self.bus, _here(loaded), clock=clock, settle=settle_time(config)
+            )
             self.remote = self._remote(loaded)
+            self.process.claims.add(robot.twin for robot in self.remote.values())
             self._workers = [
                 self._worker(name, path, directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
-            self.bridge = self._bridge()
+            self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            if self.bridge is not None:
+                self.process.on_holder = self.bridge.hold
+            self._metrics = Metrics(self) if config.metrics else None
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
 
@@ -95,6 +110,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
+            if self._metrics is not None and self._config.metrics is not None:
+                self._metrics.serve(self._config.metrics.host, self._config.metrics.port)
             self._declare()
             self.process.start()
             if self.bridge is not None:
@@ -112,6 +129,8 @@ class Edge:
             if self.bridge is not None:
                 self.bridge.turn()
                 await asyncio.to_thread(self.bridge.close)
+            if self._metrics is not None:
+                self._metrics.close()
             stop_logs()
             self.bus.close()
 
@@ -125,7 +144,8 @@ class Edge:
         cloud = self._cloud_health()
         health = edge_health(states, [cloud])
         load = read_load()
-        stats = self.bridge.client.stats if self.bridge else None
+        bridge = self.bridge
+        stats = bridge.client.stats if bridge else None
         return EdgeState(
             edge=self._config.edge.id,
             version=__version__,
@@ -137,6 +157,10 @@ class Edge:
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
+            queued_bytes=stats.queued_bytes if stats else 0,
+            waiting=bridge.uplink.waiting if bridge else 0,
+            refused=bridge.refusals.total if bridge else 0,
+            round_trip=bridge.round_trip.seconds if bridge else None,
             dropped=self._dropped(),
             load=load.load,
             memory_percent=load.memory_percent,
@@ -148,14 +172,14 @@ class Edge:
         """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
         bridge = self.bridge
         return self.process.outbox.dropped + (
-            bridge.uplink.dropped + bridge.client.stats.dropped if bridge else 0
+            bridge.uplink.dropped.total + bridge.client.stats.dropped if bridge else 0
         )
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
         self.process.loop.call_soon_threadsafe(call)
 
-    def _bridge(self) -> Bridge | None:
+    def _bridge(self, robots: Iterable[AdapterConfig]) -> Bridge | None:
         """Build the bridge, where fleet.yaml has a cloud."""
         cloud = self._config.cloud
         if cloud is None:
@@ -171,8 +195,11 @@ class Edge:
             topics(cloud),
             ports,
             edge=self._config.edge.id,
+            rules=bridge_rules(cloud, robots),
+            put=self.bus.reports.put,
             soon=self._soon,
             alive=self._alive,
+            claimed=self.process.held_in_the_cloud,
             clock=self._clock,
         )
 

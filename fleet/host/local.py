@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from fleet.clock import Clock
 from fleet.errors import WireError
-from fleet.host.asks import Decoder, Kind
+from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.handle import Handle
 from fleet.host.make import AdapterClass, capabilities, make_adapter
@@ -27,6 +27,7 @@ from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.wire.rules import Kind
 
 
 def source_type(config: AdapterConfig) -> str:

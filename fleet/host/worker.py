@@ -23,7 +23,7 @@ from fleet.config.load import load
 from fleet.errors import FleetError
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.settings import bus_settings, worker_of
+from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.stops import take_stops
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,9 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         if worker_of(robot, plugin) == name
     ]
     edge = loaded.config.edge.id
-    process = RobotProcess(edge, bus, specs, clock=SystemClock(), worker=name)
+    process = RobotProcess(
+        edge, bus, specs, clock=SystemClock(), worker=name, settle=settle_time(loaded.config)
+    )
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
