@@ -25,6 +25,9 @@ from fleet.wire.topics import Topics, parse_data_key
 
 log = logging.getLogger(__name__)
 
+SLACK = (
+    0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
+)
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 WAITING = 5000  # events that wait for a turn of the wheel; beyond it the oldest is dropped, counted
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
@@ -53,7 +56,7 @@ class _Slot:
         self.durable = rule.traffic.durable
         self.streams = rule.traffic is Traffic.STREAM
         self.rate = rule.max_rate
-        self.period = 1.0 / rule.max_rate if rule.max_rate else 0.0
+        self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
         self.sample = b""
         self.fresh = False
@@ -185,7 +188,8 @@ class Uplink:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
             # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
-            due = slot.sample and not slot.refused and now - slot.sent >= slot.repeat - 1.5 * REPEAT_LOOK
+            early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
+            due = slot.sample and not slot.refused and now - slot.sent >= early
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)

@@ -73,7 +73,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             "a parked robot's heartbeat and what must arrive; no streams",
             32 * KIB,
             {
-                "position": Change(rate=1),
+                "position": Change(rate=1.5),
                 "joint:update": Change(on=False),
                 "imu": Change(on=False),
                 "pointcloud": Change(on=False),
