@@ -97,10 +97,10 @@ class CloudClient:
         ``expiry`` is how many seconds it is worth sending; the rest goes to the broker in whole seconds.
         ``urgent`` messages leave at once, before all that waits. Returns False, and never calls ``on_done``,
         when it is not taken: QoS 0 without a connection, a full queue, a closed client.
-        Raises ValueError for a topic with wildcards or a QoS other than 0 and 1.
+        Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
-        if qos not in (0, 1):
-            raise ValueError(f"messages are published with QoS 0 or 1, not {qos}")
+        if qos not in (0, 1, 2):
+            raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
         deadline = None if expiry is None else self._clock.monotonic() + expiry
         message = Outgoing(
             check_topic(topic), payload, qos, urgent, deadline, correlation, content_type, on_done

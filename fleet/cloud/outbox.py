@@ -173,7 +173,7 @@ class Outbox:
                 continue
             batch.append(message)
             size -= message.size
-            window -= message.qos
+            window -= message.qos > 0
         return window, size
 
     def _keep(self, lane: deque[Outgoing], wanted: Callable[[Outgoing], bool]) -> None:

@@ -254,7 +254,12 @@ def test_an_offer_reaches_the_local_program_and_its_answer_the_cloud(bridge, lis
     wait_until("it is on the bus", lambda: bridge.put == [f"cw/{TWIN}/data/cloud/webrtc_offer"])
     answer = {"type": "answer", "target": "backend", "sdp": "v=0", "ts": 5.0, "session_id": "c_front"}
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_answer", json.dumps(answer).encode())
+    own = {**answer, "type": "offer", "sdp": "v=1"}
+    bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_offer", json.dumps(own).encode())
     bridge.turn()
     heard = wait_until("it is heard", lambda: dict(listener.heard).get(f"{T}webrtc-answer"))
+    offers = f"{T}webrtc-offer"
+    wait_until("ours is heard", lambda: [m for t, m in listener.heard if t == offers and m["sdp"] == "v=1"])
+    wait_until("both are completed", lambda: bridge.client.stats.acked == 2)
     assert (heard["session_id"], heard["timestamp"]) == ("c_front", 5.0)
     assert "source_type" not in heard
