@@ -4,20 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import msgspec
-
 from fleet.clock import Clock
 from fleet.wire.claims import Heartbeat
 
 WITHIN = 12.0  # s in which two heartbeats of an edge must come to be believed; it sends one every 5 s
+MOST = 10_000  # edges that are remembered; anybody in the cloud can invent more
 GONE_AFTER = 16.0  # s without a heartbeat after which the other edge has let go
-
-
-class _Seen(msgspec.Struct):
-    """The last heartbeat of another edge for one twin, and when it came (monotonic)."""
-
-    beat: Heartbeat
-    at: float
 
 
 class Rivals:
@@ -42,7 +34,7 @@ class Rivals:
         self._changed = changed
         self._clock = clock
         self._began = clock.monotonic()
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[tuple[str, str], float] = {}  # when the last heartbeat of (twin, edge) came
         self._holders: dict[str, str] = {}
 
     def heard(self, twin: str, beat: Heartbeat) -> None:
@@ -53,19 +45,20 @@ class Rivals:
         own = Heartbeat(self._edge, self._session, now - self._began)
         if not beat.comes_before(own):
             return
-        last = self._seen.get(twin)
-        again = last is not None and last.beat.edge == beat.edge and now - last.at <= WITHIN
-        self._seen[twin] = _Seen(beat, now)
-        if again:
+        last = self._seen.get((twin, beat.edge), float("-inf"))
+        if len(self._seen) < MOST:
+            self._seen[(twin, beat.edge)] = now
+        if now - last <= WITHIN:
             self._hold(twin, beat.edge)
 
     def look(self) -> None:
         """Take back the twins whose other edge has gone silent; now and then."""
         now = self._clock.monotonic()
-        for twin, seen in list(self._seen.items()):
-            if now - seen.at > GONE_AFTER:
-                del self._seen[twin]
-                self._hold(twin, "")
+        for (twin, edge), at in list(self._seen.items()):
+            if now - at > GONE_AFTER:
+                del self._seen[(twin, edge)]
+                if self._holders.get(twin) == edge:
+                    self._hold(twin, "")
 
     def _hold(self, twin: str, holder: str) -> None:
         """Tell of a change, once."""

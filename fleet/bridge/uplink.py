@@ -202,7 +202,7 @@ class Uplink:
             messages = self._translated(slot, sample)
         except WireError as error:
             slot.refused = True
-            line = "a %s sample of %s did not cross: %s"
+            line = "a sample on %s of %s did not cross: %s"
             self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
             return
         slot.refused = False

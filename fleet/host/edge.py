@@ -7,6 +7,7 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -21,7 +22,6 @@ from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.logs import publish_robot_logs
-from fleet.host.metrics import Metrics
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
@@ -38,6 +38,9 @@ from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.version import __version__
+
+if TYPE_CHECKING:
+    from fleet.host.metrics import Metrics
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +75,7 @@ class Edge:
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
             if self.bridge is not None:
                 self.process.on_holder = self.bridge.hold
-            self._metrics = Metrics(self) if config.metrics else None
+            self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
 
@@ -110,8 +113,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
-            if self._metrics is not None and self._config.metrics is not None:
-                self._metrics.serve(self._config.metrics.host, self._config.metrics.port)
+            if self.metrics is not None and self._config.metrics is not None:
+                self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
             self._declare()
             self.process.start()
             if self.bridge is not None:
@@ -129,10 +132,18 @@ class Edge:
             if self.bridge is not None:
                 self.bridge.turn()
                 await asyncio.to_thread(self.bridge.close)
-            if self._metrics is not None:
-                self._metrics.close()
+            if self.metrics is not None:
+                self.metrics.close()
             stop_logs()
             self.bus.close()
+
+    def _make_metrics(self) -> Metrics | None:
+        """Build what serves the edge's figures, where fleet.yaml asks for it."""
+        if self._config.metrics is None:
+            return None
+        from fleet.host.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
+
+        return Metrics(self)
 
     def states(self) -> list[RobotState]:
         """Return the state of every robot of this edge."""

@@ -27,6 +27,7 @@ from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.tally import Tally
 from fleet.wire.rules import Kind
 
 
@@ -70,6 +71,7 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
+        self._refusals = Tally(self._log, clock)
         can = capabilities(plugin)
         self._decoder = Decoder(
             config,
@@ -104,7 +106,7 @@ class LocalRobot:
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
         except WireError as error:
-            self._log.warning("refused a %s message: %s", kind, error)
+            self._refusals.add(kind, "refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
             self._tell_failed(getattr(error, "action_id", ""), str(error))
             return

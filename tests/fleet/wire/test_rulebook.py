@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,7 +46,7 @@ def test_a_profile_changes_only_topics_that_there_are_and_drops_nothing_that_mus
 
 def test_a_slower_way_never_carries_more():
     order = [rulebook(name) for name in ("lan", "lte", "satellite")]
-    for wide, narrow in zip(order, order[1:], strict=False):
+    for wide, narrow in itertools.pairwise(order):
         assert narrow.backlog < wide.backlog
         for channel, rule in narrow.outward.items():
             assert rule.size <= wide.outward[channel].size
