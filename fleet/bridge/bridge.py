@@ -25,7 +25,7 @@ from fleet.wire.health import edge_health
 from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule
+from fleet.wire.rules import Rule, rule_of
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -218,11 +218,14 @@ class Bridge:
         self._rivals.heard(topic.twin, read_heartbeat(message.payload))
 
     def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish an answer at once."""
+        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        parsed = self._topics.parse(topic)
+        rule = rule_of(parsed.leaf) if parsed else None
         self.client.publish(
             topic,
             payload,
             qos=1,
+            expiry=(rule and rule.max_age) or None,
             correlation=correlation,
             content_type="application/json",
             urgent=True,
