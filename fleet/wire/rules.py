@@ -139,7 +139,7 @@ _TABLE = (
         1,
         10,
         0,
-        "an update of an environment",
+        "a local program's update of an environment",
         _DOC,
         300,
         MIB,

@@ -23,14 +23,14 @@ def test_the_map_of_topics_is_up_to_date(text):
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
 def test_every_topic_is_on_the_map_with_its_qos(text, rule):
-    rows = [line for line in text.splitlines() if f"| {rule.about}" in line]
+    rows = [line for line in text.splitlines() if f"| {rule.about}{' (off)' * (not rule.on)} |" in line]
     assert len(rows) == 1
     assert f"| {rule.traffic.word} | {rule.qos} | {rule.max_rate or '-'} |" in rows[0]
 
 
 @pytest.mark.parametrize("rule", INWARD.values(), ids=lambda rule: rule.leaf)
 def test_every_topic_from_the_cloud_is_on_the_map_with_where_it_goes(text, rule):
-    rows = [line for line in text.splitlines() if f"| {rule.about}" in line]
+    rows = [line for line in text.splitlines() if f"| {rule.about}{' (off)' * (not rule.on)} |" in line]
     assert len(rows) == 1
     assert f"| {rule.qos} | {rule.max_rate or '-'} |" in rows[0]
     assert rule.channel in rows[0]
