@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -19,13 +19,15 @@ from fleet.cloud.client import CloudClient
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
 from fleet.model.report import TelemetryReport
+from fleet.spool.losses import Gap
+from fleet.spool.spool import Spool
 from fleet.tally import Tally
 from fleet.wire.claims import read_heartbeat
 from fleet.wire.health import edge_health
 from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule, rule_of
+from fleet.wire.rules import Rule, Traffic, rule_of
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -50,7 +52,7 @@ class Bridge:
 
     ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers. ``put``
     publishes on the bus. ``claimed`` hears twin and edge when the cloud shows another edge that has the twin,
-    with an empty name when it has let go.
+    with an empty name when it has let go. ``spool`` keeps what is durable; it is closed with the bridge.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class Bridge:
         alive: Callable[[str], bool],
         claimed: Callable[[str, str], None],
         clock: Clock,
+        spool: Spool | None = None,
     ) -> None:
         self._edge = edge
         self._topics = topics
@@ -73,6 +76,7 @@ class Bridge:
         self._clock = clock
         self._alive = alive
         self._queued = False
+        self._soon = soon
         self._began = clock.monotonic()
         self._next_ping = self._began
         session = settings.client_id or client_id("fleet", simulated=False)
@@ -83,6 +87,7 @@ class Bridge:
             on_message=self._arrived,
             on_state=self._state_changed,
             clock=clock,
+            spool=spool,
         )
         self.refusals = Tally(log, clock)
         self._held: dict[str, str] = {}
@@ -128,19 +133,24 @@ class Bridge:
             self._say(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
-    def turn(self) -> None:
-        """Publish what is due; at the end of each turn of the wheel."""
-        self.uplink.turn(self._clock.monotonic())
+    def turn(self) -> Iterator[None]:
+        """Publish what is due, step by step; at the end of each turn of the wheel."""
+        yield from self.uplink.turn(self._clock.monotonic())
         if self._queued:  # a wake-up of the cloud's thread costs more than a message
             self._queued = False
             self.client.flush()
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, or take it back when ``holder`` is empty."""
+        if holder == self._held.get(twin, ""):
+            return
         if holder:
             self._held[twin] = holder
+            line = "%s: edge %s has its twin: nothing crosses for it here"
+            log.warning(line, self._ports[twin].name, holder)
         else:
-            self._held.pop(twin, None)
+            del self._held[twin]
+            log.info("%s: its twin is ours again", self._ports[twin].name)
         self.uplink.held = self.downlink.held = frozenset(self._held)
 
     def beat(self, extra: Mapping[str, Any]) -> None:
@@ -160,6 +170,9 @@ class Bridge:
                 extra=extra,
             )
             self.client.publish(self._topics.twin(port.twin, "edge_health"), payload)
+        if self.client.state is CloudState.CONNECTED:
+            for gap in self.client.spool.take_gaps():
+                self._tell_gap(gap)
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
@@ -186,13 +199,16 @@ class Bridge:
     def _publish(self, topic: str, payload: bytes, rule: Rule) -> bool:
         """Queue for the next flush."""
         self._queued = True
-        return self.client.publish(topic, payload, qos=rule.qos, expiry=rule.max_age or None)
+        return self.client.publish(
+            topic, payload, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None
+        )
 
     def _ping(self) -> None:
         """Ask how far the cloud is, by the first twin."""
         for twin in self._ports:
             payload = ping(stamp=self._clock.time(), session=self._session)
-            self.client.publish(self._topics.twin(twin, "ping:request"), payload, urgent=True)
+            self.client.publish(self._topics.twin(twin, "ping:request"), payload)
+            self.client.flush()
             return
 
     def _heard_ping(self, topic: Topic, message: Message) -> None:
@@ -207,7 +223,8 @@ class Bridge:
             source_type=port.source_type,
             session=self._session,
         )
-        self.client.publish(self._topics.twin(topic.twin, "pong:response"), payload, urgent=True)
+        self.client.publish(self._topics.twin(topic.twin, "pong:response"), payload)
+        self.client.flush()
 
     def _heard_pong(self, _topic: Topic, message: Message) -> None:
         """Take the cloud's answer to our ping."""
@@ -216,6 +233,16 @@ class Bridge:
     def _heard_heartbeat(self, topic: Topic, message: Message) -> None:
         """Take the heartbeat of another edge for one of our twins."""
         self._rivals.heard(topic.twin, read_heartbeat(message.payload))
+
+    def _tell_gap(self, gap: Gap) -> None:
+        """Say on the twin's telemetry that messages of a topic were lost."""
+        parsed = self._topics.parse(gap.topic)
+        port = self._ports.get(parsed.twin) if parsed else None
+        if parsed is None or port is None:
+            return
+        fields = {"leaf": parsed.leaf, "reason": gap.reason, "lost": gap.lost, "since": gap.since}
+        log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.leaf, gap.reason)
+        self._say(port, "gap", {**fields, "until": gap.until})
 
     def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish an answer at once; nobody waits for it longer than its rule says."""
@@ -228,7 +255,7 @@ class Bridge:
             expiry=(rule and rule.max_age) or None,
             correlation=correlation,
             content_type="application/json",
-            urgent=True,
+            traffic=Traffic.REPLY,
         )
 
     def _arrived(self, messages: list[Message]) -> None:
@@ -240,8 +267,15 @@ class Bridge:
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         level = logging.WARNING if fallen else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
-        if state is CloudState.CONNECTED and self.client.stats.connects > 1:
-            self._say_connected()
+        if state is CloudState.CONNECTED:
+            self._soon(self._say_newest)
+            if self.client.stats.connects > 1:
+                self._say_connected()
+
+    def _say_newest(self) -> None:
+        """Say how everything is now, before what waited meanwhile."""
+        self.uplink.say_newest(self._clock.monotonic())
+        self.client.flush()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""

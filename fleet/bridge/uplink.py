@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
 from fleet.bridge.counters import ClassCounts
 from fleet.errors import WireError
+from fleet.model.report import Report
 from fleet.tally import Tally
 from fleet.wire.databus import decode_report
 from fleet.wire.documents import document_out
@@ -58,7 +59,7 @@ class _Slot:
         self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        self.sample = b""
+        self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
         self.credit = 0.0  # events that may go now
@@ -112,7 +113,7 @@ class Uplink:
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, bytes]] = deque(maxlen=WAITING)
+        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -129,8 +130,8 @@ class Uplink:
         """How many samples wait for their turn."""
         return len(self._events) + len(self._fresh)
 
-    def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample from the bus; any thread, never blocks."""
+    def arrived(self, key: str, sample: Report | bytes) -> None:
+        """Take a sample from the bus, or a report of this process; any thread, never blocks."""
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
             return
@@ -147,21 +148,29 @@ class Uplink:
             self.dropped.add(self._events[0][0].rule.traffic)
         self._events.append((slot, sample))
 
-    def turn(self, now: float) -> None:
-        """Publish what is due at the monotonic time ``now``."""
+    def turn(self, now: float) -> Iterator[None]:
+        """Publish what is due at the monotonic time ``now``, one sample a step."""
         for _ in range(len(self._events)):
             slot, sample = self._events.popleft()
             if slot.takes_event(now):
                 self._send(slot, sample)
+                yield
             else:
                 self.dropped.add(slot.rule.traffic)
-        self._send_newest(now)
+        yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
-            self._repeat(now)
+            yield from self._repeat(now)
             self._tell_dropped(now)
 
-    def _send_newest(self, now: float) -> None:
+    def say_newest(self, now: float) -> None:
+        """Publish now what is true of the robots that answer, whatever was sent before."""
+        for slot in self._repeated:
+            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+                slot.sent = now
+                self._send(slot, slot.sample)
+
+    def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
         waiting = self._waiting() if self._fresh else 0
         for _ in range(len(self._fresh)):
@@ -175,6 +184,7 @@ class Uplink:
                 continue
             slot.sent = now
             self._send(slot, slot.sample)
+            yield
 
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
@@ -184,7 +194,7 @@ class Uplink:
             self._told, self._next_tell = durable, now + TELL_EVERY
             log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
-    def _repeat(self, now: float) -> None:
+    def _repeat(self, now: float) -> Iterator[None]:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
             # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
@@ -193,8 +203,9 @@ class Uplink:
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
 
-    def _send(self, slot: _Slot, sample: bytes) -> None:
+    def _send(self, slot: _Slot, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
         if slot.twin in self.held:
             return
@@ -215,15 +226,16 @@ class Uplink:
             self.sent.add(slot.rule.traffic)
             self._publish(topic, payload, slot.rule)
 
-    def _translated(self, slot: _Slot, sample: bytes) -> list[tuple[str, bytes]]:
+    def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
         twin = self._twins[slot.twin]
         if slot.rule.form is Form.DOCUMENT:
+            assert isinstance(sample, bytes)
             leaf = slot.leaf
             payload = document_out(leaf, sample, source_type=twin.source_type, session=self._session)
             return [(leaf, payload)]
         return to_mqtt(
-            decode_report(slot.channel, sample),
+            decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample,
             source_type=twin.source_type,
             session=self._session,
             sensor=slot.sensor,

@@ -21,6 +21,7 @@ from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
@@ -29,6 +30,7 @@ from fleet.host.settings import (
     bus_settings,
     cloud_settings,
     settle_time,
+    spool_settings,
     topics,
     worker_of,
 )
@@ -37,6 +39,8 @@ from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.spool.place import state_folder
+from fleet.spool.spool import Spool
 from fleet.version import __version__
 
 if TYPE_CHECKING:
@@ -62,8 +66,15 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
+            journal = Journal(state_folder(config.edge.id, config.edge.spool.path), clock)
+            undo.callback(journal.close)
             self.process = RobotProcess(
-                config.edge.id, self.bus, _here(loaded), clock=clock, settle=settle_time(config)
+                config.edge.id,
+                self.bus,
+                _here(loaded),
+                journal=journal,
+                clock=clock,
+                settle=settle_time(config),
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
@@ -130,7 +141,8 @@ class Edge:
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
-                self.bridge.turn()
+                for _ in self.bridge.turn():
+                    pass
                 await asyncio.to_thread(self.bridge.close)
             if self.metrics is not None:
                 self.metrics.close()
@@ -153,7 +165,7 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        health = edge_health(states, [cloud])
+        health = edge_health(states, [cloud, self._journal_health()])
         load = read_load()
         bridge = self.bridge
         stats = bridge.client.stats if bridge else None
@@ -212,6 +224,7 @@ class Edge:
             alive=self._alive,
             claimed=self.process.held_in_the_cloud,
             clock=self._clock,
+            spool=Spool(spool_settings(self._config), self._clock),
         )
 
     def _declare(self) -> None:
@@ -219,7 +232,8 @@ class Edge:
         edge = self._config.edge.id
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
+            self.process.outbox.bridge = self.bridge.uplink.arrived
+            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -254,15 +268,21 @@ class Edge:
     def _cloud_health(self) -> Health:
         """Return how the cloud's connection is."""
         if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
-            return Health()
+            problem = self.bridge.client.spool.problem if self.bridge else ""
+            return Health(Level.DEGRADED, problem) if problem else Health()
         client = self.bridge.client
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 
+    def _journal_health(self) -> Health:
+        """Return how what safety must remember is kept."""
+        problem = self.process.journal.problem
+        return Health(Level.DEGRADED, problem) if problem else Health()
+
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
-        return robot is not None and robot.state().health in (Level.OK.word, Level.DEGRADED.word)
+        return robot is not None and robot.state().reachable
 
     def _worker_is(self, worker: str, cause: str) -> None:
         """Pass on what is wrong with a worker to its robots."""
@@ -271,10 +291,8 @@ class Edge:
                 robot.worker_is(cause)
 
     def _halt_worker(self, worker: str) -> None:
-        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
-        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
-        stop = keys.stop(self._config.edge.id)
-        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
+        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:

@@ -14,7 +14,10 @@ from fleet.config.schema import CloudConfig, FleetConfig
 from fleet.host.claims import SETTLE
 from fleet.registry import Plugin
 from fleet.robot_config import AdapterConfig
+from fleet.spool.place import state_folder
+from fleet.spool.spool import SpoolSettings
 from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics, prefix_from
 
 MAIN = "main"
@@ -98,6 +101,19 @@ def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
         client_id=client_id("fleet", simulated=simulated),
         protocol=cloud.protocol,
         keepalive=cloud.keepalive,
+    )
+
+
+def spool_settings(config: FleetConfig) -> SpoolSettings:
+    """Return where and how much of what the cloud has not taken is kept."""
+    spool = config.edge.spool
+    ages = {
+        Traffic.REPLY: spool.ages.reply,
+        Traffic.STATUS: spool.ages.status,
+        Traffic.EVENT: spool.ages.event,
+    }
+    return SpoolSettings(
+        folder=state_folder(config.edge.id, spool.path), size=spool.size * 1024 * 1024, ages=ages
     )
 
 

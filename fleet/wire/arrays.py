@@ -20,8 +20,8 @@ LARGEST_SIDE = 1 << 24  # of a shape; beyond it the product is no size of anythi
 
 def encode_depth(report: DepthReport, sequence: int) -> bytes:
     """Return a depth image as a sample; raises WireError when its bytes are not its size."""
+    check_depth(report)
     shape = (report.height, report.width)
-    _check_size(shape, report.dtype, report.image)
     return array_sample(
         report.image,
         stamp=report.stamp,
@@ -30,6 +30,17 @@ def encode_depth(report: DepthReport, sequence: int) -> bytes:
         dtype=report.dtype,
         sensor=report.sensor,
     )
+
+
+def check_depth(report: DepthReport) -> None:
+    """Raise WireError for an image whose bytes are not its size."""
+    _check_size((report.height, report.width), report.dtype, report.image)
+
+
+def check_pointcloud(report: PointCloudReport) -> None:
+    """Raise WireError for bytes that are no whole points."""
+    if len(report.points) % (4 * report.stride):
+        raise WireError(f"{len(report.points)} bytes are not whole points of {report.stride} numbers")
 
 
 def decode_depth(sample: bytes) -> DepthReport:
@@ -45,8 +56,7 @@ def decode_depth(sample: bytes) -> DepthReport:
 
 def encode_pointcloud(report: PointCloudReport, sequence: int) -> bytes:
     """Return a point cloud as a sample; raises WireError when its bytes are no whole points."""
-    if len(report.points) % (4 * report.stride):
-        raise WireError(f"{len(report.points)} bytes are not whole points of {report.stride} numbers")
+    check_pointcloud(report)
     return array_sample(
         report.points,
         stamp=report.stamp,

@@ -85,6 +85,11 @@ def document_in(leaf: str, payload: bytes, *, size: int, now: float) -> bytes:
     return json_sample(encode_finite(message), stamp=now if stamp is None else stamp, sequence=0)
 
 
+def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
+    """Return True for a WebRTC message that is on its way to the cloud: ours, come back to us."""
+    return leaf.startswith("webrtc-") and b'"backend"' in payload
+
+
 def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
     """Return the shape of a leaf, which the message must have."""
     namespace, _, update = leaf.partition(":")

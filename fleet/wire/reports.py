@@ -32,11 +32,13 @@ from fleet.model.report import (
     ScaleReport,
     TelemetryReport,
 )
+from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.strict import without_nulls
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
+ORIGIN, UNTURNED = Vector3(), Quaternion()
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 
 Body = dict[str, Any]
@@ -70,7 +72,7 @@ def to_mqtt(
 
 def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
     """Return a body with what all messages carry; nothing in the body can replace that."""
-    message = {**body, **envelope}
+    message = body | envelope
     if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
         del message["source_type"]
     return message
@@ -86,14 +88,14 @@ def _pose(report: PoseReport) -> Leaves:
 def _seen_vector(vector: Vector3) -> Body:
     """Return a position that the SDK's readers do not take for a missing one."""
     seen = _vector(vector)
-    if vector == Vector3():
+    if vector == ORIGIN:
         seen["x"] = NUDGE
     return seen
 
 
 def _seen_rotation(turn: Quaternion) -> Body:
     """Return a rotation that the SDK's readers do not take for a missing one."""
-    z = NUDGE if turn == Quaternion() else turn.z
+    z = NUDGE if turn == UNTURNED else turn.z
     return {"w": turn.w, "x": turn.x, "y": turn.y, "z": z}
 
 
@@ -238,6 +240,7 @@ def _photo(report: PhotoReport) -> Leaves:
 
 def _depth(report: DepthReport) -> Leaves:
     """One depth image in the object form, its bytes in base64 (the encoder does that)."""
+    check_depth(report)
     data: Body = {
         "depth_binary": report.image,
         "width": report.width,
@@ -249,6 +252,7 @@ def _depth(report: DepthReport) -> Leaves:
 
 def _pointcloud(report: PointCloudReport) -> Leaves:
     """Points, with all three fields by which readers learn how they are laid out."""
+    check_pointcloud(report)
     body: Body = {
         "type": "pointcloud",
         "data": report.points,

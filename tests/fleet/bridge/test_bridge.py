@@ -13,7 +13,7 @@ from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.testing.waiting import wait_until
 from fleet.wire.rulebook import of_a_twin, rulebook
-from fleet.wire.rules import INWARD, NOT_OF_A_TWIN
+from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, Traffic
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -97,7 +97,7 @@ def bridge(make_bridge, port):
 
 def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
-    bridge.turn()
+    list(bridge.turn())
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
@@ -105,7 +105,7 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
     monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
-    bridge.turn()
+    list(bridge.turn())
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):
@@ -159,7 +159,9 @@ def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
 
 def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     rex.answers = lambda *_: Reply("land", ReplyStatus.ACCEPTED)
-    listener.client.publish(f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, urgent=True)
+    listener.client.publish(
+        f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, traffic=Traffic.REPLY
+    )
     wait_until("command and status are heard", lambda: len(listener.heard) >= 1)
     bridge.beat({})  # comes after the status on the same connection
     wait_until("the heartbeats are heard", lambda: [t for t, _ in listener.heard if "edge_health" in t])
@@ -183,7 +185,7 @@ def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_the
 def test_an_answer_does_not_wait_for_the_wheel(bridge, listener, rex):
     answered = threading.Event()
     rex.answers = lambda *_: answered.set() or Reply("land", ReplyStatus.REJECTED, "stale")
-    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, urgent=True)
+    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, traffic=Traffic.REPLY)
     assert answered.wait(60)
     wait_until("the status is heard", lambda: [m for _, m in listener.heard if m.get("reason") == "stale"])
 
@@ -196,7 +198,7 @@ class Cloud(Listener):
         for message in messages:
             if "/ping/" in message.topic:
                 topic = message.topic.replace("/ping/", "/pong/").replace("/request", "/response")
-                self.client.publish(topic, b'{"type": "pong", "timestamp": 1.0}', urgent=True)
+                self.client.publish(topic, b'{"type": "pong", "timestamp": 1.0}')
 
 
 def test_the_round_trip_to_the_cloud_is_measured(bridge, port):
@@ -210,7 +212,7 @@ def test_the_round_trip_to_the_cloud_is_measured(bridge, port):
 
 
 def test_whoever_pings_one_of_our_twins_is_answered_by_name(bridge, listener):
-    listener.client.publish(f"cyberwave/ping/{TWIN}/request", b'{"type": "ping"}', urgent=True)
+    listener.client.publish(f"cyberwave/ping/{TWIN}/request", b'{"type": "ping"}')
     pong = f"cyberwave/pong/{TWIN}/response"
     message = wait_until("the pong is heard", lambda: dict(listener.heard).get(pong))
     assert (message["type"], message["edge_id"]) == ("pong", "yard-1")
@@ -224,7 +226,7 @@ def heartbeat(edge, uptime, session="them"):
 
 def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener):
     for _ in range(2):
-        listener.client.publish(f"{T}edge_health", heartbeat("yard-0", 5000.0), qos=1, urgent=True)
+        listener.client.publish(f"{T}edge_health", heartbeat("yard-0", 5000.0), qos=1, traffic=Traffic.REPLY)
     wait_until("the claim is noted", lambda: bridge.claims)
     assert bridge.claims == [(TWIN, "yard-0")]
     bridge.hold(TWIN, "yard-0")
@@ -250,13 +252,13 @@ def test_of_two_bridges_for_one_twin_only_the_later_gives_way(broker, make_bridg
 
 def test_an_offer_reaches_the_local_program_and_its_answer_the_cloud(bridge, listener):
     offer = json.dumps({"type": "offer", "target": "edge", "sdp": "v=0"}).encode()
-    listener.client.publish(f"{T}webrtc-offer", offer, qos=1, urgent=True)
+    listener.client.publish(f"{T}webrtc-offer", offer, qos=1, traffic=Traffic.REPLY)
     wait_until("it is on the bus", lambda: bridge.put == [f"cw/{TWIN}/data/cloud/webrtc_offer"])
     answer = {"type": "answer", "target": "backend", "sdp": "v=0", "ts": 5.0, "session_id": "c_front"}
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_answer", json.dumps(answer).encode())
     own = {**answer, "type": "offer", "sdp": "v=1"}
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_offer", json.dumps(own).encode())
-    bridge.turn()
+    list(bridge.turn())
     heard = wait_until("it is heard", lambda: dict(listener.heard).get(f"{T}webrtc-answer"))
     offers = f"{T}webrtc-offer"
     wait_until("ours is heard", lambda: [m for t, m in listener.heard if t == offers and m["sdp"] == "v=1"])

@@ -348,3 +348,10 @@ def test_a_reason_is_told_once_a_minute_however_often_it_comes(bench, caplog, cl
     bench.arrive(command("takeoff", retain=True))
     assert "(999 more like this before)" in caplog.messages[-1]
     assert bench.downlink.refusals.counts() == {"retained": 1001}
+
+
+def test_our_own_offer_that_comes_back_is_not_taken_for_one_to_us(bench):
+    ours = {**OFFER, "target": "backend"}
+    bench.arrive(Message(f"{T}/webrtc-offer", json.dumps(ours).encode()))
+    assert bench.put == []
+    assert bench.downlink.refusals.counts() == {}

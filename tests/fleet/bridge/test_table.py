@@ -69,8 +69,8 @@ MESSAGES = {
     "motion/command": {"linear": {"x": 1}},
     "joint:update": {"positions": {"hip": 1}},
     "mission/command": {"command": "start", "mission_execution_uuid": "m1"},
-    "webrtc-offer": {"type": "offer", **SDP},
-    "webrtc-answer": {"type": "answer", **SDP},
+    "webrtc-offer": {"type": "offer", "target": "edge", "sdp": "v=0"},
+    "webrtc-answer": {"type": "answer", "target": "edge", "sdp": "v=0"},
     "webrtc-candidate": {"type": "candidate", "target": "edge", "candidate": {}},
     "alert": {"name": "low battery"},
     "commands/sync_workflows": {},
@@ -121,7 +121,8 @@ class World:
     def tell(self, channel, sample):
         uuid = PLACE if channel.startswith("environment") else TWIN
         self.bridge.uplink.arrived(f"cw/{uuid}/data/{channel}", sample)
-        self.bridge.turn()
+        for _ in self.bridge.turn():
+            pass
 
 
 @pytest.fixture
@@ -200,7 +201,8 @@ def test_a_parked_robot_repeats_at_1_hz_and_nothing_said_once_is_repeated(world,
     world.published.clear()
     for _ in range(500):
         clock.advance(0.02)
-        world.bridge.turn()
+        for _ in world.bridge.turn():
+            pass
     times = {leaf: [one for one, _ in world.published].count(leaf) for leaf, _ in world.published}
     repeated = {leaf for leaf, rule in RULES.items() if rule.repeat}
     assert times.keys() <= repeated

@@ -48,7 +48,7 @@ class FakeEdge:
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 1, "charge_pct": 50}')
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 2, "charge_pct": 50}')
         self.bridge.uplink.arrived(f"cw/{TWIN}/data/imu", b"garbage")
-        self.bridge.turn()
+        list(self.bridge.turn())
         topic = f"cyberwave/twin/{TWIN}/command"
         self.bridge.downlink.arrived([Message(topic, b"{}"), Message(topic, b"{}", retain=True)])
 
