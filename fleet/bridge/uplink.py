@@ -54,6 +54,9 @@ class _Slot:
         self.channel = channel
         self.sensor = sensor
         self.rule = rule
+        self.traffic = int(rule.traffic)
+        self.size = rule.size
+        self.topics: dict[str, str] = {}  # by leaf
         self.durable = rule.traffic.durable
         self.streams = rule.traffic is Traffic.STREAM
         self.rate = rule.max_rate
@@ -117,7 +120,6 @@ class Uplink:
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
-        self._topic_cache: dict[tuple[str, str], str] = {}
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
         self.received = ClassCounts()
@@ -135,11 +137,11 @@ class Uplink:
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
             return
-        self.received.add(slot.rule.traffic)
+        self.received.counts[slot.traffic] += 1
         if not slot.durable:
             slot.sample = sample
             if slot.fresh:
-                self.conflated.add(slot.rule.traffic)
+                self.conflated.counts[slot.traffic] += 1
             else:
                 slot.fresh = True
                 self._fresh.append(slot)
@@ -218,12 +220,12 @@ class Uplink:
             return
         slot.refused = False
         for leaf, payload in messages:
-            topic = self._topic_cache.get((slot.twin, leaf)) or self._topic(slot.twin, leaf)
-            if len(payload) > slot.rule.size:
+            topic = slot.topics.get(leaf) or self._topic(slot, leaf)
+            if len(payload) > slot.size:
                 line = "%s: %d bytes are more than the %d of its rule"
-                self.refusals.add("too large", line, topic, len(payload), slot.rule.size)
+                self.refusals.add("too large", line, topic, len(payload), slot.size)
                 continue
-            self.sent.add(slot.rule.traffic)
+            self.sent.counts[slot.traffic] += 1
             self._publish(topic, payload, slot.rule)
 
     def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
@@ -242,9 +244,9 @@ class Uplink:
             off=twin.rules.off,
         )
 
-    def _topic(self, twin: str, leaf: str) -> str:
+    def _topic(self, slot: _Slot, leaf: str) -> str:
         """Work out a topic, once."""
-        topic = self._topic_cache[(twin, leaf)] = self._topics.twin(twin, leaf)
+        topic = slot.topics[leaf] = self._topics.twin(slot.twin, leaf)
         return topic
 
     def _meet(self, key: str) -> _Slot | None:
