@@ -111,7 +111,7 @@ class Executor:
     ) -> None:
         """Run one command to its end and answer."""
         try:
-            await self._journal.begin(ask.id, ask.name, safe=spec.safe)
+            self._journal.note(ask.id, ask.name)
             self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()

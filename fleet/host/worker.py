@@ -22,6 +22,7 @@ from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
@@ -45,7 +46,8 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     ]
     edge = loaded.config.edge.id
     clock = SystemClock()
-    journal = Journal(state_folder(edge, loaded.config.edge.spool.path), clock)
+    folder = state_folder(edge, loaded.config.edge.spool.path)
+    journal = Journal(folder, clock, begun_file(directory, edge, name))
     settle = settle_time(loaded.config)
     process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
     ended = asyncio.Event()
