@@ -70,6 +70,7 @@ class Queue:
         self._hungry: dict[str, Line] = {}
         self._unwritten: deque[Outgoing] = deque()
         self._done: list[int] = []
+        self._writing = False
         self._dropped: list[tuple[Outgoing, Outcome]] = []
         self._seq = first
         self._lasting_from = float("-inf")
@@ -206,8 +207,8 @@ class Queue:
 
     @property
     def unwritten(self) -> bool:
-        """True when something is to be changed on disk, now or soon."""
-        return bool(self._unwritten or self._done or self.losses.changed)
+        """True when something is being changed on disk, or is to be soon."""
+        return bool(self._writing or self._unwritten or self._done or self.losses.changed)
 
     def work(self, now: float) -> Work:
         """Remove and return what is to be changed on disk now."""
@@ -219,11 +220,12 @@ class Queue:
                 message.stored = True
                 rows.append(message)
         done, self._done = self._done, []
+        self._writing = bool(rows or done)
         return Work(rows, done)
 
     def wrote(self, work: Work) -> None:
         """Note that a change is on disk: what is cold has left memory."""
-        self.failing = False
+        self.failing = self._writing = False
         for message in work.rows:
             if message.cold and not message.gone:
                 message.gone = True
@@ -231,7 +233,7 @@ class Queue:
 
     def not_written(self, work: Work) -> None:
         """Take a change back that the disk did not take."""
-        self.failing = True
+        self.failing, self._writing = True, False
         self._done = [*work.done, *self._done]
         for message in reversed(work.rows):
             message.stored = False
@@ -274,11 +276,16 @@ class Queue:
         self._stand(line)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
-        """Note that messages were removed from disk; those that stand in memory are not lost by that."""
+        """Note that messages were removed from disk: those that are not under way are lost."""
         line = self._lines.get(topic)
-        lost = sum(seq > line.loaded for seq in seqs) if line else 0
-        if line and lost:
+        if line is None:
+            return
+        if lost := sum(seq > line.loaded for seq in seqs):
             self._cool(line, lost, topic, reason, wall)
+        removed = set(seqs)
+        for message in (*line.back, *line.memory):
+            if message.seq in removed and not message.gone:
+                self._lose(message, reason, wall)
 
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""

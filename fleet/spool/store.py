@@ -185,5 +185,6 @@ class Store:
         except BaseException:
             with contextlib.suppress(sqlite3.Error):
                 self._database.execute("ROLLBACK")
+            with contextlib.suppress(sqlite3.Error):
                 self._ids = self._known_ids()
             raise
