@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from fleet.spool.line import FIRST_WAIT, LONGEST_WAIT, Line, Sign, State
+from fleet.spool.holds import Holds
+from fleet.spool.line import Line, Sign, State
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
@@ -62,11 +63,11 @@ class Queue:
         self.losses = Losses()
         self.failing = False  # the disk does not take what is written
         self._disk = disk
-        self._ages = ages
+        self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
         self._lines: dict[str, Line] = {}
-        self._rings: dict[Traffic, deque[Line]] = {kind: deque() for kind in DURABLE}
-        self._held: dict[str, Line] = {}
+        self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
+        self._holds = Holds()
         self._hungry: dict[str, Line] = {}
         self._unwritten: deque[Outgoing] = deque()
         self._done: list[int] = []
@@ -110,7 +111,7 @@ class Queue:
         The last ``reserve`` of the window are for replies.
         """
         batch: list[Outgoing] = []
-        for kind, ring in self._rings.items():
+        for kind, ring in zip(DURABLE, self._rings, strict=True):
             most = window if kind is Traffic.REPLY else window - reserve
             if kind is not Traffic.REPLY and now < self._lasting_from:
                 break
@@ -128,15 +129,13 @@ class Queue:
         line = self._lines[message.topic]
         line.flying -= 1
         if outcome is Outcome.HELD:
-            self._unheard(line, message, now)
+            self._return(line, message)
+            self._holds.unheard(line, now)
             return
         if outcome is Outcome.REFUSED:
             self.losses.note(message.topic, Reason.REFUSED, wall)
         self._forget(message)
-        line.see(Sign.HEARD)
-        if line.unheard:
-            line.unheard = 0
-            self._release(now)
+        self._holds.heard(line, now)
         self._stand(line)
         if line.empty:
             self._drop_line(line)
@@ -155,7 +154,7 @@ class Queue:
         """Begin a new connection: nobody knows yet who hears."""
         self.online = True
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
-        self._held.clear()
+        self._holds.clear()
         for line in self._lines.values():
             line.see(Sign.CONNECTED)
             self._stand(line)
@@ -169,10 +168,7 @@ class Queue:
         """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
             self._lose(message, Reason.AGE, wall)
-        due = [line for line in self._held.values() if line.retry <= now]
-        for line in due:
-            del self._held[line.topic]
-            line.see(Sign.WAITED)
+        for line in self._holds.due(now):
             self._stand(line)
 
     def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
@@ -191,12 +187,12 @@ class Queue:
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._rings.values()) or self._hungry)
+        return not (any(self._rings) or self._hungry)
 
     @property
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
-        return len(self._held)
+        return len(self._holds)
 
     # -- the disk ------------------------------------------------------------------------------------
 
@@ -320,19 +316,23 @@ class Queue:
         """Forget an empty topic that nobody hears or hears only once, as an inbox for replies."""
         if line.traffic is Traffic.REPLY or line.state is not State.OPEN:
             self._lines.pop(line.topic, None)
-            self._held.pop(line.topic, None)
+            self._holds.forget(line)
 
     def _stand(self, line: Line) -> None:
         """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
         if not line.queued and line.sendable:
             line.queued = True
             self._rings[line.traffic].append(line)
-        low = FETCHED_IN_NEED if self._memory.full else LOW
-        low = 1 if line.state is State.HELD else low
-        if line.cold and self.online and len(line.memory) + len(line.back) < low:
+        if line.cold and self.online and len(line.memory) + len(line.back) < self._low(line):
             self._hungry[line.topic] = line
-        else:
+        elif self._hungry:
             self._hungry.pop(line.topic, None)
+
+    def _low(self, line: Line) -> int:
+        """Return how many messages of a line are to stand in memory at least."""
+        if line.state is State.HELD:
+            return 1
+        return FETCHED_IN_NEED if self._memory.full else LOW
 
     def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
         """Move messages of a line into the batch; return their bytes."""
@@ -350,19 +350,6 @@ class Queue:
             taken += message.size
             batch.append(message)
         return taken
-
-    def _unheard(self, line: Line, message: Outgoing, now: float) -> None:
-        """Hold a line; the wait grows with the tries, not with the messages that were under way."""
-        self._return(line, message)
-        if line.see(Sign.UNHEARD):
-            line.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**line.unheard)
-            line.unheard = min(line.unheard + 1, 8)
-            self._held[line.topic] = line
-
-    def _release(self, now: float) -> None:
-        """Somebody is back: try the other topics that nobody heard, at once."""
-        for line in self._held.values():
-            line.retry = now
 
     def _return(self, line: Line, message: Outgoing) -> None:
         """Put a message back that was under way."""
