@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
-import msgspec
-
 from fleet.spool.holds import Holds
 from fleet.spool.line import Line, Sign, State
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.work import Fetch, Work
 from fleet.wire.rules import Traffic
 
 GRACE = 0.2
@@ -30,22 +29,6 @@ FETCHED_IN_NEED = 8
 """The same when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
-
-
-class Work(msgspec.Struct):
-    """What is to be changed on disk."""
-
-    rows: Sequence[Outgoing]
-    done: Sequence[int]
-
-
-class Fetch(msgspec.Struct, frozen=True):
-    """A topic of which more is wanted from disk, all newer than ``after``."""
-
-    topic: str
-    traffic: Traffic
-    after: int
-    limit: int
 
 
 class Queue:
@@ -111,6 +94,8 @@ class Queue:
         The last ``reserve`` of the window are for replies.
         """
         batch: list[Outgoing] = []
+        if not self.online:
+            return batch
         for kind, ring in zip(DURABLE, self._rings, strict=True):
             most = window if kind is Traffic.REPLY else window - reserve
             if kind is not Traffic.REPLY and now < self._lasting_from:

@@ -25,8 +25,9 @@ from fleet.spool.database import is_corrupt, set_aside
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.place import SPOOL, Lock, made
-from fleet.spool.queue import Queue, Work
+from fleet.spool.queue import Queue
 from fleet.spool.store import Store
+from fleet.spool.work import Work
 from fleet.wire.rules import Traffic
 
 log = logging.getLogger(__name__)
