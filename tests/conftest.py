@@ -9,6 +9,7 @@ import subprocess
 import pytest
 from hypothesis import HealthCheck, settings
 
+from fleet.event_loop import FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -93,3 +94,8 @@ def broker():
     """Run the demo broker, where everybody may come in."""
     with BrokerThread() as running:
         yield running
+
+
+def pytest_asyncio_loop_factories():
+    """Run tests on the loop that a fleet process runs on."""
+    return {"fleet": FleetLoop}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -82,9 +82,9 @@ class Bridge:
             self._say(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
-    def turn(self) -> None:
-        """Publish what is due; at the end of each turn of the wheel."""
-        self.uplink.turn(self._clock.monotonic())
+    def turn(self) -> Iterator[None]:
+        """Publish what is due, step by step; at the end of each turn of the wheel."""
+        yield from self.uplink.turn(self._clock.monotonic())
         if self._queued:  # a wake-up of the cloud's thread costs more than a message
             self._queued = False
             self.client.flush()

@@ -8,6 +8,7 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 
+from fleet import event_loop
 from fleet.clock import Clock
 from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
@@ -161,7 +162,7 @@ class CloudClient:
 
     def _run(self) -> None:
         """Be the cloud thread."""
-        asyncio.run(self._main())
+        event_loop.run(self._main())
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""

@@ -72,7 +72,7 @@ class Desk:
         self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
-        self._offline = "it has not been reached yet"
+        self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
         self._executor = Executor(crashed=crashed, journal=journal)
         self._navigator = Navigator(
@@ -112,19 +112,27 @@ class Desk:
 
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
-        self._offline = ""
+        self.offline = self._admission.fault = ""
+
+    def faulted(self, why: str) -> None:
+        """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
+        before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        mover = self._can.commands.get(self._executor.moving)
+        if before or (mover is not None and mover.safe):
+            return
+        if self.in_control:
+            self.halt()
+        self._end_motion(why)
 
     def lost(self, why: str) -> None:
         """Note that the robot does not answer; what was under way has failed and is never taken up again.
 
         A robot that somebody else moves is not touched.
         """
-        if not self._offline and self.in_control:
+        if not self.offline and self.in_control:
             self.halt()
-        self._offline = why
-        self._driving.let_go()
-        self._executor.cancel(why)
-        self._navigator.fail(why)
+        self.offline, self._admission.fault = why, ""
+        self._end_motion(why)
 
     def detach(self, why: str) -> None:
         """Take the adapter away."""
@@ -135,27 +143,30 @@ class Desk:
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
-        self._driving.let_go()
-        self._executor.cancel(f"authority lost: {reason}")
-        self._navigator.fail(f"authority lost: {reason}")
+        self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
         self.in_control = False
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
+    def _end_motion(self, why: str) -> None:
+        """End what is under way."""
+        self._driving.let_go()
+        self._executor.cancel(why)
+        self._navigator.fail(why)
+
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch and write the halt at once; from any thread. ``receive`` does the rest."""
+        """Latch and write the emergency halt at once; from any thread. ``receive`` does the rest."""
         self._admission.latch.pull(why)
-        self.halt()
+        self.halt(emergency=True)
 
-    def halt(self) -> None:
+    def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
         adapter = self._adapter
-        if adapter is None:
-            return
         try:
-            adapter.halt()
+            if adapter is not None:
+                adapter.emergency_halt() if emergency else adapter.halt()
         except Exception:
             log.exception("%s: its halt failed", self.name)
 
@@ -224,7 +235,7 @@ class Desk:
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
         superseding = self.in_motion
@@ -247,7 +258,7 @@ class Desk:
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
         self._admission.lease.let_go(ask.origin.session)
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
@@ -279,7 +290,7 @@ class Desk:
         refusal = refusal or self._admission.setpoint(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
-        if refusal is not None or self._adapter is None or self._offline:
+        if refusal is not None or self._adapter is None or self.offline:
             ticket.reject(refusal or self._absence())
             return
         superseding, self.in_control = self.in_motion, True
@@ -303,8 +314,8 @@ class Desk:
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
-        refusal = self._admission.latch.refusal()
-        if refusal is not None or self._adapter is None or self._offline:
+        refusal = self._admission.motion()
+        if refusal is not None or self._adapter is None or self.offline:
             raise Refused(refusal or self._absence())
         self._driving.hold(self._adapter, velocity, LEASE)
 
@@ -324,16 +335,16 @@ class Desk:
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
-        if refusal is None and who is None and not self._offline:
+        if refusal is None and who is None and not self.offline:
             refusal = f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
-        if refusal is not None or self._adapter is None or self._offline or who is None:
+        if refusal is not None or self._adapter is None or self.offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
             self._navigator.refuse(ask.action_id, refusal, ticket)
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = "navigate", "under way"
+        self.last_command, self.last_outcome = ask.name, "under way"
         ticket.accept()
         ticket.watch(self._note)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
@@ -376,7 +387,7 @@ class Desk:
                 ticket.follow(first)
                 return
         refusal, who = self._admission.navigate(ask), self._pilot()
-        if refusal is not None or who is None or self._offline:
+        if refusal is not None or who is None or self.offline:
             ticket.reject(refusal or self._absence())
         elif self._navigator.resume(who):
             ticket.done()
@@ -385,7 +396,7 @@ class Desk:
 
     def _absence(self) -> str:
         """Return why the robot cannot be asked."""
-        return f"{self.name} is offline: {self._offline or 'its adapter is being restarted'}"
+        return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
 
     def _note(self, reply: Reply) -> None:
         """Note for people how the last command stands."""

@@ -25,14 +25,15 @@ class Executor:
     """The running commands of one robot.
 
     The asker is told at once when a command is ended or runs out of time; what its method does with its
-    cancellation is not waited for. Each is in the ``journal`` before its method is called.
+    cancellation is not waited for. Each is in the ``journal`` before its method is called; one that
+    moves waits until the stops before it have ended.
     """
 
     def __init__(self, *, crashed: Callable[[Exception], None], journal: RobotJournal) -> None:
         self._crashed = crashed
         self._journal = journal
-        self._stops: set[asyncio.Task[None]] = set()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._stops: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
         self._ticket: Ticket | None = None  # the mover's
         self.moving = ""
@@ -110,7 +111,7 @@ class Executor:
     ) -> None:
         """Run one command to its end and answer."""
         try:
-            await self._journal.begin(ask.id, ask.name, safe=spec.safe)
+            self._journal.note(ask.id, ask.name)
             self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()

@@ -1,12 +1,12 @@
 """What safety must remember though the process dies: commands that were begun, emergency stops that are set.
 
-A discrete command is on disk before it is carried out, so that a restart never does it twice. One thread
-writes for all robots of a process, all that waits in one commit; nobody's event loop waits for the disk.
+A discrete command is in ``begun`` before it is carried out, and on disk as soon as the disk is, so that a
+restart never does it twice. One thread writes for all robots of a process, all that waits in one commit;
+nobody's event loop waits for the disk.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 import queue
@@ -19,7 +19,8 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock
-from fleet.errors import NotReady, StateError
+from fleet.errors import StateError
+from fleet.host.begun import Begun
 from fleet.host.safety.repeats import KEPT, Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
@@ -29,7 +30,6 @@ from fleet.spool.place import JOURNAL, locked, made
 log = logging.getLogger(__name__)
 
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
-WRITTEN_WITHIN = 1.0  # s that a command waits for the disk before it is refused as late
 DONE = "completed"
 ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
 LOST = "the journal could not be read, so nobody knows whether a stop was set"
@@ -44,6 +44,7 @@ CREATE INDEX begun_by_stamp ON begun (stamp);
 CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
 """
 _BEGIN = "INSERT OR REPLACE INTO begun VALUES (?, ?, ?, ?, ?, '')"
+_RECOVER = "INSERT OR IGNORE INTO begun VALUES (?, ?, ?, ?, ?, '')"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
 _FORGET = "DELETE FROM begun WHERE stamp < ?"
@@ -65,11 +66,10 @@ class Past(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """One change of the journal; ``written`` is called, on any thread, when it is on disk or cannot be."""
+    """One change of the journal."""
 
     change: str
     values: Sequence[object]
-    written: Callable[[], None] = lambda: None
 
 
 class RobotJournal:
@@ -94,42 +94,10 @@ class RobotJournal:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
         self._send(Entry(_LATCH, (self._robot, why)))
 
-    def note(
-        self,
-        identity: str,
-        name: str,
-        *,
-        action: bool = False,
-        written: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Remember that a command is carried out; what can never be a repeat (no identity) is not."""
+    def note(self, identity: str, name: str, *, action: bool = False) -> None:
+        """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
         if identity and self._clock is not None:
-            values = (self._robot, identity, name, action, self._clock.time())
-            self._send(Entry(_BEGIN, values, written))
-
-    async def begin(self, identity: str, name: str, *, action: bool = False, safe: bool = False) -> None:
-        """Wait until a command is on disk; what can never be a repeat (no identity) waits for nothing.
-
-        Raises NotReady when the disk is so slow that the command would be late. One that is ``safe`` goes on
-        then: a landing is not withheld for a disk.
-        """
-        if not identity or self._put is None:
-            return
-        loop, written = asyncio.get_running_loop(), asyncio.Event()
-
-        def tell() -> None:
-            with contextlib.suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(written.set)
-
-        self.note(identity, name, action=action, written=tell)
-        try:
-            async with asyncio.timeout(WRITTEN_WITHIN):
-                await written.wait()
-        except TimeoutError:
-            reason = f"the disk did not take {name} into the journal within {WRITTEN_WITHIN:g} s"
-            log.warning("%s: %s", self._robot, reason)
-            if not safe:
-                raise NotReady(f"{reason}; it would be late", hint="send it again") from None
+            self._send(Entry(_BEGIN, (self._robot, identity, name, action, self._clock.time())))
 
     def end(self, identity: str, outcome: str) -> None:
         """Remember how a command ended; in a word."""
@@ -176,9 +144,11 @@ class Journal:
     a file that could not be read every robot's emergency stop is set: somebody may have set it.
     """
 
-    def __init__(self, folder: Path, clock: Clock) -> None:
+    def __init__(self, folder: Path, clock: Clock, begun: Path) -> None:
         self.problem = ""
         self._clock = clock
+        self._adding = threading.Lock()  # what is added waits, or is done with, in both places
+        self._begun: Begun | None = None
         self._waiting: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
         self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
         self._database: sqlite3.Connection | None = None
@@ -189,7 +159,9 @@ class Journal:
                 self._database, aside = open_checked(path, _SCHEMA, _VERSION, "FULL")
                 if aside is not None:
                     self._database.execute(_LATCH, (ANY, LOST))
-        except (StateError, sqlite3.Error) as error:
+                self._begun = Begun(begun)
+                self._database.executemany(_RECOVER, self._begun.everybodys())
+        except (StateError, sqlite3.Error, OSError) as error:
             self._fail(error)
         self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
         self._thread.start()
@@ -205,7 +177,7 @@ class Journal:
             self._fail(error)
         if latched:
             log.warning("%s: the emergency stop is still set: %s", name, latched)
-        return RobotJournal(name, self._waiting.put, latched=latched, past=past, clock=self._clock)
+        return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
     def close(self) -> None:
         """Write what waits and close the file."""
@@ -213,6 +185,20 @@ class Journal:
         self._thread.join()
         if self._database is not None:
             self._database.close()
+        if self._begun is not None:
+            if not self.problem:
+                self._begun.clear()
+            self._begun.close()
+
+    def _put(self, entry: Entry) -> None:
+        """Take an entry: what is begun outlives the process from here on."""
+        with self._adding:
+            if entry.change is _BEGIN and self._begun is not None:
+                try:
+                    self._begun.add(entry.values)
+                except OSError as error:
+                    self._fail(error)
+            self._waiting.put(entry)
 
     def _recall(self, name: str) -> tuple[str, list[Past]]:
         """Return the robot's emergency stop and its commands, the oldest first."""
@@ -242,8 +228,9 @@ class Journal:
                 entries.append(further)
             with self._using:
                 self._commit(entries)
-            for each in entries:
-                each.written()
+            with self._adding:
+                if self._begun is not None and self._waiting.empty() and not self.problem:
+                    self._begun.clear()
 
     def _commit(self, entries: Sequence[Entry]) -> None:
         """Write entries; what the disk does not take is told, once for each kind of trouble."""

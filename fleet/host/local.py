@@ -9,8 +9,10 @@ from collections.abc import Callable
 
 from fleet.clock import Clock
 from fleet.errors import WireError
+from fleet.event_loop import OWNER
 from fleet.host.asks import Decoder, Kind
 from fleet.host.desk import EMERGENCY, Desk
+from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
 from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter
@@ -20,10 +22,9 @@ from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
-from fleet.host.wheel import OWNER, Wheel
+from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
-from fleet.model.health import Level
 from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
@@ -71,10 +72,11 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
-        can = capabilities(plugin)
+        self._can = can = capabilities(plugin)
+        self._limits = config.limits.over(can.limits)
         self._decoder = Decoder(
             config,
-            config.limits.over(can.limits),
+            self._limits,
             planar=can.limits.vertical_speed is None,
             home_altitude=lambda: self._seen.home_altitude,
         )
@@ -110,6 +112,7 @@ class LocalRobot:
         """Take a message. Its answers: the receipt, and the end when the asker waits; none to a reply."""
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+            ask = goal_of(ask, self._can, self._limits)
         except WireError as error:
             self._log.warning("refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
@@ -117,7 +120,7 @@ class LocalRobot:
             return
         if ask is None:
             return
-        ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
+        ticket = Ticket(ask.name, answer, waits=waits)
         self._context.run(self.desk.receive, ask, ticket)
 
     def _tell_failed(self, action_id: str, why: str) -> None:
@@ -171,6 +174,7 @@ class LocalRobot:
             stamp=self._clock.time(),
             health=health.level.word,
             cause=health.cause,
+            reachable=not self.desk.offline,
             simulated=self.config.simulated,
             worker=self._worker,
             mode=self._seen.mode,
@@ -216,7 +220,7 @@ class LocalRobot:
 
     def _health_changed(self) -> None:
         """Say on the telemetry channel when the robot comes and goes."""
-        online = self.runner.health.level < Level.OFFLINE
+        online = not self.desk.offline
         if online != self._online:
             self._online = online
             kind = "connected" if online else "disconnected"

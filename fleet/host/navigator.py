@@ -167,7 +167,7 @@ class Navigator:
         """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
-            await self._journal.begin(action.id, "navigate", action=True)
+            self._journal.note(action.id, "navigate", action=True)
             await self._ready()
             await walled(lambda: self._follow(who, action))
             if self._is_current():

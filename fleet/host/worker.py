@@ -15,12 +15,14 @@ import signal
 import sys
 from pathlib import Path
 
+from fleet import event_loop
 from fleet.bus import keys
 from fleet.bus.session import join
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
@@ -44,7 +46,8 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     ]
     edge = loaded.config.edge.id
     clock = SystemClock()
-    journal = Journal(state_folder(edge, loaded.config.edge.spool.path), clock)
+    folder = state_folder(edge, loaded.config.edge.spool.path)
+    journal = Journal(folder, clock, begun_file(directory, edge, name))
     process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name)
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -82,7 +85,7 @@ def main() -> int:
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        asyncio.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        event_loop.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

@@ -91,7 +91,7 @@ def bridge(make_bridge, port):
 
 def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
-    bridge.turn()
+    list(bridge.turn())
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
@@ -99,7 +99,7 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
     monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
-    bridge.turn()
+    list(bridge.turn())
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):

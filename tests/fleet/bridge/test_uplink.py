@@ -44,7 +44,8 @@ class Bench:
 
     def turn(self, seconds=TICK):
         self.now += seconds
-        self.uplink.turn(self.now)
+        for _ in self.uplink.turn(self.now):
+            pass
 
     def run(self, seconds):
         for _ in range(round(seconds / TICK)):
@@ -283,8 +284,7 @@ def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, 
     thread = threading.Thread(target=arrive)
     thread.start()
     while not done.is_set():
-        bench.now += 1.0
-        bench.uplink.turn(bench.now)
+        bench.turn(1.0)
     thread.join(DEADLINE)
     bench.run(0.1)
     assert bench.of("position")[-1][1]["position"]["x"] == 2.0

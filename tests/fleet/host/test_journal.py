@@ -2,13 +2,12 @@
 
 import asyncio
 import signal
-import sqlite3
 import subprocess
 import sys
 
 import pytest
 
-from fleet.host.journal import LOST, REMEMBERED, Journal, Past, RobotJournal
+from fleet.host.journal import LOST, REMEMBERED, Journal, Past
 from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
 from fleet.spool.place import JOURNAL
@@ -30,7 +29,7 @@ def opened(tmp_path, clock):
     def opened():
         while journals:
             journals.pop().close()
-        journals.append(Journal(tmp_path, clock))
+        journals.append(Journal(tmp_path, clock, tmp_path / "begun.main"))
         return journals[-1]
 
     yield opened
@@ -76,18 +75,18 @@ async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted
     assert answer.reason.startswith("it was begun before the edge restarted and was not seen to end")
 
 
-async def test_a_command_is_on_disk_before_its_method_is_called(tmp_path, restarted, asks):
+async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clock, restarted, asks):
     bench = restarted()
     seen = []
 
     async def land():
-        with sqlite3.connect(tmp_path / JOURNAL) as other:
-            seen.extend(other.execute("SELECT identity, outcome FROM begun"))
-        other.close()
+        journal = Journal(tmp_path, clock, tmp_path / "begun.other")
+        seen.extend(journal.robot("rex").past)
+        journal.close()
 
     bench.puppet.land = land
     await ended(bench.ask(asks.command("land", id="r1")))
-    assert seen == [("r1", "")]
+    assert [(past.identity, past.outcome) for past in seen] == [("r1", "")]
 
 
 async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, asks):
@@ -157,7 +156,7 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(t
 
 async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, make_bench, asks):
     (tmp_path / "file").write_text("in the way")
-    journal = Journal(tmp_path / "file", clock)
+    journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
     assert "cannot make" in journal.problem
     bench = make_bench(journal=journal.robot("rex"))
     await ended(bench.ask(asks.command("land", id="r1")))
@@ -178,32 +177,37 @@ def test_a_disk_that_fills_up_is_told_and_one_that_is_well_again_too(opened, ask
     assert journal.problem == ""
 
 
-@pytest.mark.parametrize(("name", "told"), [("shy", []), ("land", ["land"])])
-async def test_a_disk_that_hangs_withholds_commands_but_not_safe_ones(
-    monkeypatch, make_bench, asks, name, told
-):
-    monkeypatch.setattr("fleet.host.journal.WRITTEN_WITHIN", 0.01)
-    bench = make_bench(journal=RobotJournal("rex", lambda _entry: None, clock=ManualClock()))
-    answers = bench.ask(asks.command(name, id="r1"))
-    await ended(answers)
-    assert bench.puppet.told == told
-    if not told:
-        assert "the disk did not take shy into the journal" in answers[0].reason
+def test_what_the_disk_has_is_no_longer_kept_in_memory(tmp_path, opened):
+    journal = opened()
+    for number in range(100):
+        journal.robot("rex").note(f"r{number}", "land")
+    opened()
+    assert (tmp_path / "begun.main").read_bytes() == b""
+    assert len(opened().robot("rex").past) == 100
+
+
+def test_half_a_line_of_a_process_that_was_killed_is_none(tmp_path, opened):
+    (tmp_path / "begun.arm").write_bytes(b'["rex","r1","land",false,2e9]\n["rex","r2","la')
+    (tmp_path / "begun.main").write_bytes(b'["rex","r3","land",false,3e9]\n')
+    assert [past.identity for past in opened().robot("rex").past] == ["r1", "r3"]
 
 
 KILLED = """
-import asyncio, os, signal, sys
+import os, signal, sys
 from pathlib import Path
-from fleet.clock import SystemClock
+from fleet.testing.clock import ManualClock
 from fleet.host.journal import Journal
 
-async def main():
-    rex = Journal(Path(sys.argv[1]), SystemClock()).robot("rex")
+def main():
+    folder = Path(sys.argv[1])
+    rex = Journal(folder, ManualClock(), folder / "begun.main").robot("rex")
     rex.latch("asked by anna")
-    await rex.begin("r1", "takeoff")
+    while not Journal(folder, ManualClock(), folder / "begun.other").robot("rex").latched:
+        pass
+    rex.note("r1", "takeoff")
     os.kill(os.getpid(), signal.SIGKILL)
 
-asyncio.run(main())
+main()
 """
 
 
@@ -212,16 +216,17 @@ def test_a_killed_process_leaves_what_it_began_and_its_stop(tmp_path, opened):
     assert run.returncode == -signal.SIGKILL
     rex = opened().robot("rex")
     assert rex.latched == "asked by anna"
+    assert [past.identity for past in rex.past] == ["r1"]
 
 
 def test_two_processes_write_one_journal(tmp_path, clock):
-    first, second = Journal(tmp_path, clock), Journal(tmp_path, clock)
+    first, second = (Journal(tmp_path, clock, tmp_path / f"begun.{name}") for name in ("main", "arm"))
     for number in range(50):
         first.robot("rex").note(f"a{number}", "land")
         second.robot("max").note(f"b{number}", "land")
     first.close()
     second.close()
-    third = Journal(tmp_path, clock)
+    third = Journal(tmp_path, clock, tmp_path / "begun.main")
     assert (len(third.robot("rex").past), len(third.robot("max").past)) == (50, 50)
     third.close()
 
