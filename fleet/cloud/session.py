@@ -79,6 +79,7 @@ class Session:
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[Message] = []
         self._outcomes: list[tuple[Outgoing, Outcome]] = []
+        self._answers: list[tuple[Outgoing, Outcome]] = []
         self._timed: tuple[int, float] | None = None
         self._told: set[str] = set()
         self._handlers: dict[type, Callable[[Any, float], None]] = {
@@ -151,12 +152,20 @@ class Session:
     def end(self) -> None:
         """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
+        self._settle()
         self._outbox.go_offline(self._inflight.values())
         self._inflight.clear()
         self._stats.inflight = 0
 
+    def _settle(self) -> None:
+        """Tell the spool what became of messages, many at once: each time costs it a lock."""
+        if self._answers:
+            answers, self._answers = self._answers, []
+            self._outbox.spool.settle(answers)
+
     def _next_batch(self, now: float) -> list[Outgoing]:
         """Take from the outbox what the broker's window has room for."""
+        self._settle()
         room, reserve = self._window - len(self._inflight), self._window // _RESERVE
         return self._outbox.take(now, window=room, reserve=reserve, size=_BATCH)
 
@@ -207,7 +216,7 @@ class Session:
         self._stats.acked += outcome is Outcome.ACKED
         self._stats.held += outcome is Outcome.HELD
         if message.qos:
-            self._outbox.spool.settle(message, outcome)
+            self._answers.append((message, outcome))
         if outcome is not Outcome.HELD:
             self._outcomes.append((message, outcome))
 

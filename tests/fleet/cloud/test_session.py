@@ -168,6 +168,7 @@ def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     assert talk.outcomes() == [("t", outcome)]
     assert talk.stats.rtt == 0.5
     assert not talk.session.busy()
+    assert talk.send() == []
     assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
 
 
