@@ -69,16 +69,19 @@ class Hub:
         return parser
 
     def _route(self, frame: Frame, address: Address) -> None:
-        """Give a message to its vehicle; only autopilots count, and only acks that are meant for us."""
-        message = frame.message
-        if frame.component != AUTOPILOT or frame.system == 0:
+        """Give a message to its vehicle; only autopilots are vehicles, and only acks for us count."""
+        message, flies = frame.message, frame.component == AUTOPILOT
+        if frame.system == 0:
             return
-        if isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
+        if flies and isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
             self._heard.add(frame.system)
         vehicle = self._vehicles.get(frame.system)
         if vehicle is None or (isinstance(message, CommandAck) and not self._is_for_us(message)):
             return
-        vehicle.take(message, address)
+        if flies:
+            vehicle.take(message, address)
+        else:
+            vehicle.take_part(frame.component, message)
 
     def _is_for_us(self, ack: CommandAck) -> bool:
         """Return whether an acknowledgement answers us; 0 is said by those who do not tell."""
