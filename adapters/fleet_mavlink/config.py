@@ -55,6 +55,10 @@ class MavlinkConfig(AdapterConfig):
         5.0, ge=1, le=120, description="Metres above home for a take-off that does not say."
     )
 
+    allow_kill: bool = Field(
+        False, description="Allow the command kill, which stops the motors in the air too: it falls."
+    )
+
     def identity(self) -> str:
         """Return what makes this the same machine as another entry: the link and the system id."""
         if self.simulated:

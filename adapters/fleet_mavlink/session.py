@@ -7,15 +7,20 @@ from collections.abc import Awaitable
 
 from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Robot, Vector3
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import PERIOD, Driver
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
+from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.hub import Hub
+from fleet_mavlink.logs import Logs
 from fleet_mavlink.messages import Message
 from fleet_mavlink.navigation import Navigator
+from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
@@ -51,6 +56,12 @@ class Session:
             spawn=self._spawn,
         )
         self.navigator = Navigator(self.flight, limits)
+        self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.logs = Logs(vehicle)
+        self.compass = Compass(self.flight)
+        station = (config.own_system, config.own_component)
+        self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
+        self.camera = Camera(vehicle, self.commander.timing)
         self.streams = Streams(vehicle, self.commander, config.rates.pose)
         self._reporter = Reporter(vehicle, config.rates, robot, self.origin)
         vehicle.on_heartbeat = self._heartbeat
@@ -94,6 +105,12 @@ class Session:
             return
         if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
             await self.flight.hold()
+
+    async def kill(self) -> None:
+        """Stop the motors at once; whatever is under way ends, and nothing more is streamed."""
+        self.commander.supersede("kill")
+        self.driver.end()
+        await self.flight.kill()
 
     def halt(self) -> None:
         """Write what stops the vehicle now; from any thread. The next tick goes on from there.

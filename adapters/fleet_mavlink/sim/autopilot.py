@@ -72,6 +72,7 @@ class Autopilot(ABC):
     obeys_broadcast: ClassVar[bool] = False
     ack_delay: ClassVar[float] = 0.0
     ack_queue: ClassVar[int] = 1000
+    without_gimbal: ClassVar[int | None]  # its answer to a gimbal's commands; None: it gives none
 
     def __init__(self, boot: Boot, mode: Mode) -> None:
         self.system_id = boot.system_id
