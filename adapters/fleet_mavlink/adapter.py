@@ -24,6 +24,7 @@ from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.session import Session
+from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.launch import SimProcess, SimSpec
 from fleet_mavlink.upkeep import UpkeepCommands
 
@@ -53,7 +54,10 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
                     lambda: open_hub(url, robot.clock, config.own_system, config.own_component),
                 )
             )
-            vehicle = stack.enter_context(hub.vehicle(config.system_id))
+            key = config.signing_key
+            signer = Signer(key_of(key.get_secret_value()), robot.clock.time) if key else None
+            claim = hub.vehicle(config.system_id, signer, accept_unsigned=config.accept_unsigned)
+            vehicle = stack.enter_context(claim)
             self._session = Session(config, config.limits.over(self.limits), hub, vehicle, robot)
             losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
             try:

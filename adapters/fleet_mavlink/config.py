@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, SecretStr
 
 from fleet import AdapterConfig, LinkRefused
 from fleet.link.url import parse
@@ -55,6 +55,15 @@ class MavlinkConfig(AdapterConfig):
         5.0, ge=1, le=120, description="Metres above home for a take-off that does not say."
     )
 
+    signing_key: SecretStr | None = Field(
+        None,
+        min_length=8,
+        description="Key of MAVLink 2 signing, as !secret: a passphrase, or 64 hex digits. What the vehicle "
+        "sends must then be signed with it.",
+    )
+    accept_unsigned: bool = Field(
+        False, description="Believe unsigned frames too, until the command setup_signing gave it the key."
+    )
     allow_kill: bool = Field(
         False, description="Allow the command kill, which stops the motors in the air too: it falls."
     )

@@ -62,6 +62,11 @@ class UpkeepCommands(SessionAdapter):
         """Stop the calibration of the compass; nothing of it is kept."""
         await self._open().compass.stop()
 
+    @command("setup_signing", timeout=15.0, moves=False)
+    async def setup_signing(self) -> None:
+        """Give the autopilot our signing key, over a link that nobody else hears; it signs from then on."""
+        await self._open().setup_signing()
+
     @command("reboot", "reboot_aircraft")
     async def reboot(self) -> None:
         """Restart the autopilot; refused while it is armed."""

@@ -19,6 +19,7 @@ from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
 from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
+from fleet_mavlink.trust import Trust
 from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
@@ -34,8 +35,15 @@ class Vehicle:
     what it says, before those who wait for a state are woken.
     """
 
-    def __init__(self, system: int, clock: Clock, send: Callable[[Message, Address], None]) -> None:
+    def __init__(
+        self,
+        system: int,
+        clock: Clock,
+        send: Callable[[Message, Address], None],
+        trust: Trust | None = None,
+    ) -> None:
         self.system = system
+        self.trust = trust or Trust()
         self.clock = clock
         self.state = VehicleState()
         self.address: Address = None
@@ -111,6 +119,7 @@ class Vehicle:
             if not self.clashing:
                 _LOG.error("two vehicles use system id %s: at %s and %s", self.system, self.address, address)
             self._clash_at = now
+            self.trust.counts["messages of a second vehicle with this id"] += 1
             return False
         self._heard_at = now
         return True

@@ -53,12 +53,26 @@ class Wire:
         for message in self._parser.parse_buffer(data) or ():
             if message.get_type() == "BAD_DATA":
                 continue
+            if message.get_type() == "SETUP_SIGNING":
+                self._sign(message)
+                continue
             answers = [each.framed(said) for each in self._accessories if (said := each.asked(message, now))]
             if answers:
                 frames.extend(answers[0])
             else:
                 frames.extend(self._framed(self.vehicle.handle(message, now)))
         return frames
+
+    def _sign(self, message: Any) -> None:
+        """Take a key, as ArduPilot does while it is disarmed; PX4 has no signing. Never answered."""
+        meant = message.target_system == self.vehicle.system_id
+        if self.vehicle.flavour != "ardupilot" or self.vehicle.pilot.armed or not meant:
+            return
+        signs = any(message.secret_key)
+        for end in (self._parser, self._packer):
+            end.signing.secret_key = bytes(message.secret_key) if signs else None
+            end.signing.timestamp = message.initial_timestamp
+            end.signing.sign_outgoing = signs
 
     def _framed(self, messages: Iterable[Any]) -> list[bytes]:
         """Return the frames of the autopilot's messages."""
