@@ -10,7 +10,7 @@ from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport, Message
-from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
+from fleet_mavlink.payload_messages import EscTelemetry1To4, MagCalProgress, MagCalReport, RawImu
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import CUSTOM_MODE, MAG_CAL_SUCCESS, NAN, Cmd, Frame
@@ -62,6 +62,8 @@ class ArduCopter(Flavour):
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
     rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
+    imu: ClassVar[int] = RawImu.message_id
+    motors: ClassVar[int | None] = EscTelemetry1To4.message_id
     compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # kept by itself
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
     bytewise_parameters: ClassVar[bool] = False

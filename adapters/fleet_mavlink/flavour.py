@@ -47,6 +47,8 @@ class Flavour(ABC):
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
     rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
+    imu: ClassVar[int]  # the message with rates and acceleration
+    motors: ClassVar[int | None]  # the message with the motors' speeds
     compass_start: ClassVar[CommandLong]
     compass_stop: ClassVar[CommandLong]
     bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number

@@ -10,6 +10,7 @@ from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, Message
+from fleet_mavlink.payload_messages import HighresImu
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
@@ -52,6 +53,8 @@ class Px4(Flavour):
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     rates: ClassVar[Mapping[int, float]] = {}
+    imu: ClassVar[int] = HighresImu.message_id
+    motors: ClassVar[int | None] = None  # what it says of them is no speed
     compass_start: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION, param2=1.0)
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
     bytewise_parameters: ClassVar[bool] = True

@@ -10,7 +10,7 @@ from fleet_mavlink.authority import Authority
 from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
-from fleet_mavlink.config import MavlinkConfig
+from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.driving import PERIOD, Driver, require_connection
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
@@ -50,7 +50,7 @@ class Session:
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
         self.authority = Authority(self._authority_lost)
-        self.commander = Commander(vehicle, Timing())
+        self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
         self.driver = Driver(
             vehicle,
@@ -67,8 +67,11 @@ class Session:
         station = (config.own_system, config.own_component)
         self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
         self.camera = Camera(vehicle, self.commander.timing)
-        self.streams = Streams(vehicle, self.commander, config.rates.pose)
-        self._reporter = Reporter(vehicle, config.rates, robot, self.origin)
+        motors = config.rates.motors if config.motor_joints else 0.0
+        self.streams = Streams(
+            vehicle, self.commander, config.rates.pose, imu=config.rates.imu, motors=motors
+        )
+        self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)
         vehicle.on_heartbeat = self._heartbeat
         vehicle.on_sentence = self._sentence
 
@@ -78,6 +81,12 @@ class Session:
         if given is None:
             return origin_of(self.vehicle.state)
         return GeoOrigin(given.latitude, given.longitude, given.altitude, given.heading)
+
+    def counts(self) -> dict[str, int]:
+        """Return what was refused, or did not fit, on the way from the vehicle, by what it was."""
+        return dict(self.vehicle.trust.counts) | {
+            "frames with a wrong checksum on its link": self._hub.broken
+        }
 
     async def serve(self, *losses: Awaitable[None]) -> None:
         """Serve until one of ``losses`` raises, which is raised here."""
@@ -222,3 +231,8 @@ class Session:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
+
+
+def _timing(timeouts: Timeouts) -> Timing:
+    """Return how long commands wait, as the config says."""
+    return Timing(answer=timeouts.answer, tries=timeouts.tries, working=timeouts.working)

@@ -12,7 +12,7 @@ from fleet.errors import WireError
 from fleet.host.asks import Decoder, Kind
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.handle import Handle
-from fleet.host.make import AdapterClass, capabilities, make_adapter
+from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
@@ -69,7 +69,7 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
-        can = capabilities(plugin)
+        can = timed(capabilities(plugin), config)
         self._decoder = Decoder(
             config,
             config.limits.over(can.limits),
