@@ -51,9 +51,7 @@ def test_a_gimbal_that_looks_down_has_a_negative_pitch():
 
 def test_motors_turn_as_fast_as_is_told_and_their_angles_follow():
     motors, carried = Motors(("a", "b")), after(EscTelemetry1To4((60, 120, 0, 0)), now=1.0)
-    assert motors.report(carried, 1.0, 0.0).velocities == pytest.approx(
-        {"a": math.tau, "b": 2 * math.tau}
-    )
+    assert motors.report(carried, 1.0, 0.0).velocities == pytest.approx({"a": math.tau, "b": 2 * math.tau})
     assert motors.report(carried, 1.25, 0.0).positions == {
         "a": pytest.approx(math.tau / 4),
         "b": pytest.approx(math.tau / 2),
