@@ -17,6 +17,7 @@ from pathlib import Path
 
 import psutil
 
+PLUGINS = Path(__file__).parent / "plugins"
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
 
@@ -82,16 +83,27 @@ class Fleet:
 
 
 @contextlib.contextmanager
-def fleet(robots, broker):
-    """A ``fleet run`` of these robots."""
-    with tempfile.TemporaryDirectory(prefix="fb") as folder:
+def fleet(robots, broker, folder=None):
+    """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run."""
+    with contextlib.ExitStack() as stack:
+        folder = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         path = Path(folder) / "fleet.yaml"
         cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
-        path.write_text(json.dumps({"edge": {"id": "bench"}, "cloud": cloud, "robots": robots}))
+        file = {"edge": {"id": "bench"}, "cloud": cloud, "plugins": [str(PLUGINS)], "robots": robots}
+        path.write_text(json.dumps(file))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
-        environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
-        with process(*command, stdout=subprocess.PIPE, env=environment) as running:
-            yield Fleet(running)
+        environment = os.environ | {"FLEET_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
+        running = process(*command, stdout=subprocess.PIPE, env=environment)
+        yield Fleet(stack.enter_context(running))
+
+
+def puppets(number, **options):
+    """Robots that cost next to nothing (``bench/plugins/puppet.py``), in the edge's own process."""
+    names = [f"puppet-{each}" for each in range(number)]
+    return [
+        {"name": name, "twin": twin_of(name), "adapter": "puppet", "worker": "main", **options}
+        for name in names
+    ]
 
 
 def robot(number, port):

@@ -68,7 +68,7 @@ def adapter_of(url, profile=PROFILE):
 
 async def many():
     """Drive many bases at 20 Hz; measure the CPU of this process."""
-    wheel = Wheel(asyncio.get_running_loop())
+    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
     wheel.start()
     async with SimProcess() as simulator:
         urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
@@ -130,7 +130,7 @@ async def latency():
         tap([master for master, _ in pairs], told)
         os._exit(0)
     os.close(told)
-    wheel = Wheel(asyncio.get_running_loop())
+    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
     wheel.start()
     robots = [BenchRobot(wheel) for _ in pairs]
     adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
@@ -183,7 +183,7 @@ def drive_for_ever(url):
     """Drive in a forked child until it is killed."""
 
     async def drive():
-        wheel = Wheel(asyncio.get_running_loop())
+        wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         wheel.start()
         adapter = adapter_of(url)
         run = asyncio.create_task(adapter.run(BenchRobot(wheel)))

@@ -52,8 +52,9 @@ are NaN, infinity, numbers in quotes, a key that stands twice, more than 1 MiB, 
 
 VERBS_RULE = """\
 The verb fixes axis and sign; the magnitude is the absolute value of its own field, else of `linear_x`, else a
-default. A `distance` (m) without the own field makes it a displacement. A magnitude that is not a finite
-number is refused.
+default. A `distance` (m) without the own field makes it a displacement: the robot's own command where it
+declares the verb (`ascend`, `descend`), else a way that it goes like a goal, 0.1 m to what it does in 30 s.
+A magnitude that is not a finite number is refused.
 """
 
 SIGNED = """\

@@ -40,6 +40,7 @@ _SIZES = {
     "int64_t": 8,
     "double": 8,
 }
+_HEAD = struct.Struct("<BBBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
 _CRC_EXTRA: dict[int, int] = {number: kind.crc_extra for number, kind in dialect.mavlink_map.items()}
 
 
@@ -65,6 +66,14 @@ class _Layout:
         self._blank = list(self._packing.unpack(bytes(self._packing.size)))
         self._places = {name: _place(wire, index) for index, name in enumerate(wire.ordered_fieldnames)}
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
+        places = [place for _, place in self._wanted]
+        numbers = all(place.stop - place.start == 1 for place in places) and not self._has_text(wire)
+        self._indexes = tuple(place.start for place in places) if numbers else ()  # of plain numbers alone
+
+    def _has_text(self, wire: Any) -> bool:
+        """Return whether one of the wanted fields is a text."""
+        texts = dict(zip(wire.ordered_fieldnames, _texts(wire), strict=True))
+        return any(texts[name] for name, _ in self._wanted)
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
@@ -75,8 +84,12 @@ class _Layout:
     def encode(self, message: Message) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
         values = self._blank.copy()
-        for name, place in self._wanted:
-            values[place] = _wire_values(getattr(message, name))
+        if self._indexes:
+            for index, value in zip(self._indexes, msgspec.structs.astuple(message), strict=True):
+                values[index] = value
+        else:
+            for name, place in self._wanted:
+                values[place] = _wire_values(getattr(message, name))
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
 
 
@@ -149,16 +162,17 @@ def pack(message: Message, system: int, component: int, sequence: int, way: Way 
 
     Version 1 is spoken to who speaks it; a message that it does not have goes out in version 2.
     """
-    layout = _WRITE[message.message_id]
+    number = message.message_id
+    layout = _WRITE[number]
     payload = layout.encode(message)
-    if way.version == 1 and message.message_id <= _LAST_OF_1:
+    if way.version == 1 and number <= _LAST_OF_1:
         payload = payload.ljust(layout.base_size, b"\0")[: layout.base_size]
-        body = struct.pack("<BBBBB", len(payload), sequence & 0xFF, system, component, message.message_id)
-        return bytes([_MAGIC_1]) + body + payload + _checksum(body + payload, layout.crc_extra)
-    flags = _SIGNED if way.signer is not None else 0
-    head = struct.pack("<BBBBBB", len(payload), flags, 0, sequence & 0xFF, system, component)
-    body = head + message.message_id.to_bytes(3, "little") + payload
-    frame = bytes([_MAGIC_2]) + body + _checksum(body, layout.crc_extra)
+        body = struct.pack("<BBBBB", len(payload), sequence & 0xFF, system, component, number) + payload
+        return bytes([_MAGIC_1]) + body + _checksum(body, layout.crc_extra)
+    flags = 0 if way.signer is None else _SIGNED
+    place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
+    frame = _HEAD.pack(_MAGIC_2, len(payload), flags, 0, *place) + payload
+    frame += _checksum(frame[1:], layout.crc_extra)
     return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -15,8 +15,11 @@ from fleet.cloud.client import CloudClient
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
 from fleet.model.report import TelemetryReport
+from fleet.spool.losses import Gap
+from fleet.spool.spool import Spool
 from fleet.wire.health import edge_health
 from fleet.wire.reports import to_mqtt
+from fleet.wire.rules import Traffic, rule_of
 from fleet.wire.topics import Topics
 
 log = logging.getLogger(__name__)
@@ -28,6 +31,7 @@ class Bridge:
     """Everything between the bus and one broker.
 
     ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers.
+    ``spool`` keeps what is durable; it is closed with the bridge.
     """
 
     def __init__(
@@ -40,6 +44,7 @@ class Bridge:
         soon: Callable[[Callable[[], None]], None],
         alive: Callable[[str], bool],
         clock: Clock,
+        spool: Spool | None = None,
     ) -> None:
         self._edge = edge
         self._topics = topics
@@ -47,6 +52,8 @@ class Bridge:
         self._clock = clock
         self._alive = alive
         self._queued = False
+        self._soon = soon
+        self._kinds: dict[str, Traffic] = {}
         self._began = clock.monotonic()
         session = settings.client_id or client_id("fleet", simulated=False)
         subscriptions: dict[str, int] = {}
@@ -59,6 +66,7 @@ class Bridge:
             on_message=self._arrived,
             on_state=self._state_changed,
             clock=clock,
+            spool=spool,
         )
         twins = {twin: TwinInfo(port.name, port.source_type) for twin, port in ports.items()}
         self.uplink = Uplink(topics, twins, session=session, publish=self._publish, alive=alive)
@@ -74,9 +82,9 @@ class Bridge:
             self._say(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
-    def turn(self) -> None:
-        """Publish what is due; at the end of each turn of the wheel."""
-        self.uplink.turn(self._clock.monotonic())
+    def turn(self) -> Iterator[None]:
+        """Publish what is due, step by step; at the end of each turn of the wheel."""
+        yield from self.uplink.turn(self._clock.monotonic())
         if self._queued:  # a wake-up of the cloud's thread costs more than a message
             self._queued = False
             self.client.flush()
@@ -94,6 +102,9 @@ class Bridge:
                 extra=extra,
             )
             self.client.publish(self._topics.twin(twin, "edge_health"), payload)
+        if self.client.state is CloudState.CONNECTED:
+            for gap in self.client.spool.take_gaps():
+                self._tell_gap(gap)
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
@@ -116,7 +127,28 @@ class Bridge:
     def _publish(self, topic: str, payload: bytes, qos: int) -> bool:
         """Queue for the next flush."""
         self._queued = True
-        return self.client.publish(topic, payload, qos=qos)
+        if not qos:
+            return self.client.publish(topic, payload)
+        kind = self._kinds.get(topic)
+        if kind is None:
+            kind = self._kinds[topic] = self._kind(topic)
+        return self.client.publish(topic, payload, qos=qos, traffic=kind)
+
+    def _kind(self, topic: str) -> Traffic:
+        """Return how much what is durable on a topic matters."""
+        parsed = self._topics.parse(topic)
+        rule = rule_of(parsed.leaf) if parsed else None
+        return rule.traffic if rule and rule.traffic.durable else Traffic.EVENT
+
+    def _tell_gap(self, gap: Gap) -> None:
+        """Say on the twin's telemetry that messages of a topic were lost."""
+        parsed = self._topics.parse(gap.topic)
+        port = self._ports.get(parsed.twin) if parsed else None
+        if parsed is None or port is None:
+            return
+        fields = {"leaf": parsed.leaf, "reason": gap.reason, "lost": gap.lost, "since": gap.since}
+        log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.leaf, gap.reason)
+        self._say(port, "gap", {**fields, "until": gap.until})
 
     def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish an answer at once."""
@@ -126,7 +158,7 @@ class Bridge:
             qos=1,
             correlation=correlation,
             content_type="application/json",
-            urgent=True,
+            traffic=Traffic.REPLY,
         )
 
     def _arrived(self, messages: list[Message]) -> None:
@@ -138,8 +170,15 @@ class Bridge:
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         level = logging.WARNING if fallen else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
-        if state is CloudState.CONNECTED and self.client.stats.connects > 1:
-            self._say_connected()
+        if state is CloudState.CONNECTED:
+            self._soon(self._say_newest)
+            if self.client.stats.connects > 1:
+                self._say_connected()
+
+    def _say_newest(self) -> None:
+        """Say how everything is now, before what waited meanwhile."""
+        self.uplink.say_newest(self._clock.monotonic())
+        self.client.flush()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
 from fleet.errors import WireError
+from fleet.model.report import Report
 from fleet.wire.databus import decode_report
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rules import Rule, rule_of, rule_of_channel
@@ -46,7 +47,7 @@ class _Slot:
         self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        self.sample = b""
+        self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
         self.credit = 0.0  # events that may go now
@@ -89,7 +90,7 @@ class Uplink:
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, bytes]] = deque(maxlen=WAITING)
+        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -99,8 +100,8 @@ class Uplink:
         self.dropped = 0
         self.refused = 0
 
-    def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample from the bus; any thread, never blocks."""
+    def arrived(self, key: str, sample: Report | bytes) -> None:
+        """Take a sample from the bus, or a report of this process; any thread, never blocks."""
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
             return
@@ -117,12 +118,13 @@ class Uplink:
             self.dropped += 1
         self._events.append((slot, sample))
 
-    def turn(self, now: float) -> None:
-        """Publish what is due at the monotonic time ``now``."""
+    def turn(self, now: float) -> Iterator[None]:
+        """Publish what is due at the monotonic time ``now``, one sample a step."""
         for _ in range(len(self._events)):
             slot, sample = self._events.popleft()
             if slot.takes_event(now):
                 self._send(slot, sample)
+                yield
             else:
                 self.dropped += 1
         for _ in range(len(self._fresh)):
@@ -131,12 +133,20 @@ class Uplink:
                 slot.fresh = False
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
             else:
                 self._fresh.append(slot)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
-            self._repeat(now)
+            yield from self._repeat(now)
             self._tell_dropped(now)
+
+    def say_newest(self, now: float) -> None:
+        """Publish now what is true of the robots that answer, whatever was sent before."""
+        for slot in self._repeated:
+            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+                slot.sent = now
+                self._send(slot, slot.sample)
 
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
@@ -145,18 +155,19 @@ class Uplink:
             self._told, self._next_tell = self.dropped, now + TELL_EVERY
             log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
-    def _repeat(self, now: float) -> None:
+    def _repeat(self, now: float) -> Iterator[None]:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
             due = slot.sample and not slot.refused and now - slot.sent >= slot.repeat - REPEAT_LOOK / 2
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
 
-    def _send(self, slot: _Slot, sample: bytes) -> None:
+    def _send(self, slot: _Slot, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
         try:
-            report = decode_report(slot.channel, sample)
+            report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
             source_type = self._twins[slot.twin].source_type
             messages = to_mqtt(report, source_type=source_type, session=self._session)
         except WireError as error:

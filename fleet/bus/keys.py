@@ -7,6 +7,7 @@ key                                    what
 ``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
 ``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
+``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
@@ -45,6 +46,11 @@ def worker(edge_id: str, name: str) -> str:
 def heartbeat(edge_id: str, name: str) -> str:
     """Return the key on which a worker's event loop shows that it turns."""
     return f"fleet/{edge_id}/workers/{name}/beat"
+
+
+def halt(edge_id: str, name: str) -> str:
+    """Return the key on which a worker that is given up is told to halt its robots."""
+    return f"fleet/{edge_id}/workers/{name}/halt"
 
 
 def health(edge_id: str) -> str:

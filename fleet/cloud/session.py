@@ -1,7 +1,7 @@
 """One MQTT session as a pure machine: packets and time in, packets and outcomes out; no I/O, no clock.
 
 A session lives as long as its network connection (clean start, session expiry 0). What was sent and not
-acknowledged goes back to the outbox when it ends; the next session sends it again, in order, as duplicates.
+acknowledged goes back to the spool when it ends; the next session sends it again, in order, as duplicates.
 """
 
 from __future__ import annotations
@@ -14,15 +14,20 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
-from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
-from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message, Outcome
+from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
+from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
-WINDOW = 100
-"""Most QoS 1 messages under way at once, both ways."""
+WINDOW = 400
+"""Most QoS 1 messages of ours under way at once, where the broker does not want less (Receive Maximum)."""
+UNTOLD_WINDOW = 100
+"""The same over MQTT 3.1.1, where a broker cannot say what it can take and drops what is too much."""
+INBOUND = 100
+"""Most messages that the broker may have under way to us."""
 _RESERVE = 8
 """Part (one in so many) of the window that only urgent messages may use."""
 _FILTERS = 64
@@ -33,6 +38,7 @@ _BATCH = 256 * 1024
 _OUTCOMES = {
     int(mqtt5.PubAckReasonCode.SUCCESS): Outcome.ACKED,
     int(mqtt5.PubAckReasonCode.NO_MATCHING_SUBSCRIBERS): Outcome.HELD,
+    int(mqtt5.PubAckReasonCode.QUOTA_EXCEEDED): Outcome.HELD,
 }
 """By reason code of PUBACK; every other code is a refusal. The codec's own codes cannot be hashed."""
 
@@ -73,6 +79,7 @@ class Session:
         self._messages: list[Message] = []
         self._outcomes: list[tuple[Outgoing, Outcome]] = []
         self._timed: tuple[int, float] | None = None
+        self._told: set[str] = set()
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
@@ -92,7 +99,7 @@ class Session:
             password=None if chosen.password is None else chosen.password.encode(),
             clean_start=True,
             keep_alive=chosen.keepalive,
-            receive_max=WINDOW,
+            receive_max=INBOUND,
             max_packet_size=PAYLOAD_LIMIT,
             will=mqtt5.Will(will.topic, payload=will.payload, qos=mqtt5.QoS(will.qos)) if will else None,
         )
@@ -135,13 +142,13 @@ class Session:
         return sent
 
     def busy(self) -> bool:
-        """Tell whether messages wait or are not acknowledged yet."""
-        return bool(self._inflight or len(self._outbox))
+        """Tell whether messages could be sent or are not acknowledged yet."""
+        return bool(self._inflight) or not self._outbox.idle
 
     def end(self) -> None:
-        """Give what was not acknowledged back to the outbox."""
+        """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
-        self._outbox.put_back(self._inflight.values())
+        self._outbox.go_offline(self._inflight.values())
         self._inflight.clear()
         self._stats.inflight = 0
 
@@ -180,15 +187,25 @@ class Session:
 
     def _refuse(self, message: Outgoing, why: str) -> bytes:
         """Note that a message cannot be sent; return the nothing that is written for it."""
-        logger.warning("a message to %s cannot be sent: %s", message.topic, why)
+        self._tell(why, "a message to %s cannot be sent: %s", message.topic, why)
         self._done(message, Outcome.REFUSED)
         return b""
 
+    def _tell(self, reason: str, text: str, *values: object) -> None:
+        """Warn of a refusal, the first of each reason in this session; all are counted."""
+        level = logging.DEBUG if reason in self._told else logging.WARNING
+        self._told.add(reason)
+        logger.log(level, text, *values)
+
     def _done(self, message: Outgoing, outcome: Outcome) -> None:
-        """Note what became of a message."""
+        """Note what became of a message; one that is held is sent again."""
         self._stats.refused += outcome is Outcome.REFUSED
-        self._stats.acked += outcome in (Outcome.ACKED, Outcome.HELD)
-        self._outcomes.append((message, outcome))
+        self._stats.acked += outcome is Outcome.ACKED
+        self._stats.held += outcome is Outcome.HELD
+        if message.qos:
+            self._outbox.spool.settle(message, outcome)
+        if outcome is not Outcome.HELD:
+            self._outcomes.append((message, outcome))
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""
@@ -199,7 +216,8 @@ class Session:
         self.connected = True
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
-        self._window = min(packet.receive_max, WINDOW)
+        most = WINDOW if self._settings.protocol == 5 else UNTOLD_WINDOW
+        self._window = min(packet.receive_max, most)
         wanted = list(self._subscriptions.items())
         for start in range(0, len(wanted), _FILTERS):
             self._subscribe(wanted[start : start + _FILTERS])
@@ -242,7 +260,7 @@ class Session:
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""
         if identifier not in self._half_received:
-            if len(self._half_received) >= WINDOW:
+            if len(self._half_received) >= INBOUND:
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
                 raise SessionEnded("the broker has too many QoS 2 messages under way", code)
             self._half_received.add(identifier)
@@ -281,7 +299,8 @@ class Session:
             return
         outcome = _OUTCOMES.get(int(packet.reason_code), Outcome.REFUSED)
         if outcome is Outcome.REFUSED:
-            logger.warning("the broker refuses a message to %s: %s", message.topic, packet.reason_code.name)
+            why = packet.reason_code.name
+            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
         self._done(message, outcome)
 
     def _on_disconnect(self, packet: mqtt5.DisconnectPacket, _now: float) -> None:

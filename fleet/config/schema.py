@@ -69,16 +69,52 @@ def _stays_here(locator: str) -> bool:
     return is_local(address.partition("?")[0].partition("#")[0].rpartition(":")[0])
 
 
+def _beside(path: Path, info: ValidationInfo) -> Path:
+    """Take a path as seen from the folder of fleet.yaml, or from the user's home; it need not exist."""
+    folder: Path = (info.context or {}).get("folder", Path())
+    return folder / path.expanduser()
+
+
 ExistingPath = Annotated[Path, AfterValidator(_existing)]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
+StatePath = Annotated[Path, AfterValidator(_beside)]
 Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(_locator)]
+
+
+Age = Annotated[float, Field(gt=0, le=30 * 86400, allow_inf_nan=False)]
+
+
+class SpoolAges(Model):
+    """How long what the cloud has not taken is worth keeping, in seconds; older is dropped, and told."""
+
+    reply: Age = Field(60.0, description="Answers to commands.")
+    status: Age = Field(86400.0, description="The status of actions.")
+    event: Age = Field(86400.0, description="Events and logs.")
+
+
+class SpoolConfig(Model):
+    """What outlives the edge: messages that the cloud has not taken yet, and what safety must remember."""
+
+    path: StatePath | None = Field(
+        None,
+        description="Folder, for this edge alone. Left out: fleet/<edge id> in XDG_STATE_HOME, "
+        "else in ~/.local/state.",
+    )
+    size: int = Field(
+        256,
+        ge=16,
+        le=65536,
+        description="Most MiB on disk; beyond it the least important and oldest is dropped, and told.",
+    )
+    ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by what they are.")
 
 
 class EdgeConfig(Model):
     """The computer that this file is for."""
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
+    spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
 
 
 class CloudConfig(Model):

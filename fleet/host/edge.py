@@ -20,14 +20,18 @@ from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.begun import begun_file
+from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
-from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.settings import bus_settings, cloud_settings, spool_settings, topics, worker_of
 from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.spool.place import state_folder
+from fleet.spool.spool import Spool
 from fleet.version import __version__
 
 log = logging.getLogger(__name__)
@@ -50,7 +54,10 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), clock=clock)
+            folder = state_folder(config.edge.id, config.edge.spool.path)
+            journal = Journal(folder, clock, begun_file(directory, config.edge.id))
+            undo.callback(journal.close)
+            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), journal=journal, clock=clock)
             self.remote = self._remote(loaded)
             self._workers = [
                 self._worker(name, path, directory)
@@ -110,7 +117,8 @@ class Edge:
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
-                self.bridge.turn()
+                for _ in self.bridge.turn():
+                    pass
                 await asyncio.to_thread(self.bridge.close)
             stop_logs()
             self.bus.close()
@@ -123,7 +131,8 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        health = edge_health(states, [cloud])
+        problems = (self.bus.problem, self.process.journal.problem)
+        health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         stats = self.bridge.client.stats if self.bridge else None
         return EdgeState(
@@ -134,6 +143,7 @@ class Edge:
             health=health.level.word,
             cause=health.cause,
             robots=robots_by_health(states),
+            bus="alone" if problems[0] else "ok",
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
@@ -174,6 +184,7 @@ class Edge:
             soon=self._soon,
             alive=self._alive,
             clock=self._clock,
+            spool=Spool(spool_settings(self._config), self._clock),
         )
 
     def _declare(self) -> None:
@@ -181,7 +192,8 @@ class Edge:
         edge = self._config.edge.id
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
+            self.process.outbox.bridge = self.bridge.uplink.arrived
+            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -216,7 +228,8 @@ class Edge:
     def _cloud_health(self) -> Health:
         """Return how the cloud's connection is."""
         if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
-            return Health()
+            problem = self.bridge.client.spool.problem if self.bridge else ""
+            return Health(Level.DEGRADED, problem) if problem else Health()
         client = self.bridge.client
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
@@ -224,7 +237,7 @@ class Edge:
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
-        return robot is not None and robot.state().health in (Level.OK.word, Level.DEGRADED.word)
+        return robot is not None and robot.state().reachable
 
     def _worker_is(self, worker: str, cause: str) -> None:
         """Pass on what is wrong with a worker to its robots."""
@@ -233,10 +246,13 @@ class Edge:
                 robot.worker_is(cause)
 
     def _halt_worker(self, worker: str) -> None:
-        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
-        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
-        stop = keys.stop(self._config.edge.id)
-        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
+        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
+
+
+def _degraded(problem: str) -> Health:
+    """Return the health of something that works with a problem, or without."""
+    return Health(Level.DEGRADED, problem) if problem else Health()
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:

@@ -126,7 +126,7 @@ class RemoteRobot:
             ask = self._decoder.decode(kind, payload, way=Way.BUS)
         except WireError as error:  # the worker refuses it, with the reason
             return getattr(error, "command", "") or kind
-        return None if ask is None else getattr(ask, "name", "navigate")
+        return None if ask is None else ask.name
 
     def worker_is(self, cause: str) -> None:
         """Note what is wrong with the worker; empty when it runs."""
@@ -139,7 +139,11 @@ class RemoteRobot:
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
             return self._state
         return msgspec.structs.replace(
-            self._state, health=Level.OFFLINE.word, cause=self._cause, stamp=self._clock.time()
+            self._state,
+            health=Level.OFFLINE.word,
+            cause=self._cause,
+            reachable=False,
+            stamp=self._clock.time(),
         )
 
     def _state_arrived(self, _key: str, payload: bytes) -> None:

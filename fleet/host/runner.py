@@ -222,7 +222,9 @@ class Runner:
         """Take the adapter's own word of how the way to the robot is."""
         if self._leaving:
             return
-        if health.level >= Level.OFFLINE:
+        if health.level is Level.FAULT:
+            self.desk.faulted(health.cause)
+        elif health.level is Level.OFFLINE:
             self.desk.lost(health.cause)
         else:
             self.desk.found()

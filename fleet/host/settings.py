@@ -12,6 +12,9 @@ from fleet.cloud.values import CloudSettings
 from fleet.config.schema import CloudConfig, FleetConfig
 from fleet.registry import Plugin
 from fleet.robot_config import AdapterConfig
+from fleet.spool.place import state_folder
+from fleet.spool.spool import SpoolSettings
+from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics, prefix_from
 
 MAIN = "main"
@@ -72,6 +75,19 @@ def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
         client_id=client_id("fleet", simulated=simulated),
         protocol=cloud.protocol,
         keepalive=cloud.keepalive,
+    )
+
+
+def spool_settings(config: FleetConfig) -> SpoolSettings:
+    """Return where and how much of what the cloud has not taken is kept."""
+    spool = config.edge.spool
+    ages = {
+        Traffic.REPLY: spool.ages.reply,
+        Traffic.STATUS: spool.ages.status,
+        Traffic.EVENT: spool.ages.event,
+    }
+    return SpoolSettings(
+        folder=state_folder(config.edge.id, spool.path), size=spool.size * 1024 * 1024, ages=ages
     )
 
 

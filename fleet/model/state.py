@@ -8,7 +8,11 @@ from fleet.model.geometry import Vector3
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``."""
+    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
+
+    ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
+    from it.
+    """
 
     name: str
     twin: str
@@ -17,6 +21,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     stamp: float
     health: str = "offline"
     cause: str = ""
+    reachable: bool = False
     simulated: bool = False
     worker: str = ""
     mode: str = ""

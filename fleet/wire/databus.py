@@ -246,6 +246,14 @@ def encode_report(report: Report, sequence: int) -> bytes:
     return b"".join((_FIXED.pack(_JSON_LENGTH, report.stamp, sequence), _JSON_HEADER, payload))
 
 
+def check_report(report: Report) -> None:
+    """Raise WireError for a report whose fields are not of their types: Python itself does not look."""
+    try:
+        msgspec.convert(msgspec.to_builtins(report), type(report))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise WireError(str(error), where=report.channel) from None
+
+
 def decode_report(channel: str, sample: bytes) -> Report:
     """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
     codec = _CODECS.get(channel)

@@ -34,6 +34,7 @@ from fleet.wire.strict import without_nulls
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
+ORIGIN, UNTURNED = Vector3(), Quaternion()
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 
 Body = dict[str, Any]
@@ -55,7 +56,7 @@ def to_mqtt(report: Report, *, source_type: str, session: str) -> list[tuple[str
 
 def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
     """Return a body with what all messages carry; nothing in the body can replace that."""
-    message = {**body, **envelope}
+    message = body | envelope
     if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
         del message["source_type"]
     return message
@@ -71,14 +72,14 @@ def _pose(report: PoseReport) -> Leaves:
 def _seen_vector(vector: Vector3) -> Body:
     """Return a position that the SDK's readers do not take for a missing one."""
     seen = _vector(vector)
-    if vector == Vector3():
+    if vector == ORIGIN:
         seen["x"] = NUDGE
     return seen
 
 
 def _seen_rotation(turn: Quaternion) -> Body:
     """Return a rotation that the SDK's readers do not take for a missing one."""
-    z = NUDGE if turn == Quaternion() else turn.z
+    z = NUDGE if turn == UNTURNED else turn.z
     return {"w": turn.w, "x": turn.x, "y": turn.y, "z": z}
 
 

@@ -89,6 +89,8 @@ class SimProcess:
         assert process.stdin is not None
         assert process.stdout is not None
         async with self._asking:
+            if process.stdin.is_closing():
+                raise LinkLost(f"the simulator ended with status {await process.wait()}")
             try:
                 process.stdin.write(msgspec.json.encode(line) + b"\n")
                 await process.stdin.drain()

@@ -27,6 +27,7 @@ class JointFeedback(NamedTuple):
     """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
 
     ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
+    ``restarted``: the drive has forgotten how it was configured.
     """
 
     angle: float = 0.0
@@ -36,14 +37,17 @@ class JointFeedback(NamedTuple):
     age: float = float("inf")
     temperature: float | None = None
     fault: str = ""
+    restarted: bool = False
 
 
 class JointDrive(Protocol):
     """Twelve drives on one or more buses. No method blocks but ``configure``.
 
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
-    each cycle until ``feedback`` says that all drives did it.
+    each cycle until ``feedback`` says that all drives did it. ``voltage`` is what the drives are fed with, V.
     """
+
+    voltage: float | None
 
     def configure(self) -> None:
         """Bring every drive into the state that the description wants and verify it by reading back.

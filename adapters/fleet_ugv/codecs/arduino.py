@@ -36,7 +36,6 @@ class ArduinoCodec(Codec):
     """One board; ``ticks``: encoder ticks a metre; ``servo`` for a robot that steers."""
 
     stop: ClassVar[bytes] = b"\rm 0 0\r"
-    longest: ClassVar[int] = 32
 
     def __init__(self, *, ticks: float, servo: Servo | None = None) -> None:
         self.garbage = 0

@@ -73,6 +73,8 @@ class SimProcess:
         if process is None or process.stdin is None or process.stdout is None:
             raise LinkLost("the simulator is not running")
         async with self._asking:
+            if process.stdin.is_closing():
+                raise LinkLost(f"the simulator ended with status {await process.wait()}")
             try:
                 process.stdin.write(msgspec.json.encode(line) + b"\n")
                 await process.stdin.drain()

@@ -75,10 +75,10 @@ class Bench:
 async def make_bench(make_config, request):
     async with contextlib.AsyncExitStack() as stack:
 
-        def make(profile="waveshare-beast", faults=None, **fields):
+        def make(profile="waveshare-beast", faults=None, firmware="ros", **fields):
             name = request.node.name.replace("[", ".").rstrip("]")
             machine = stack.enter_context(MemoryRobot(name))
-            board = board_of(SimSpec(profile, faults=faults or {}))
+            board = board_of(SimSpec(profile, faults=faults or {}, firmware=firmware))
             bench = Bench(
                 make_config(profile, f"memory:{name}", twin=str(uuid.uuid4()), **fields), machine, board
             )
@@ -106,6 +106,19 @@ async def test_every_base_drives_forward_reports_it_and_stops(make_bench, profil
     assert 0.1 < bench.board.physics.x < 0.35
     bench.adapter.halt()
     await bench.pass_time(1.0)
+    assert bench.board.physics.speeds == [0.0, 0.0]
+
+
+async def test_the_general_firmware_is_asked_until_it_speaks_and_again_after_it_restarted(make_bench):
+    bench = await make_bench("waveshare-rover", firmware="general").ready()
+    assert bench.board.timeout == 0.5
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(1.0)
+    assert bench.last(PoseReport).position.x == pytest.approx(bench.board.physics.x, abs=0.05)
+    assert bench.last(BatteryReport).voltage == 11.9
+    bench.board.set_fault("reset", 1.0)
+    await bench.pass_time(4.0)
+    assert (bench.health, bench.board.timeout) == (Level.OK, 0.5)
     assert bench.board.physics.speeds == [0.0, 0.0]
 
 

@@ -12,6 +12,7 @@ from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.testing.waiting import wait_until
+from fleet.wire.rules import Traffic
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -90,7 +91,7 @@ def bridge(make_bridge, port):
 
 def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
-    bridge.turn()
+    list(bridge.turn())
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
@@ -98,7 +99,7 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
     monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
-    bridge.turn()
+    list(bridge.turn())
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):
@@ -152,7 +153,9 @@ def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
 
 def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     rex.answers = lambda *_: Reply("land", ReplyStatus.ACCEPTED)
-    listener.client.publish(f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, urgent=True)
+    listener.client.publish(
+        f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, traffic=Traffic.REPLY
+    )
     wait_until("command and status are heard", lambda: len(listener.heard) >= 1)
     bridge.beat({})  # comes after the status on the same connection
     wait_until("the heartbeats are heard", lambda: [t for t, _ in listener.heard if "edge_health" in t])
@@ -176,6 +179,6 @@ def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_the
 def test_an_answer_does_not_wait_for_the_wheel(bridge, listener, rex):
     answered = threading.Event()
     rex.answers = lambda *_: answered.set() or Reply("land", ReplyStatus.REJECTED, "stale")
-    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, urgent=True)
+    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, traffic=Traffic.REPLY)
     assert answered.wait(60)
     wait_until("the status is heard", lambda: [m for _, m in listener.heard if m.get("reason") == "stale"])

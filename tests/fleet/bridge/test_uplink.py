@@ -44,7 +44,8 @@ class Bench:
 
     def turn(self, seconds=TICK):
         self.now += seconds
-        self.uplink.turn(self.now)
+        for _ in self.uplink.turn(self.now):
+            pass
 
     def run(self, seconds):
         for _ in range(round(seconds / TICK)):
@@ -283,8 +284,7 @@ def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, 
     thread = threading.Thread(target=arrive)
     thread.start()
     while not done.is_set():
-        bench.now += 1.0
-        bench.uplink.turn(bench.now)
+        bench.turn(1.0)
     thread.join(DEADLINE)
     bench.run(0.1)
     assert bench.of("position")[-1][1]["position"]["x"] == 2.0
@@ -312,3 +312,16 @@ def test_telemetry_crosses_with_its_own_fields(bench):
     bench.turn()
     assert bench.of("telemetry")[0][1]["type"] == "vehicle_state"
     assert bench.of("telemetry")[0][1]["armed"] is True
+
+
+def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.turn()
+    bench.uplink.arrived(STATUS, status(0))
+    bench.turn()
+    before = len(bench.sent)
+    bench.uplink.say_newest(bench.now)
+    assert sorted(leaf for _, leaf, _, _ in bench.sent[before:]) == ["position", "rotation"]
+    bench.alive = False
+    bench.uplink.say_newest(bench.now)
+    assert len(bench.sent) == before + 2
