@@ -1,6 +1,5 @@
 """Every recording of a real autopilot gives the timeline that is checked in beside it."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
@@ -9,18 +8,10 @@ DATA = Path(__file__).parents[2] / "data" / "mavlink"
 RECORDINGS = sorted(DATA.glob("*.tlog"))
 
 
-@pytest.fixture(scope="module")
-def timelines():
-    spec = importlib.util.spec_from_file_location("timelines", DATA / "timelines.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("recording", RECORDINGS, ids=lambda path: path.stem)
-def test_a_recording_gives_its_timeline(timelines, recording):
+def test_a_recording_gives_its_timeline(module_at, recording):
     expected = recording.with_suffix(".timeline").read_text().splitlines()
-    assert timelines.timeline(recording) == expected
+    assert module_at("data/mavlink/timelines.py").timeline(recording) == expected
 
 
 def test_every_recording_has_a_timeline_and_is_small():
