@@ -82,6 +82,10 @@ class Lane:
         self._kept.clear()
         self._session.close()
 
+    def reached(self) -> list[str]:
+        """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
+        return [link.dst for link in self._session.info.links()]
+
     def publisher(self, key: str) -> Publisher:
         """Declare a publisher for state: never blocking, dropped when the way is full; not for this lane."""
         return Publisher(self._session, key)
