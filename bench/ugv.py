@@ -26,9 +26,9 @@ from fleet import NotReady, Vector3, Velocity
 from fleet.clock import SystemClock
 from fleet.host.make import make_adapter
 from fleet.host.wheel import Wheel
+from fleet.sim.process import SimProcess
 from fleet_ugv import UgvAdapter, UgvConfig
-from fleet_ugv.sim.launch import SimProcess
-from fleet_ugv.sim.server import SimServer
+from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
 BASES = 20
@@ -70,7 +70,7 @@ async def many():
     """Drive many bases at 20 Hz; measure the CPU of this process."""
     wheel = Wheel(asyncio.get_running_loop(), SystemClock())
     wheel.start()
-    async with SimProcess() as simulator:
+    async with SimProcess("fleet_ugv.sim") as simulator:
         urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
         robots = [BenchRobot(wheel) for _ in urls]
         adapters = [adapter_of(url) for url in urls]
@@ -207,8 +207,8 @@ def kills():
 
         async def one(child=child, url_in=url_in, number=number):
             with tempfile.TemporaryDirectory() as folder:
-                server = SimServer(Path(folder))
-                port = server.add(SimSpec(PROFILE, seed=number))
+                server = Bases(Path(folder))
+                port = await server.add(SimSpec(PROFILE, seed=number))
                 life = asyncio.create_task(server.run())
                 os.write(url_in, port.url.encode())
                 await until(lambda: port.board.physics.speeds[0] > 0.2)

@@ -15,6 +15,7 @@ from fleet.event_loop import FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("hostile", settings.get_profile("fleet"), max_examples=100_000)
 settings.load_profile("fleet")
 
 MOSQUITTO = (

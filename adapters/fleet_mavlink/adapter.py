@@ -19,15 +19,17 @@ from fleet import (
     command,
 )
 from fleet.errors import LinkError
+from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.session import Session
 from fleet_mavlink.signing import Signer, key_of
-from fleet_mavlink.sim.launch import SimProcess, SimSpec
+from fleet_mavlink.sim.spec import SimSpec
 from fleet_mavlink.upkeep import UpkeepCommands
 
+_SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
@@ -45,8 +47,9 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         async with contextlib.AsyncExitStack() as stack:
             urls, sim = [config.link, *config.backup_links], None
             if config.simulated:
-                sim = await stack.enter_async_context(robot.share("mavlink simulator", SimProcess))
-                urls[0] = await sim.add(SimSpec.parse(config.link, system_id=config.system_id))
+                sim = await stack.enter_async_context(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
+                spec = SimSpec.parse(config.link, system_id=config.system_id)
+                urls[0] = await stack.enter_async_context(sim.robot(spec))
             station = f"{config.own_system}/{config.own_component}"
             hub = await stack.enter_async_context(
                 robot.share(

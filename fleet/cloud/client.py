@@ -108,10 +108,10 @@ class CloudClient:
         rest goes to the broker in whole seconds. ``on_done`` hears what became of it, as long as this process
         remembers. Returns False, and never calls ``on_done``, when it is not taken: QoS 0 without a
         connection, a full queue, a closed client.
-        Raises ValueError for a topic with wildcards or a QoS other than 0 and 1.
+        Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
-        if qos not in (0, 1):
-            raise ValueError(f"messages are published with QoS 0 or 1, not {qos}")
+        if qos not in (0, 1, 2):
+            raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
         message = Outgoing(
             check_topic(topic), payload, qos, traffic, expiry, correlation, content_type, on_done
         )

@@ -26,7 +26,7 @@ from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.settings import bus_settings, worker_of
+from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.stops import take_stops
 from fleet.spool.place import state_folder
 
@@ -48,7 +48,8 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     clock = SystemClock()
     folder = state_folder(edge, loaded.config.edge.spool.path)
     journal = Journal(folder, clock, begun_file(directory, edge, name))
-    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name)
+    settle = settle_time(loaded.config)
+    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)

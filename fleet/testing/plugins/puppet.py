@@ -12,10 +12,13 @@ import math
 import os
 from typing import Any, Literal
 
-from fleet import Adapter, AdapterConfig, Health, Limits, PoseReport, Robot, Vector3, Velocity, command
-from fleet.model.geometry import Quaternion
+from fleet.adapter import Adapter, Robot
+from fleet.commands import command
+from fleet.model.geometry import Quaternion, Vector3, Velocity
+from fleet.model.health import Health
 from fleet.model.navigation import ActionState
-from fleet.model.report import ImuReport, JointReport, NavigationReport
+from fleet.model.report import ImuReport, JointReport, NavigationReport, PoseReport
+from fleet.robot_config import AdapterConfig, Limits
 
 
 class PuppetConfig(AdapterConfig):
@@ -75,7 +78,7 @@ class Puppet(Adapter[PuppetConfig]):
             self._credit -= 1
             self._told += 1
             now = robot.clock.time()
-            note = f"{self._told} {robot.clock.monotonic()}"
+            note = f"{self._told} {robot.clock.monotonic()} {os.getpid()}"
             robot.report(NavigationReport(now, f"{self.config.name}", ActionState.RUNNING, 1.0, note))
 
     def _note(self, what: str, **fields: Any) -> None:
