@@ -45,16 +45,16 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""
         config = self.config
         async with contextlib.AsyncExitStack() as stack:
-            url, sim = config.link, None
+            urls, sim = [config.link, *config.backup_links], None
             if config.simulated:
                 sim = await stack.enter_async_context(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
                 spec = SimSpec.parse(config.link, system_id=config.system_id)
-                url = await stack.enter_async_context(sim.robot(spec))
+                urls[0] = await stack.enter_async_context(sim.robot(spec))
             station = f"{config.own_system}/{config.own_component}"
             hub = await stack.enter_async_context(
                 robot.share(
-                    f"mavlink {url} {station}",
-                    lambda: open_hub(url, robot.clock, config.own_system, config.own_component),
+                    f"mavlink {' '.join(urls)} {station}",
+                    lambda: open_hub(urls, robot.clock, config.own_system, config.own_component),
                 )
             )
             key = config.signing_key

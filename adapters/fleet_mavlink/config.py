@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, SecretStr
+from pydantic import AfterValidator, Field, SecretStr, field_validator
 
 from fleet import AdapterConfig, LinkRefused
 from fleet.link.url import parse
@@ -58,6 +58,12 @@ class MavlinkConfig(AdapterConfig):
         description="udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE?baud=N, "
         "sim:px4 or sim:ardupilot."
     )
+    backup_links: tuple[Annotated[str, AfterValidator(_checked_link)], ...] = Field(
+        (),
+        max_length=3,
+        description="More ways to the same vehicle, in the order in which they are taken when it is not "
+        "heard by the ones before; none of them sim:.",
+    )
     system_id: int = Field(1, ge=1, le=250, description="The vehicle's MAVLink system id.")
     own_system: int = Field(
         245,
@@ -87,6 +93,14 @@ class MavlinkConfig(AdapterConfig):
     allow_kill: bool = Field(
         False, description="Allow the command kill, which stops the motors in the air too: it falls."
     )
+
+    @field_validator("backup_links")
+    @classmethod
+    def _real(cls, links: tuple[str, ...]) -> tuple[str, ...]:
+        """Raise ValueError for a simulated one: a simulator is no second way to a vehicle."""
+        if any(link.startswith("sim:") for link in links):
+            raise ValueError("a simulated vehicle is no second way to one")
+        return links
 
     def timeout_of(self, command: str) -> float | None:
         """Return the seconds until a command is given up, None: as the adapter declares it."""

@@ -6,17 +6,18 @@ import asyncio
 import contextlib
 import logging
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 
 import msgspec
 
-from fleet import Clock, LinkLost, LinkRefused, open_link
+from fleet import Clock, LinkLost, LinkRefused
 from fleet.link.base import Address, Link
 from fleet_mavlink.codec import PLAIN, Frame, Packer, Parser, Way, pack
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message
 from fleet_mavlink.signing import Signer
 from fleet_mavlink.trust import Trust
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.ways import Ways, open_ways
 from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
@@ -125,23 +126,28 @@ class Hub:
         with contextlib.suppress(LinkLost):
             while True:
                 ways = {(each.address, each.trust.way) for each in self._vehicles.values()}
+                if isinstance(self.link, Ways):  # those that are not in use are spoken to as well
+                    ways |= {(None, way) for _, way in ways}
                 for address, way in ways or {(None, PLAIN)}:
                     self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, way)
                 await asyncio.sleep(_BEAT)
 
 
 @contextlib.asynccontextmanager
-async def open_hub(url: str, clock: Clock, system: int, component: int) -> AsyncIterator[Hub]:
-    """Open a link and beat on it until the last robot leaves; raises LinkRefused or LinkLost."""
+async def open_hub(urls: Sequence[str], clock: Clock, system: int, component: int) -> AsyncIterator[Hub]:
+    """Open a link, or several to the same vehicles, and beat until the last robot leaves.
+
+    Raises LinkRefused or LinkLost.
+    """
     hub: Hub | None = None
 
     def receive(data: bytes, address: Address) -> None:
         if hub is not None:
             hub.receive(data, address)
 
-    link = await open_link(url, receive)
+    link = await open_ways(urls, receive)
     hub = Hub(link, clock, system, component)
-    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {url}")
+    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {link.url}")
     try:
         yield hub
     finally:

@@ -81,10 +81,11 @@ class Streams:
 
     async def keep(self) -> None:
         """Ask, look, ask again, until cancelled."""
-        reboots = 0
+        agreed = (0, 0)
         while True:
-            if not self._vehicle.connected or self._vehicle.state.reboots != reboots:
-                reboots = self._vehicle.state.reboots
+            begun = (self._vehicle.state.reboots, self._vehicle.switches)
+            if not self._vehicle.connected or begun != agreed:
+                agreed = begun
                 self._forget()
             flavour = self._vehicle.flavour
             if self._vehicle.connected and not self._vehicle.clashing and flavour is not None:

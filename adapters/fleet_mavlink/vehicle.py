@@ -20,10 +20,12 @@ from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.trust import Trust
+from fleet_mavlink.ways import way_of
 from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
 _REMEMBERED = 64  # sentences
+_SWITCH_AFTER = 1.5  # s without a word after which another way is taken
 
 Condition = Callable[[VehicleState], bool]
 
@@ -55,7 +57,8 @@ class Vehicle:
         self.camera: Part | None = None
         self._send = send
         self._joiner = Joiner()
-        self._heard_at = -math.inf
+        self.switches = 0  # of the way to it
+        self._ways: dict[int, tuple[Address, float]] = {}  # its address on each, and when it was heard
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[Heard[Any]] = []
@@ -112,17 +115,27 @@ class Vehicle:
                 camera.take(message, None)
 
     def _is_ours(self, address: Address, now: float) -> bool:
-        """Learn the address; another one within 3 s is another vehicle with the same id."""
-        if now - self._heard_at > SILENCE:
-            self.address = address
-        elif address != self.address:
+        """Learn the address; another one on the same way within 3 s is another vehicle with the same id.
+
+        Of several ways the first by which it is heard is believed and spoken to; the rest stand by.
+        """
+        way = way_of(address)
+        known, heard_at = self._ways.get(way, (address, -math.inf))
+        if now - heard_at > SILENCE:
+            known = address
+        elif address != known:
             if not self.clashing:
                 _LOG.error("two vehicles use system id %s: at %s and %s", self.system, self.address, address)
             self._clash_at = now
             self.trust.counts["messages of a second vehicle with this id"] += 1
             return False
-        self._heard_at = now
-        return True
+        self._ways[way] = known, now
+        best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
+        if best != way_of(self.address):
+            _LOG.info("system %s is reached by way %s from now on", self.system, best)
+            self.switches += 1
+        self.address = self._ways[best][0]
+        return way == best
 
     @contextlib.contextmanager
     def hearing(self, *kinds: type[SaidT]) -> Iterator[Heard[SaidT]]:
