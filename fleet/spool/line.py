@@ -19,10 +19,6 @@ from collections.abc import Mapping
 from fleet.spool.message import Outgoing
 from fleet.wire.rules import Traffic
 
-FIRST_WAIT = 1.0
-"""Seconds that a topic is held which nobody hears, doubled each time."""
-LONGEST_WAIT = 15.0
-
 
 class State(enum.Enum):
     """Whether anybody hears the topic."""

@@ -9,6 +9,7 @@ from fleet.spool.message import Outgoing
 from fleet.wire.rules import Traffic
 
 DURABLE = tuple(traffic for traffic in Traffic if traffic.durable)
+"""What waits for the cloud, what matters most first: their values count from 0."""
 
 
 class Memory:
@@ -19,7 +20,7 @@ class Memory:
         self._bytes = 0
         self._most = messages
         self._most_bytes = size
-        self._held: dict[Traffic, OrderedDict[int, Outgoing]] = {kind: OrderedDict() for kind in DURABLE}
+        self._held: list[OrderedDict[int, Outgoing]] = [OrderedDict() for _ in DURABLE]
 
     @property
     def full(self) -> bool:
@@ -63,11 +64,11 @@ class Memory:
 
     def all(self) -> list[Outgoing]:
         """Return all of it."""
-        return [message for held in self._held.values() for message in held.values()]
+        return [message for held in self._held for message in held.values()]
 
     def late(self, now: float) -> Iterator[Outgoing]:
         """Yield those whose time is over, each to be removed before the next is asked for."""
-        for held in self._held.values():
+        for held in self._held:
             while held:
                 first = next(iter(held.values()))
                 if first.deadline is None or first.deadline > now:

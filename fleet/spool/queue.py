@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
-import msgspec
-
-from fleet.spool.line import FIRST_WAIT, LONGEST_WAIT, Line, Sign, State
+from fleet.spool.holds import Holds
+from fleet.spool.line import Line, Sign, State
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.work import Fetch, Work
 from fleet.wire.rules import Traffic
 
 GRACE = 0.2
@@ -29,22 +29,6 @@ FETCHED_IN_NEED = 8
 """The same when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
-
-
-class Work(msgspec.Struct):
-    """What is to be changed on disk."""
-
-    rows: Sequence[Outgoing]
-    done: Sequence[int]
-
-
-class Fetch(msgspec.Struct, frozen=True):
-    """A topic of which more is wanted from disk, all newer than ``after``."""
-
-    topic: str
-    traffic: Traffic
-    after: int
-    limit: int
 
 
 class Queue:
@@ -62,14 +46,15 @@ class Queue:
         self.losses = Losses()
         self.failing = False  # the disk does not take what is written
         self._disk = disk
-        self._ages = ages
+        self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
         self._lines: dict[str, Line] = {}
-        self._rings: dict[Traffic, deque[Line]] = {kind: deque() for kind in DURABLE}
-        self._held: dict[str, Line] = {}
+        self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
+        self._holds = Holds()
         self._hungry: dict[str, Line] = {}
         self._unwritten: deque[Outgoing] = deque()
         self._done: list[int] = []
+        self._writing = False
         self._dropped: list[tuple[Outgoing, Outcome]] = []
         self._seq = first
         self._lasting_from = float("-inf")
@@ -109,7 +94,9 @@ class Queue:
         The last ``reserve`` of the window are for replies.
         """
         batch: list[Outgoing] = []
-        for kind, ring in self._rings.items():
+        if not self.online:
+            return batch
+        for kind, ring in zip(DURABLE, self._rings, strict=True):
             most = window if kind is Traffic.REPLY else window - reserve
             if kind is not Traffic.REPLY and now < self._lasting_from:
                 break
@@ -127,15 +114,13 @@ class Queue:
         line = self._lines[message.topic]
         line.flying -= 1
         if outcome is Outcome.HELD:
-            self._unheard(line, message, now)
+            self._return(line, message)
+            self._holds.unheard(line, now)
             return
         if outcome is Outcome.REFUSED:
             self.losses.note(message.topic, Reason.REFUSED, wall)
         self._forget(message)
-        line.see(Sign.HEARD)
-        if line.unheard:
-            line.unheard = 0
-            self._release(now)
+        self._holds.heard(line, now)
         self._stand(line)
         if line.empty:
             self._drop_line(line)
@@ -154,7 +139,7 @@ class Queue:
         """Begin a new connection: nobody knows yet who hears."""
         self.online = True
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
-        self._held.clear()
+        self._holds.clear()
         for line in self._lines.values():
             line.see(Sign.CONNECTED)
             self._stand(line)
@@ -168,10 +153,7 @@ class Queue:
         """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
             self._lose(message, Reason.AGE, wall)
-        due = [line for line in self._held.values() if line.retry <= now]
-        for line in due:
-            del self._held[line.topic]
-            line.see(Sign.WAITED)
+        for line in self._holds.due(now):
             self._stand(line)
 
     def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
@@ -190,12 +172,12 @@ class Queue:
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._rings.values()) or self._hungry)
+        return not (any(self._rings) or self._hungry)
 
     @property
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
-        return len(self._held)
+        return len(self._holds)
 
     # -- the disk ------------------------------------------------------------------------------------
 
@@ -206,8 +188,8 @@ class Queue:
 
     @property
     def unwritten(self) -> bool:
-        """True when something is to be changed on disk, now or soon."""
-        return bool(self._unwritten or self._done or self.losses.changed)
+        """True when something is being changed on disk, or is to be soon."""
+        return bool(self._writing or self._unwritten or self._done or self.losses.changed)
 
     def work(self, now: float) -> Work:
         """Remove and return what is to be changed on disk now."""
@@ -219,11 +201,12 @@ class Queue:
                 message.stored = True
                 rows.append(message)
         done, self._done = self._done, []
+        self._writing = bool(rows or done)
         return Work(rows, done)
 
     def wrote(self, work: Work) -> None:
         """Note that a change is on disk: what is cold has left memory."""
-        self.failing = False
+        self.failing = self._writing = False
         for message in work.rows:
             if message.cold and not message.gone:
                 message.gone = True
@@ -231,7 +214,7 @@ class Queue:
 
     def not_written(self, work: Work) -> None:
         """Take a change back that the disk did not take."""
-        self.failing = True
+        self.failing, self._writing = True, False
         self._done = [*work.done, *self._done]
         for message in reversed(work.rows):
             message.stored = False
@@ -274,11 +257,16 @@ class Queue:
         self._stand(line)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
-        """Note that messages were removed from disk; those that stand in memory are not lost by that."""
+        """Note that messages were removed from disk: those that are not under way are lost."""
         line = self._lines.get(topic)
-        lost = sum(seq > line.loaded for seq in seqs) if line else 0
-        if line and lost:
+        if line is None:
+            return
+        if lost := sum(seq > line.loaded for seq in seqs):
             self._cool(line, lost, topic, reason, wall)
+        removed = set(seqs)
+        for message in (*line.back, *line.memory):
+            if message.seq in removed and not message.gone:
+                self._lose(message, reason, wall)
 
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""
@@ -313,19 +301,23 @@ class Queue:
         """Forget an empty topic that nobody hears or hears only once, as an inbox for replies."""
         if line.traffic is Traffic.REPLY or line.state is not State.OPEN:
             self._lines.pop(line.topic, None)
-            self._held.pop(line.topic, None)
+            self._holds.forget(line)
 
     def _stand(self, line: Line) -> None:
         """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
         if not line.queued and line.sendable:
             line.queued = True
             self._rings[line.traffic].append(line)
-        low = FETCHED_IN_NEED if self._memory.full else LOW
-        low = 1 if line.state is State.HELD else low
-        if line.cold and self.online and len(line.memory) + len(line.back) < low:
+        if line.cold and self.online and len(line.memory) + len(line.back) < self._low(line):
             self._hungry[line.topic] = line
-        else:
+        elif self._hungry:
             self._hungry.pop(line.topic, None)
+
+    def _low(self, line: Line) -> int:
+        """Return how many messages of a line are to stand in memory at least."""
+        if line.state is State.HELD:
+            return 1
+        return FETCHED_IN_NEED if self._memory.full else LOW
 
     def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
         """Move messages of a line into the batch; return their bytes."""
@@ -343,19 +335,6 @@ class Queue:
             taken += message.size
             batch.append(message)
         return taken
-
-    def _unheard(self, line: Line, message: Outgoing, now: float) -> None:
-        """Hold a line; the wait grows with the tries, not with the messages that were under way."""
-        self._return(line, message)
-        if line.see(Sign.UNHEARD):
-            line.retry = now + min(LONGEST_WAIT, FIRST_WAIT * 2**line.unheard)
-            line.unheard = min(line.unheard + 1, 8)
-            self._held[line.topic] = line
-
-    def _release(self, now: float) -> None:
-        """Somebody is back: try the other topics that nobody heard, at once."""
-        for line in self._held.values():
-            line.retry = now
 
     def _return(self, line: Line, message: Outgoing) -> None:
         """Put a message back that was under way."""

@@ -25,8 +25,9 @@ from fleet.spool.database import is_corrupt, set_aside
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.place import SPOOL, Lock, made
-from fleet.spool.queue import Queue, Work
+from fleet.spool.queue import Queue
 from fleet.spool.store import Store
+from fleet.spool.work import Work
 from fleet.wire.rules import Traffic
 
 log = logging.getLogger(__name__)
@@ -117,10 +118,13 @@ class Spool:
             self._stir()
         return batch
 
-    def settle(self, message: Outgoing, outcome: Outcome) -> None:
-        """Take what the broker said of a message that was taken."""
+    def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
+        """Take what the broker said of messages that were taken."""
+        now, wall = self._clock.monotonic(), self._clock.time()
         with self._using:
-            self._queue.settle(message, outcome, self._clock.monotonic(), self._clock.time())
+            for message, outcome in answers:
+                self._queue.settle(message, outcome, now, wall)
+        self._stir()
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
@@ -153,7 +157,9 @@ class Spool:
     def take_gaps(self) -> list[Gap]:
         """Remove and return the losses, for whoever tells them now."""
         with self._using:
-            return self._queue.losses.take()
+            gaps = self._queue.losses.take()
+        self._stir()
+        return gaps
 
     @property
     def waiting(self) -> int:
@@ -246,7 +252,7 @@ class Spool:
         if self._store is None:
             return self._reopen()
         fine = True
-        for work in (self._write, self._fetch, self._look_after):
+        for work in (self._expire, self._write, self._fetch, self._sync):
             try:
                 work(self._store)
             except sqlite3.Error as error:  # a disk that is full can still be read
@@ -302,12 +308,16 @@ class Spool:
         if fetches:
             self.more()
 
-    def _look_after(self, store: Store) -> None:
-        """Do what is to be done now and then."""
+    def _expire(self, store: Store) -> None:
+        """Remove what is too old, now and then."""
         now = self._clock.monotonic()
         if now >= self._next_look:
             self._next_look = now + LATE_LOOK
             self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
+
+    def _sync(self, store: Store) -> None:
+        """Bring the medium itself up to date, now and then."""
+        now = self._clock.monotonic()
         if self._dirty and now >= self._next_sync:
             self._next_sync, self._dirty = now + SYNC, False
             store.checkpoint()

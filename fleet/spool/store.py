@@ -20,7 +20,7 @@ FULL_AT, ROOM_AT = 0.9, 0.85
 """Parts of the byte budget: above the first messages are removed until it is below the second."""
 
 _VERSION = 1
-_SCHEMA = """
+SCHEMA = """
 CREATE TABLE topic (id INTEGER PRIMARY KEY, name TEXT UNIQUE, traffic INTEGER);
 CREATE TABLE message (
     seq INTEGER PRIMARY KEY, topic INTEGER, expires REAL, payload BLOB, correlation BLOB, content_type TEXT
@@ -50,7 +50,7 @@ class Store:
     def __init__(self, path: Path, size: int) -> None:
         self.path = path
         self.aside: Path | None
-        self._database, self.aside = open_checked(path, _SCHEMA, _VERSION, "NORMAL")
+        self._database, self.aside = open_checked(path, SCHEMA, _VERSION, "NORMAL")
         self._pages = size // PAGE
         self._database.execute(f"PRAGMA max_page_count = {self._pages}")
         self._database.execute("PRAGMA journal_size_limit = 4194304")
@@ -185,5 +185,6 @@ class Store:
         except BaseException:
             with contextlib.suppress(sqlite3.Error):
                 self._database.execute("ROLLBACK")
+            with contextlib.suppress(sqlite3.Error):
                 self._ids = self._known_ids()
             raise
