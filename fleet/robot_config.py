@@ -9,16 +9,15 @@ from __future__ import annotations
 from typing import Annotated, Literal
 from uuid import UUID
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from fleet.topic_rules import Topics
+from fleet.yaml_model import Model
+
+__all__ = ["Accepts", "AdapterConfig", "Limits", "Model", "Name", "Origin", "Positive", "SourceType"]
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-class Model(BaseModel):
-    """The base of every configuration model: frozen, strict about keys and numbers."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Limits(Model):
@@ -65,7 +64,7 @@ class Origin(Model):
     )
 
 
-class AdapterConfig(Model):
+class AdapterConfig(Topics):
     """The fields of every robot. An adapter subclasses it and adds ``adapter: Literal["name"]``."""
 
     name: Name = Field(description="The robot's name, used in commands, keys and logs.")
@@ -101,6 +100,10 @@ class AdapterConfig(Model):
         description="Answer commands that have no Response Topic with a status message.",
     )
     origin: Origin | None = Field(None, description="World origin; left out, the robot's home is the origin.")
+
+    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said
+        """Return the seconds until a command is given up, None: as the adapter declares it."""
+        return None
 
     @property
     def simulated(self) -> bool:

@@ -126,10 +126,9 @@ class Odometry:
             deltas = [speed * elapsed for speed in now.speeds]
         else:
             return None
-        sides = (deltas[0] * scale.left, deltas[1] * scale.right)
-        if max(map(abs, sides)) > 1.5 * self._fastest * elapsed + SPARE:
+        if max(map(abs, deltas)) > 1.5 * self._fastest * elapsed + SPARE:
             return None
-        return sides
+        return deltas[0] * scale.left, deltas[1] * scale.right
 
     def _turned(
         self, sides: tuple[float, float], last: Feedback, now: Feedback, at: float, elapsed: float

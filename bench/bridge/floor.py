@@ -22,8 +22,9 @@ WINDOW = 2000  # QoS 1 messages under way
 
 
 def session(listen="", connect=""):
-    """Open a Zenoh session that listens or connects on loopback."""
+    """Open a Zenoh session that connects on loopback, or listens there and carries between who connects."""
     config = zenoh.Config()
+    config.insert_json5("mode", '"router"' if listen else '"client"' if connect else '"peer"')
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{listen}"] if listen else []))
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{connect}"] if connect else []))

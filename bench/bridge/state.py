@@ -9,7 +9,7 @@ import time
 import psutil
 
 from bench.common import cpu_seconds, fleet, line, mosquitto, process, puppets, wait_for
-from bench.mqtt import Mqtt
+from fleet.testing.mqtt import Mqtt
 
 SECONDS = 10.0
 LOOKED_AT = 10  # robots whose messages are counted
@@ -22,7 +22,7 @@ class Heard:
     def __init__(self):
         self.count = 0
 
-    def took(self, _topic, _payload, _now):
+    def took(self, _packet, _now):
         self.count += 1
 
 
@@ -59,7 +59,7 @@ def floor(number):
         return measure(running.pid, port, twins)
 
 
-def run(_options):
+def run():
     few, many = (100, 1000)
     mine, bare = {}, {}
     for number in (few, many):

@@ -7,6 +7,7 @@ key                                    what
 ``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
 ``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
+``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge has the twin, since (Unix ms)
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
@@ -26,6 +27,16 @@ def edge(edge_id: str) -> str:
 def robot(edge_id: str, name: str) -> str:
     """Return the key of a robot's liveliness token."""
     return f"fleet/{edge_id}/robots/{name}"
+
+
+def claim(edge_id: str, twin: str, since: int) -> str:
+    """Return the key of the token that an edge has a twin, since that Unix millisecond."""
+    return f"fleet/{edge_id}/claims/{twin}/{since}"
+
+
+def claims() -> str:
+    """Return the key expression of all such tokens."""
+    return "fleet/*/claims/*/*"
 
 
 def command(edge_id: str, name: str) -> str:

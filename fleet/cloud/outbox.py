@@ -124,4 +124,5 @@ class Outbox:
     def _count(self) -> None:
         """Keep the figures."""
         self._stats.queued = len(self)
+        self._stats.queued_bytes = self._bytes
         self._stats.dropped = self._refused + self.spool.lost

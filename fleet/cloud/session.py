@@ -71,6 +71,7 @@ class Session:
         self._stats = stats
         self._packet_limit = PAYLOAD_LIMIT
         self._window = WINDOW
+        self._most_qos = 2
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
         self._subscribing: dict[int, list[str]] = {}
@@ -87,6 +88,8 @@ class Session:
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._on_puback,
+            mqtt5.PubRecPacket: self._on_pubrec,
+            mqtt5.PubCompPacket: self._on_pubcomp,
             mqtt5.DisconnectPacket: self._on_disconnect,
             mqtt5.PingRespPacket: self._on_pong,
         }
@@ -180,6 +183,7 @@ class Session:
     def _publish(self, message: Outgoing, now: float) -> bytes:
         """Return the bytes of one message and note what is awaited; empty when the broker would refuse it."""
         identifier = self._next_id() if message.qos else None
+        message.qos = min(message.qos, self._most_qos)
         try:
             data = self._encode(_publish_packet(message, identifier, now))
         except (ValueError, TypeError) as error:
@@ -223,6 +227,7 @@ class Session:
         if int(packet.max_qos) == 0:
             raise SessionRefused("the broker takes only QoS 0; replies and status need QoS 1")
         self.connected = True
+        self._most_qos = int(packet.max_qos)
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
         most = WINDOW if self._settings.protocol == 5 else UNTOLD_WINDOW
@@ -311,6 +316,27 @@ class Session:
             why = packet.reason_code.name
             self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
         self._done(message, outcome)
+
+    def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
+        """Release a QoS 2 message that the broker has; it stays in the window until that is done.
+
+        It is given back like any other when the connection falls before: a broker may hold it until then.
+        """
+        message = self._inflight.get(packet.packet_id)
+        if int(packet.reason_code) >= 0x80 and message is not None:
+            del self._inflight[packet.packet_id]
+            why = packet.reason_code.name
+            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
+            self._done(message, Outcome.REFUSED)
+            return
+        known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
+        self._replies.append(mqtt5.PubRelPacket(packet.packet_id, reason_code=known))
+
+    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
+        """Note that the broker has a QoS 2 message, once."""
+        message = self._inflight.pop(packet.packet_id, None)
+        if message is not None:
+            self._done(message, Outcome.ACKED)
 
     def _on_disconnect(self, packet: mqtt5.DisconnectPacket, _now: float) -> None:
         """End with the broker's reason."""

@@ -93,4 +93,5 @@ class CloudStats:
         self.refused_subscriptions = 0
         self.inflight = 0
         self.queued = 0
+        self.queued_bytes = 0
         self.rtt: float | None = None

@@ -20,13 +20,14 @@ from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
 from fleet.host.journal import RobotJournal
+from fleet.host.last import Last
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Reply, Setpoint
+from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -58,8 +59,7 @@ class Desk:
         clock: Clock,
     ) -> None:
         self.name = config.name
-        self.last_command = ""
-        self.last_outcome = ""
+        self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
@@ -231,7 +231,7 @@ class Desk:
             ticket.done()
         elif spec is not None:
             self._execute(spec, ask, ticket)
-        self._answered(ask, ticket)
+        self.last.follow(ask.name, ticket)
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
@@ -263,7 +263,7 @@ class Desk:
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
             self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
-        self._answered(ask, ticket)
+        self.last.follow(ask.name, ticket)
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -310,7 +310,7 @@ class Desk:
             self._crashed(error)
         else:
             ticket.done()
-            self.last_command, self.last_outcome = ask.name, "accepted"
+            self.last.accepted(ask.name)
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
@@ -344,9 +344,8 @@ class Desk:
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = ask.name, "under way"
         ticket.accept()
-        ticket.watch(self._note)
+        self.last.follow(ask.name, ticket)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
@@ -397,12 +396,3 @@ class Desk:
     def _absence(self) -> str:
         """Return why the robot cannot be asked."""
         return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"
-
-    def _note(self, reply: Reply) -> None:
-        """Note for people how the last command stands."""
-        self.last_outcome = reply.outcome
-
-    def _answered(self, ask: Command, ticket: Ticket) -> None:
-        """Note the command for people."""
-        self.last_command, self.last_outcome = ask.name, "under way"
-        ticket.watch(self._note)

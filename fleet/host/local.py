@@ -10,12 +10,12 @@ from collections.abc import Callable
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
-from fleet.host.asks import Decoder, Kind
+from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
 from fleet.host.journal import RobotJournal
-from fleet.host.make import AdapterClass, capabilities, make_adapter
+from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
@@ -29,6 +29,8 @@ from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.tally import Tally
+from fleet.wire.rules import Kind
 
 
 def source_type(config: AdapterConfig) -> str:
@@ -72,7 +74,8 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
-        self._can = can = capabilities(plugin)
+        self._refusals = Tally(self._log, clock)
+        self._can = can = timed(capabilities(plugin), config)
         self._limits = config.limits.over(can.limits)
         self._decoder = Decoder(
             config,
@@ -114,7 +117,7 @@ class LocalRobot:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
             ask = goal_of(ask, self._can, self._limits)
         except WireError as error:
-            self._log.warning("refused a %s message: %s", kind, error)
+            self._refusals.add(kind, "refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
             self._tell_failed(getattr(error, "action_id", ""), str(error))
             return
@@ -183,8 +186,8 @@ class LocalRobot:
             position=self._seen.position,
             activity=self.desk.activity,
             emergency_stop=self.desk.latched,
-            last_command=self.desk.last_command,
-            last_outcome=self.desk.last_outcome,
+            last_command=self.desk.last.command,
+            last_outcome=self.desk.last.outcome,
         )
 
     def _new_handle(self, runner: Runner) -> Handle:

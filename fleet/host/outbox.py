@@ -45,8 +45,8 @@ class Outbox:
 
     def __init__(self, lane: Lane) -> None:
         self._lane = lane
-        self._channels: dict[tuple[str, str], _Channel] = {}
-        self._latest: dict[tuple[str, str], Report] = {}
+        self._channels: dict[tuple[str, str, str], _Channel] = {}
+        self._latest: dict[tuple[str, str, str], Report] = {}
         self._events: dict[str, list[Report]] = {}
         self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
@@ -55,7 +55,7 @@ class Outbox:
     def put(self, twin: str, report: Report) -> None:
         """Take a report; it leaves with the next ``flush``."""
         if not isinstance(report, EVENTS):
-            self._latest[(twin, report.channel)] = report
+            self._latest[_place(twin, report)] = report
             return
         events = self._events.setdefault(twin, [])
         if len(events) < WAITING:
@@ -84,13 +84,16 @@ class Outbox:
             for report in reports:
                 self._send(twin, report)
                 yield
-        for (twin, _), report in latest.items():
+        for (twin, *_), report in latest.items():
             self._send(twin, report)
             yield
 
     def _send(self, twin: str, report: Report) -> None:
         """Put one report; what cannot be said is dropped and counted, the first of a row told."""
-        channel = self._channels.get((twin, report.channel)) or self._open(twin, report.channel)
+        channel = self._channels.get(_place(twin, report)) or self._open(twin, report)
+        if channel is None:
+            self.dropped += 1
+            return
         try:
             check_report(report)
             channel.put(report)
@@ -104,9 +107,15 @@ class Outbox:
         if self.bridge is not None:
             self.bridge(channel.key, report)
 
-    def _open(self, twin: str, name: str) -> _Channel:
-        """Begin a channel."""
-        channel = self._channels[(twin, name)] = _Channel(self._lane, data_key(twin, name))
+    def _open(self, twin: str, report: Report) -> _Channel | None:
+        """Begin a channel; None for a sensor that cannot be part of a key."""
+        place = _place(twin, report)
+        try:
+            key = data_key(twin, report.channel, place[2] or None)
+        except (WireError, TypeError) as error:
+            log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+            return None
+        channel = self._channels[place] = _Channel(self._lane, key)
         return channel
 
     def _asked(self, question: Question) -> None:
@@ -116,3 +125,8 @@ class Outbox:
                 with contextlib.suppress(WireError):
                     question.reply(encode_report(channel.last, channel.sequence), channel.key)
         question.close()
+
+
+def _place(twin: str, report: Report) -> tuple[str, str, str]:
+    """Return whose report it is: twin, channel, and the sensor where a robot has several of a kind."""
+    return twin, report.channel, getattr(report, "sensor", "")

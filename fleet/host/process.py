@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import msgspec
 
@@ -19,8 +19,8 @@ from fleet.bus.lane import Publisher, Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
 from fleet.host.aside import aside, in_turn
-from fleet.host.asks import Kind
 from fleet.host.blame import LoopThread
+from fleet.host.claims import Claims
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
@@ -31,6 +31,7 @@ from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +39,7 @@ SETTLED = 5.0  # s after which most of what lives long is there
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
 LAST_WORDS = 1.0  # s for the log line of a process that ends itself
-KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
+KINDS = get_args(Kind)
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
@@ -50,7 +51,10 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process; it closes the journal when it stops."""
+    """The robots of one process; it closes the journal when it stops.
+
+    ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
+    """
 
     def __init__(
         self,
@@ -61,6 +65,7 @@ class RobotProcess:
         journal: Journal,
         clock: Clock,
         worker: str = "",
+        settle: float = 0.0,
     ) -> None:
         self.edge = edge
         self.bus = bus
@@ -88,6 +93,17 @@ class RobotProcess:
         self.robots: dict[str, LocalRobot] = {
             spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
         }
+        self.claims = Claims(
+            edge,
+            [robot.twin for robot in self.robots.values()],
+            bus.control,
+            settle=settle,
+            changed=self.held_on_the_bus,
+            clock=clock,
+        )
+        self._holders: dict[str, dict[str, str]] = {}
+        self._ending = False
+        self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
 
     def _make(self, config: AdapterConfig, plugin: AdapterClass, adapter: str) -> LocalRobot:
         """Build one robot."""
@@ -118,15 +134,60 @@ class RobotProcess:
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            self._tasks[robot.name] = robot.start()
             tell = partial(self.publish_state, robot.name)
             self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+        self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
         self.watchdog.start()
 
+    def held_on_the_bus(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the tokens on the bus."""
+        self._held(twin, "bus", holder)
+
+    def held_in_the_cloud(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the heartbeats in the cloud."""
+        self._held(twin, "cloud", holder)
+
+    def _held(self, twin: str, where: str, holder: str) -> None:
+        """Run the robot of a twin that is ours; let go of one that another edge has."""
+        holders = self._holders.setdefault(twin, {})
+        holders[where] = holder
+        first = next(filter(None, holders.values()), "")
+        self.on_holder(twin, first)
+        for robot in self.robots.values():
+            if robot.twin == twin and not first:
+                self._run(robot)
+            elif robot.twin == twin:
+                self._keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
+
+    def _run(self, robot: LocalRobot) -> None:
+        """Run a robot, once an earlier run of it has ended."""
+        task = self._tasks.get(robot.name)
+        if self._ending:
+            return
+        if task is None:
+            self._tasks[robot.name] = robot.start()
+        elif task.cancelling():
+            task.add_done_callback(lambda _: self._held(robot.twin, "bus", self._holders[robot.twin]["bus"]))
+
+    def _keep_out(self, robot: LocalRobot, why: str) -> None:
+        """End a robot's run, if there is one, and say why there is none."""
+        task = self._tasks.get(robot.name)
+
+        def ended(_task: asyncio.Task[None]) -> None:
+            self._tasks.pop(robot.name, None)
+            robot.runner.stand_by(why)
+
+        if task is None:
+            robot.runner.stand_by(why)
+        elif not task.cancelling():
+            task.add_done_callback(ended)
+            task.cancel()
+
     async def stop(self) -> None:
         """Bring every robot that we were moving to a standstill, then let go of them."""
+        self._ending = True
         for task in self._tasks.values():
             task.cancel()
         if self._tasks:

@@ -12,13 +12,14 @@ from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
-from fleet.host.asks import Decoder, Kind
+from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY
 from fleet.host.local import source_type
 from fleet.model.command import Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 

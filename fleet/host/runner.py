@@ -122,6 +122,10 @@ class Runner:
         self._lifted.set()
         self.crashed(_Restart("it is being restarted, as somebody asked"))
 
+    def stand_by(self, cause: str) -> None:
+        """Note why the robot is not run at all."""
+        self._set(Health(Level.OFFLINE, cause))
+
     async def _once(self) -> _End:
         """Run the adapter once; return what its end means."""
         self._leaving = False

@@ -15,18 +15,18 @@ import signal
 import sys
 from pathlib import Path
 
-from fleet import event_loop
 from fleet.bus import keys
 from fleet.bus.session import join
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.event_loop import run as run_loop
 from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.settings import bus_settings, worker_of
+from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.stops import take_stops
 from fleet.spool.place import state_folder
 
@@ -48,7 +48,8 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     clock = SystemClock()
     folder = state_folder(edge, loaded.config.edge.spool.path)
     journal = Journal(folder, clock, begun_file(directory, edge, name))
-    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name)
+    settle = settle_time(loaded.config)
+    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
@@ -85,7 +86,7 @@ def main() -> int:
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        event_loop.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        run_loop(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

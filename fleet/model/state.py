@@ -35,7 +35,12 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health."""
+    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health.
+
+    On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages
+    (``queued_bytes``) to be sent; ``refused`` were refused in either direction, ``dropped`` lost.
+    ``round_trip`` is seconds to the cloud and back.
+    """
 
     edge: str
     version: str
@@ -48,6 +53,10 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     cloud: str = "none"
     cloud_cause: str = ""
     queued: int = 0
+    queued_bytes: int = 0
+    waiting: int = 0
+    refused: int = 0
+    round_trip: float | None = None
     dropped: int = 0
     load: float | None = None
     memory_percent: float | None = None

@@ -24,7 +24,7 @@ from fleet.cli.demo import twin_of
 from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
 from fleet_ugv.sim.port import SimPort
-from fleet_ugv.sim.server import SimServer
+from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
 REAL_TIME = ("test_dog.py", "test_ugv.py", "test_wheels.py", "test_sdk.py")
@@ -232,12 +232,12 @@ class Pilot:
         self.say("command", command="stop", data={})
 
 
-class Bases:
+class BasesThread:
     """Simulated bases on real device files, on a thread: a test sees what they truly do."""
 
     def __init__(self, folder: Path) -> None:
         self._loop = asyncio.new_event_loop()
-        self._server = SimServer(folder)
+        self._bases = Bases(folder)
         self._life: asyncio.Task[None] | None = None
         self._thread = threading.Thread(target=self._live, daemon=True)
 
@@ -251,23 +251,24 @@ class Bases:
         self._loop.close()
 
     def _live(self) -> None:
-        self._life = self._loop.create_task(self._server.run())
+        self._life = self._loop.create_task(self._bases.run())
         with contextlib.suppress(asyncio.CancelledError):
             self._loop.run_until_complete(self._life)
 
     def add(self, profile: str) -> SimPort:
         """Add a base; returns its device and all that is behind it."""
+        adding = self._bases.add(SimSpec(profile))
+        return asyncio.run_coroutine_threadsafe(adding, self._loop).result(DEADLINE)
 
-        async def add() -> SimPort:
-            return self._server.add(SimSpec(profile))
-
-        return asyncio.run_coroutine_threadsafe(add(), self._loop).result(DEADLINE)
+    def call(self, what: Callable[[], None]) -> None:
+        """Do something to a base on the thread where it lives."""
+        self._loop.call_soon_threadsafe(what)
 
 
 @pytest.fixture
-def bases(tmp_path: Path) -> Iterator[Bases]:
+def bases(tmp_path: Path) -> Iterator[BasesThread]:
     """Make simulated bases that know nothing of the fleet, until the test ends."""
-    with Bases(tmp_path) as bases:
+    with BasesThread(tmp_path) as bases:
         yield bases
 
 

@@ -44,9 +44,7 @@ def worker_of(running):
     return worker
 
 
-def test_a_base_goes_a_distance_and_when_its_worker_is_killed_it_stops_within_its_own_time(
-    roll, bases, broker, ears
-):
+def test_a_base_goes_its_way_and_stops_by_itself_whatever_dies(roll, bases, broker, ears):
     port = bases.add("waveshare-beast")
     running = roll(port, "waveshare-beast", worker="wheels")
     pilot = ears("127.0.0.1", broker.port, f"cyberwave/twin/{TWIN}/#").pilot(TWIN)
@@ -64,6 +62,13 @@ def test_a_base_goes_a_distance_and_when_its_worker_is_killed_it_stops_within_it
         running.robot("rover", "is missed", lambda state: not is_well(state))
         running.robot("rover", "is back", is_well)
         assert port.board.physics.speeds == [0.0, 0.0]
+    pilot.hold("move_forward", until=lambda: port.board.physics.speeds[0] > 0.2)
+    bases.call(port.unplug)
+    running.robot("rover", "is missed", lambda state: "is it plugged in?" in state.get("cause", ""))
+    wait_until("the base to stand", lambda: port.board.physics.speeds == [0.0, 0.0])
+    bases.call(port.plug)
+    running.robot("rover", "is back", is_well)
+    assert port.board.physics.wanted == [0.0, 0.0]
 
 
 class Person:

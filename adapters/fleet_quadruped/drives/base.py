@@ -44,10 +44,8 @@ class JointDrive(Protocol):
     """Twelve drives on one or more buses. No method blocks but ``configure``.
 
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
-    each cycle until ``feedback`` says that all drives did it. ``voltage`` is what the drives are fed with, V.
+    each cycle until ``feedback`` says that all drives did it.
     """
-
-    voltage: float | None
 
     def configure(self) -> None:
         """Bring every drive into the state that the description wants and verify it by reading back.

@@ -13,6 +13,7 @@ from fleet import Level, LinkLost
 from fleet.errors import WireError
 from fleet.host.asks import Decoder
 from fleet.host.desk import Desk
+from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities, make_adapter
 from fleet.host.safety.policy import STOPS
 from fleet.host.ticket import Ticket
@@ -74,6 +75,7 @@ class Bench:
             publish=lambda _: None,
             crashed=self.crashed,
             restart=lambda: None,
+            journal=RobotJournal(),
             clock=self.robot.clock,
         )
         self.limits = config.limits.over(can.limits)

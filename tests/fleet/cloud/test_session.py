@@ -355,3 +355,51 @@ class Deliveries(RuleBasedStateMachine):
 
 TestDeliveries = Deliveries.TestCase
 TestDeliveries.settings = settings(max_examples=60, stateful_step_count=40)
+
+
+def test_a_message_of_qos_2_is_released_once_the_broker_has_it():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    (release,) = talk.replies()
+    assert (type(release), release.packet_id) == (mqtt5.PubRelPacket, published.packet_id)
+    assert talk.outcomes() == []
+    talk.hear(mqtt5.PubCompPacket(published.packet_id))
+    assert talk.outcomes() == [("offer", Outcome.ACKED)]
+    assert not talk.session.busy()
+
+
+def test_a_message_of_qos_2_that_was_not_completed_is_sent_again():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    talk.session.end()
+    (again,) = Talk(box=talk.box, clock=talk.clock).send()
+    assert (again.topic, int(again.qos), again.duplicate) == ("offer", 2, True)
+
+
+def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id, reason_code=mqtt5.PubRecReasonCode.NOT_AUTHORIZED))
+    assert talk.outcomes() == [("offer", Outcome.REFUSED)]
+    assert talk.replies() == []
+
+
+def test_a_broker_without_qos_2_gets_qos_1():
+    talk = Talk(max_qos=mqtt5.QoS(1))
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubAckPacket(published.packet_id))
+    assert int(published.qos) == 1
+    assert talk.outcomes() == [("offer", Outcome.ACKED)]
+
+
+def test_qos_2_takes_one_place_of_the_window():
+    talk = Talk(receive_max=20)
+    for number in range(30):
+        talk.box.put(message(f"t/{number}", 2))
+    assert 15 <= len(talk.send()) <= 20

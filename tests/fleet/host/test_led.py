@@ -147,7 +147,7 @@ async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(wo
     world.ask(way)
     await world.pass_time(1.0)
     assert world.cart.told == []
-    assert world.desk.last_command == verb
+    assert world.desk.last.command == verb
 
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):

@@ -4,7 +4,7 @@ from fleet.bus.lane import Lane
 from fleet.host.outbox import WAITING, Outbox
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
-from fleet.model.report import BatteryReport, LogReport, NavigationReport, PoseReport
+from fleet.model.report import BatteryReport, DepthReport, LogReport, NavigationReport, PoseReport
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import decode_report
 
@@ -158,3 +158,21 @@ def test_the_samples_of_a_channel_are_numbered_without_gaps(outbox, ear):
         outbox.flush()
     ear.when(2)
     assert [int.from_bytes(sample[12:20], "little") for _, sample in ear] == [0, 1]
+
+
+def test_two_sensors_of_a_robot_have_a_key_each(outbox, ear):
+    for sensor in ("front", "rear", ""):
+        outbox.put(TWIN, DepthReport(1.0, b"xx", 1, 1, "uint16", sensor))
+    outbox.flush()
+    keys = [key.removeprefix(f"cw/{TWIN}/data/") for key, _ in ear.when(3)]
+    assert keys == ["depth/front", "depth/rear", "depth"]
+
+
+@pytest.mark.parametrize("sensor", ["Front", "a/b", "*", "**", 5])
+def test_a_sensor_that_cannot_be_part_of_a_key_is_dropped_and_told(outbox, ear, caplog, sensor):
+    outbox.put(TWIN, DepthReport(1.0, b"xx", 1, 1, "uint16", sensor))
+    outbox.put(TWIN, pose(1.0))
+    outbox.flush()
+    assert [key for key, _ in ear.when(1)] == [f"cw/{TWIN}/data/position"]
+    assert outbox.dropped == 1
+    assert "a depth report of" in caplog.text

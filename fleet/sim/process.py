@@ -1,0 +1,103 @@
+"""A simulator as a subprocess: what ``sim:`` links of one process share."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+from collections.abc import AsyncIterator
+from types import TracebackType
+from typing import Any, Never, Self
+
+import msgspec
+
+from fleet.errors import LinkLost, LinkRefused
+
+_START = 30.0  # s that the subprocess may take to start and to answer
+_STOP = 3.0
+
+
+class SimProcess:
+    """A running ``python -m MODULE --stdin``, a ``fleet.sim.server``; an async context manager."""
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+        self._process: asyncio.subprocess.Process | None = None
+        self._asking = asyncio.Lock()
+
+    async def __aenter__(self) -> Self:
+        """Start the subprocess; raises LinkRefused when that is impossible."""
+        try:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *("-m", self._module, "--stdin"),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+            )
+        except OSError as error:
+            raise LinkRefused(f"the simulator cannot be started: {error}") from error
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the subprocess and wait for its end."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        assert process.stdin is not None
+        process.stdin.close()
+        try:
+            await asyncio.wait_for(process.wait(), _STOP)
+        except TimeoutError:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+
+    @contextlib.asynccontextmanager
+    async def robot(self, spec: Any) -> AsyncIterator[str]:
+        """Give the link of a new simulated robot, which goes when this ends.
+
+        Raises LinkLost when the subprocess is gone, LinkRefused for a robot that cannot be.
+        """
+        url = (await self.ask({"add": spec}))["url"]
+        try:
+            yield url
+        finally:
+            with contextlib.suppress(LinkLost, LinkRefused):
+                await self.ask({"remove": {"url": url}})
+
+    async def fault(self, url: str, name: str, value: float | None = 1.0) -> None:
+        """Begin a fault of the robot behind a link; None ends it. Raises LinkLost or LinkRefused."""
+        await self.ask({"fault": {"url": url, "name": name, "value": value}})
+
+    async def lost(self) -> Never:
+        """Wait until the subprocess ends, then raise LinkLost."""
+        raise LinkLost(f"the simulator ended with status {await self._running().wait()}")
+
+    def _running(self) -> asyncio.subprocess.Process:
+        """Return the subprocess; raises LinkLost when there is none."""
+        if self._process is None:
+            raise LinkLost("the simulator is not running")
+        return self._process
+
+    async def ask(self, line: Any) -> Any:
+        """Send one line of ``fleet.sim.server`` and return the answer; raises LinkLost or LinkRefused."""
+        process = self._running()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        async with self._asking:
+            if process.stdin.is_closing():
+                raise LinkLost(f"the simulator ended with status {await process.wait()}")
+            try:
+                process.stdin.write(msgspec.json.encode(line) + b"\n")
+                await process.stdin.drain()
+                answer = await asyncio.wait_for(process.stdout.readline(), _START)
+            except (OSError, TimeoutError) as error:
+                raise LinkLost(f"the simulator does not answer: {error}") from error
+        if not answer:
+            raise LinkLost(f"the simulator ended with status {await process.wait()}")
+        told = msgspec.json.decode(answer)
+        if "error" in told:
+            raise LinkRefused(f"the simulator refuses: {told['error']}")
+        return told

@@ -1,0 +1,59 @@
+"""The simulator as a subprocess."""
+
+import asyncio
+import signal
+import sys
+
+import pytest
+
+from fleet.errors import LinkRefused
+from fleet.sim.process import SimProcess
+from fleet_mavlink.sim.spec import SimSpec
+
+
+async def test_a_vehicle_has_its_own_port_and_is_gone_with_whoever_asked_for_it():
+    async with SimProcess("fleet_mavlink.sim") as simulator:
+        async with (
+            simulator.robot(SimSpec("px4")) as one,
+            simulator.robot(SimSpec("px4", system_id=2)) as two,
+        ):
+            assert one.startswith("udpout:127.0.0.1:")
+            assert one != two
+            await simulator.fault(one, "reboot")
+            with pytest.raises(LinkRefused, match="did you mean 'loss'"):
+                await simulator.fault(two, "los")
+        with pytest.raises(LinkRefused, match="no simulated robot"):
+            await simulator.fault(one, "reboot")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_a_signal_ends_it_cleanly(number):
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "fleet_mavlink.sim", "--vehicles", "2", stdout=asyncio.subprocess.PIPE
+    )
+    async with asyncio.timeout(60):
+        await process.stdout.readline()
+        await process.stdout.readline()
+        process.send_signal(number)
+        assert await process.wait() == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--to", "nowhere"], b"not HOST:PORT"),
+        (["--home", "1,2"], b"LATITUDE,LONGITUDE"),
+        (["--fault", "los:1"], b"did you mean 'loss'"),
+        (["--system-id", "250", "--vehicles", "9"], b"system id 255"),
+    ],
+)
+async def test_impossible_options_are_refused_in_one_line(options, says):
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "fleet_mavlink.sim", *options),
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    _, told = await asyncio.wait_for(process.communicate(), 60)
+    assert process.returncode == 2
+    assert says in told
+    assert told.count(b"\n") == 1
