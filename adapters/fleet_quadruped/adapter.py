@@ -10,26 +10,20 @@ import msgspec
 from fleet import (
     Adapter,
     Fault,
-    FollowPath,
-    Goal,
-    GoTo,
     Limits,
     NotReady,
     Progress,
     Refused,
-    RelativeMove,
     Robot,
-    Task,
     TimedOut,
     Unsupported,
     Velocity,
     command,
 )
-from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, rotate_to_world
+from fleet.model.geometry import ZERO_VELOCITY, Vector3
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Errand, Order, State
-from fleet_quadruped.follow import REACHED, Place, towards
 from fleet_quadruped.process import BodyProcess
 from fleet_quadruped.reports import health_of, motion_reports, slow_reports
 from fleet_quadruped.robot.description import Description, load_description
@@ -48,6 +42,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     Config = QuadrupedConfig
     limits = Limits(speed=0.8, yaw_rate=1.0)
+    holonomic = True
 
     def __init__(self, config: QuadrupedConfig) -> None:
         super().__init__(config)
@@ -192,51 +187,6 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         except TimeoutError:
             raise TimedOut(f"{what}: the dog is {self._state.mode} after {within:g} s") from None
 
-    # -- navigation ----------------------------------------------------------------------------------
-
-    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
-        """Walk to one place after the other on leg odometry."""
-        places = self._places(task)
-        reached = task.constraints.tolerance or REACHED
-        most = min(task.constraints.max_speed or self.limits.speed or 0.5, self.limits.speed or 0.5)
-        for number, (place, wait) in enumerate(places):
-            async for _ in self._walk_to(place, most, reached):
-                yield Progress(100.0 * number / len(places))
-            await asyncio.sleep(wait)
-
-    async def _walk_to(self, place: Place, speed: float, reached: float) -> AsyncIterator[Progress]:
-        assert self._dog is not None
-        strafe = min(speed, self._dog.gait.strafe)
-        while True:
-            velocity = towards(
-                self._place(), place, speed=speed, strafe=strafe, turn=self._dog.gait.turn, reached=reached
-            )
-            self.drive(velocity or ZERO_VELOCITY)
-            if velocity is None:
-                return
-            yield Progress(0.0)
-            self._news.clear()
-            await self._news.wait()
-
-    def _places(self, task: Task) -> list[tuple[Place, float]]:
-        """Return where a task leads, with the seconds to stay there."""
-        self._reached()
-        here = self._place()
-        match task:
-            case GoTo():
-                return [_place_of(task.goal)]
-            case FollowPath():
-                return [_place_of(goal) for _ in range(task.loops) for goal in task.goals]
-            case RelativeMove():
-                move = task.translation
-                if task.body_frame:
-                    move = rotate_to_world(move, here.yaw or 0.0)
-                return [(Place(here.x + move.x, here.y + move.y, None), 0.0)]
-
-    def _place(self) -> Place:
-        trim = self.config.trim
-        return Place(self._state.x * trim, self._state.y * trim, Quaternion(*self._state.rotation).yaw)
-
     # -- the body ------------------------------------------------------------------------------------
 
     def _reached(self) -> BodyProcess:
@@ -297,10 +247,3 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if self._robot is not None and self._state.stamp:
             for report in slow_reports(self._state, self._robot.clock.time()):
                 self._robot.report(report)
-
-
-def _place_of(goal: Goal) -> tuple[Place, float]:
-    """Return a goal's place and the seconds to stay; raises Unsupported for a place on Earth."""
-    if goal.position is None:
-        raise Unsupported("this dog knows places in metres only, not latitude and longitude")
-    return Place(goal.position.x, goal.position.y, goal.yaw), goal.wait

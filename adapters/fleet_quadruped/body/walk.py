@@ -55,13 +55,12 @@ class Walker:
         return self._targets(dt, self._trot.step(dt, given, error, self.height, tilt), sense)
 
     def _limited(self, wanted: Twist) -> Twist:
-        """Return a velocity that the dog can hold."""
+        """Return a velocity that the dog can hold; a slower one goes in the same direction."""
         gait = self._dog.gait
-        return Twist(
-            _within(wanted.x, gait.speed * self.speed_share),
-            _within(wanted.y, gait.strafe * self.speed_share),
-            _within(wanted.turn, gait.turn * self.speed_share),
-        )
+        over = max(abs(wanted.x) / gait.speed, abs(wanted.y) / gait.strafe) / self.speed_share
+        share = 1.0 / max(1.0, over)
+        turn = _within(wanted.turn, gait.turn * self.speed_share)
+        return Twist(wanted.x * share, wanted.y * share, turn)
 
     def _ramp(self, dt: float, wanted: Twist) -> None:
         """Change the velocity no faster than the gait allows."""

@@ -7,8 +7,6 @@ import pytest
 
 from fleet import (
     BatteryReport,
-    Goal,
-    GoTo,
     LinkLost,
     LinkRefused,
     NotReady,
@@ -27,14 +25,15 @@ async def all_of(command):
     return [progress async for progress in command]
 
 
-async def test_it_stands_walks_to_a_place_and_sits_down(running):
+async def test_it_stands_walks_and_sits_down(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
-        await all_of(adapter.navigate(GoTo(Goal(Vector3(0.5, 0.2)))))
+        adapter.drive(Velocity(Vector3(0.4)))
+        await robot.until(
+            lambda: any(isinstance(report, PoseReport) and report.position.x > 0.2 for report in robot.reports)
+        )
         await adapter.stop("arrived")
         await all_of(adapter.sit_down())
-        pose = [report for report in robot.reports if isinstance(report, PoseReport)][-1]
-        assert (pose.position.x, pose.position.y) == pytest.approx((0.5, 0.2), abs=0.15)
         await robot.until(
             lambda: {JointReport, ImuReport, BatteryReport, MetricsReport} <= set(map(type, robot.reports))
         )
