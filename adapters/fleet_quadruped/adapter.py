@@ -21,12 +21,12 @@ from fleet import (
     command,
 )
 from fleet.model.geometry import ZERO_VELOCITY, Vector3
+from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Errand, Order, State
 from fleet_quadruped.process import BodyProcess
 from fleet_quadruped.reports import health_of, motion_reports, slow_reports
-from fleet_quadruped.robot.description import Description, load_description
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -47,7 +47,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     def __init__(self, config: QuadrupedConfig) -> None:
         super().__init__(config)
         self._body: BodyProcess | None = None
-        self._dog: Description | None = None
+        self._dog: AnyBody | None = None
         self._robot: Robot | None = None
         self._order = Order()
         self._state = State()
@@ -56,7 +56,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     async def run(self, robot: Robot) -> None:
         """Start the body controller and report what it says until it ends."""
-        self._dog = load_description(self.config.body_file)
+        self._dog = load_body(self.config.body_file)
         self._robot = robot
         async with BodyProcess(self.config) as body:
             self._body = body
@@ -135,9 +135,10 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     async def battery_check(self) -> None:
         """Report the battery now."""
         robot = self._running()
-        if self._dog is None or self._dog.battery is None:
+        timeout = self._dog.battery_timeout if self._dog else None
+        if timeout is None:
             raise Unsupported("this dog's description has no battery")
-        if self._state.battery_age is None or self._state.battery_age > self._dog.battery.timeout:
+        if self._state.battery_age is None or self._state.battery_age > timeout:
             raise NotReady("the battery says nothing", hint="check its CAN frames")
         for report in slow_reports(self._state, robot.clock.time()):
             robot.report(report)
@@ -234,8 +235,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if self._state is not before:
             self._news.set()
             if self._dog is not None and self._robot is not None:
-                health = health_of(self._state, self._dog.drive.cycle_hz)
-                if before.stamp == 0.0 or health != health_of(before, self._dog.drive.cycle_hz):
+                health = health_of(self._state, 1.0 / self._dog.dt)
+                if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
                     self._robot.health(health)
 
     def _report_motion(self) -> None:

@@ -11,7 +11,7 @@ from fleet import AdapterConfig
 from fleet.sim.faults import parse_faults
 from fleet_quadruped.can.bus import BusText
 from fleet_quadruped.robot.description import EXAMPLE
-from fleet_quadruped.sim.faults import ALL_FAULTS
+from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
 from fleet_quadruped.sim.worlds import WORLDS
 
 
@@ -24,7 +24,7 @@ def simulation(link: str) -> tuple[str, dict[str, float]]:
         raise ValueError(
             f"{link!r} is not a simulated dog; write sim:auto or sim:mujoco?faults=loss:0.05 ({worlds})"
         )
-    return world, parse_faults(query.removeprefix("faults="), ALL_FAULTS)
+    return world, parse_faults(query.removeprefix("faults="), {**WALKER_FAULTS, **ALL_FAULTS})
 
 
 def _checked(link: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fleet_quadruped.body.gait import Trot, Twist
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.odometry import Odometry
+from fleet_quadruped.body.pace import limited, ramped, within
 from fleet_quadruped.body.sense import Sense, Targets
 from fleet_quadruped.robot.description import Description, leg_angles
 from fleet_quadruped.robot.names import Twelve
@@ -44,7 +45,8 @@ class Walker:
     def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
         """Return the joint targets after ``dt`` seconds."""
         self.odometry.update(dt, sense, self._trot.stance)
-        self._ramp(dt, self._limited(wanted))
+        gait = self._dog.gait
+        self._ramped = ramped(self._ramped, limited(wanted, gait, self.speed_share), gait, dt)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
@@ -54,25 +56,6 @@ class Walker:
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
         return self._targets(dt, self._trot.step(dt, given, error, self.height, tilt), sense)
 
-    def _limited(self, wanted: Twist) -> Twist:
-        """Return a velocity that the dog can hold; a slower one goes in the same direction."""
-        gait = self._dog.gait
-        over = max(abs(wanted.x) / gait.speed, abs(wanted.y) / gait.strafe) / self.speed_share
-        share = 1.0 / max(1.0, over)
-        turn = _within(wanted.turn, gait.turn * self.speed_share)
-        return Twist(wanted.x * share, wanted.y * share, turn)
-
-    def _ramp(self, dt: float, wanted: Twist) -> None:
-        """Change the velocity no faster than the gait allows."""
-        gait = self._dog.gait
-        most = (gait.acceleration * dt, gait.acceleration * dt, gait.turn_acceleration * dt)
-        self._ramped = Twist(
-            *(
-                now + _within(goal - now, step)
-                for now, goal, step in zip(self._ramped, wanted, most, strict=True)
-            )
-        )
-
     def _correct(self, dt: float) -> None:
         """Integrate what is missing of the velocity while it walks; forget it when it stops."""
         if self._ramped.zero:
@@ -81,7 +64,7 @@ class Walker:
         seen = self.odometry.twist
         self._added = Twist(
             *(
-                _within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
+                within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
                 for added, wanted, now in zip(self._added, self._ramped, seen, strict=True)
             )
         )
@@ -106,7 +89,3 @@ class Walker:
             carried = weight if self._trot.stance[number] else 0.0
             torques += (-carried * column[2] for column in leg.jacobian(leg_angles(sense.angles, number)))
         return tuple(torques)
-
-
-def _within(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))

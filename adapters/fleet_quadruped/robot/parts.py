@@ -91,7 +91,17 @@ class Wiring(Section):
     offset: float = Field(0.0, description="Motor angle at joint zero, over the ratio, rad.")
 
 
-class Gait(Section):
+class Pace(Section):
+    """How fast it walks, and how suddenly."""
+
+    speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
+    strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
+    turn: Positive = Field(1.0, description="Highest turning speed, rad/s.")
+    acceleration: Positive = Field(0.8, description="m/s2.")
+    turn_acceleration: Positive = Field(2.5, description="rad/s2.")
+
+
+class Gait(Pace):
     """How it walks."""
 
     height: Positive = Field(0.27, description="Hip axes above the ground while standing, m.")
@@ -101,11 +111,6 @@ class Gait(Section):
     duty: float = Field(0.58, ge=0.5, lt=0.9, description="Share of the cycle a foot is on the ground.")
     swing: Positive = Field(0.06, description="How high a foot is lifted, m.")
     reach: Positive = Field(0.16, description="Farthest step from the neutral place, m.")
-    speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
-    strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
-    turn: Positive = Field(1.0, description="Highest turning speed, rad/s.")
-    acceleration: Positive = Field(0.8, description="m/s2.")
-    turn_acceleration: Positive = Field(2.5, description="rad/s2.")
     posture: Share = Field(0.5, description="How strongly the legs level the body.")
 
 
@@ -152,12 +157,17 @@ class Switch(Section):
     off: str = Field(pattern=r"^([0-9a-fA-F]{2}){1,8}$", description="Data that turns it off, hex.")
 
 
-class Safety(Section):
-    """When it stops, and how."""
+class Watch(Section):
+    """When it stops, whoever moves its legs."""
 
     deadman: float = Field(0.5, ge=0.1, le=5, description="Seconds without an order until it stands still.")
     abandoned: float = Field(10.0, ge=1, le=600, description="Seconds without its host until it sits down.")
     tilt: float = Field(0.785, gt=0.1, le=1.5, description="Tilt at which it lets go, rad.")
+
+
+class Safety(Watch):
+    """When it stops, and how."""
+
     following: float = Field(0.35, gt=0, le=1.5, description="Farthest from wanted to actual, rad.")
     following_time: float = Field(0.1, gt=0, le=1, description="Seconds it may be beyond that.")
     step: float = Field(0.2, gt=0, le=1, description="Largest change of a target in one cycle, rad.")

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Protocol
 
 from fleet.errors import LinkLost
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World
+
+
+class Takes(Protocol):
+    """A machine that takes frames."""
+
+    def take(self, bus: str, frame: Frame) -> None:
+        """Take a frame that was sent to it."""
 
 
 class SimBus:
@@ -18,10 +26,10 @@ class SimBus:
         self.name = name
         self.cut = False
         self.sent: deque[Frame] = deque(maxlen=64)
-        self._dog: SimDog | None = None
+        self._dog: Takes | None = None
         self._arrived: deque[Frame] = deque()
 
-    def connect(self, dog: SimDog) -> None:
+    def connect(self, dog: Takes) -> None:
         """Join the dog."""
         self._dog = dog
 

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
@@ -40,6 +41,14 @@ _ABORTS = {
     0x06090030: "the value is out of the drive's range",
     0x08000022: "not in this state of the drive",
 }
+
+
+class Addressed(NamedTuple):
+    """A node as it is named when something is wrong with it."""
+
+    name: str
+    bus: str
+    id: int
 
 
 class Wire(canopen.Network):
@@ -89,6 +98,16 @@ def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> None:
             node.nmt.send_command(0x01)
 
 
+def write_node(bus: CanBus, who: Addressed, objects: list[Object]) -> None:
+    """Configure one node of any profile and start it; raises LinkLost or LinkRefused, see ``commission``."""
+    wire = Wire(bus)
+    with wire.pumped():
+        node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
+        node.nmt.send_command(0x80)
+        write_all(node, who, objects)
+        node.nmt.send_command(0x01)
+
+
 def _dictionary(drive: Drive) -> ObjectDictionary:
     """Return the drive's EDS; raises LinkRefused when an object that is needed is not in it."""
     if not drive.eds:
@@ -108,62 +127,69 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
     """Configure one drive in pre-operational, where mappings may be changed."""
     node.nmt.send_command(0x80)
     _identify(node, joint, drive)
-    objects = all_objects(drive, joint.id)
+    write_all(node, _who(joint), all_objects(drive, joint.id))
+
+
+def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -> None:
+    """Write objects in their order and read the final values back; raises LinkLost or LinkRefused."""
     for item in objects:
-        _write(node, joint, item)
+        _write(node, who, item)
     for item in final_values(objects):
-        actual = _read(node, joint, item.place, item.sub)
+        actual = _read(node, who, item.place, item.sub)
         if actual != item.value:
-            raise LinkRefused(
-                f"{joint.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}"
-            )
+            raise LinkRefused(f"{who.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}")
 
 
 def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
     """Refuse a device that is not the drive that the description means."""
-    kind = _read(node, joint, *DEVICE_TYPE) & 0xFFFF
+    who = _who(joint)
+    kind = _read(node, who, *DEVICE_TYPE) & 0xFFFF
     if kind != PROFILE_402:
         raise LinkRefused(
             f"{joint.name}: 1000h:0 says profile {kind}, wanted 402: another device has id {joint.id}"
         )
     for sub, wanted in ((1, drive.vendor), (2, drive.product)):
-        if wanted is not None and (actual := _read(node, joint, 0x1018, sub)) != wanted:
+        if wanted is not None and (actual := _read(node, who, 0x1018, sub)) != wanted:
             raise LinkRefused(
                 f"{joint.name}: 1018h:{sub} is {actual:#x}, wanted {wanted:#x}: another make of drive"
             )
-    modes = _read(node, joint, *MODES)
+    modes = _read(node, who, *MODES)
     if not modes >> (CYCLIC_POSITION - 1) & 1:
         raise LinkRefused(f"{joint.name}: 6502h:0 is {modes:#x}: it has no cyclic synchronous position mode")
 
 
-def _write(node: canopen.RemoteNode, joint: Joint, item: Object) -> None:
+def _write(node: canopen.RemoteNode, who: Addressed, item: Object) -> None:
     """Write an object; what is read-only is left to the reading back."""
     try:
         node.sdo.download(item.place, item.sub, item.value.to_bytes(item.size, "little"))
     except SdoAbortedError as error:
         if error.code != _READ_ONLY:
-            raise _refused(joint, item.name, item.what, error) from None
-        log.info("%s: %s is read-only", joint.name, item.name)
+            raise _refused(who, item.name, item.what, error) from None
+        log.info("%s: %s is read-only", who.name, item.name)
     except SdoCommunicationError:
-        raise _silent(joint) from None
+        raise _silent(who) from None
 
 
-def _read(node: canopen.RemoteNode, joint: Joint, index: int, sub: int) -> int:
+def _read(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> int:
     """Return an object as an unsigned number."""
     try:
         return int.from_bytes(node.sdo.upload(index, sub), "little")
     except SdoAbortedError as error:
-        raise _refused(joint, f"{index:04X}h:{sub}", "to be read", error) from None
+        raise _refused(who, f"{index:04X}h:{sub}", "to be read", error) from None
     except SdoCommunicationError:
-        raise _silent(joint) from None
+        raise _silent(who) from None
 
 
-def _refused(joint: Joint, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
+def _refused(who: Addressed, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
     why = _ABORTS.get(error.code, "the drive refused it")
-    return LinkRefused(f"{joint.name}: {name} ({what}): {why} (SDO abort {error.code:08X}h)")
+    return LinkRefused(f"{who.name}: {name} ({what}): {why} (SDO abort {error.code:08X}h)")
 
 
-def _silent(joint: Joint) -> LinkLost:
+def _silent(who: Addressed) -> LinkLost:
     return LinkLost(
-        f"{joint.name}: id {joint.id} on bus {joint.bus!r} does not answer; check power, wiring, id, bitrate"
+        f"{who.name}: id {who.id} on bus {who.bus!r} does not answer; check power, wiring, id, bitrate"
     )
+
+
+def _who(joint: Joint) -> Addressed:
+    return Addressed(joint.name, joint.bus, joint.id)

@@ -64,14 +64,16 @@ def _period(cycle_hz: int) -> tuple[int, int]:
 
 def mapping_objects(node: int) -> list[Object]:
     """Return the PDOs in the order that CiA 301 wants: off, none, entries, how many, on."""
-    receive = _pdo(0x1400, 0x1600, RPDO1 + node, 1, (0x60400010, 0x607A0020, 0x60B20010))
-    fast = _pdo(0x1800, 0x1A00, TPDO1 + node, 1, (0x60410010, 0x60640020, 0x60770010))
-    slow = _pdo(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010))
+    receive = pdo_objects(0x1400, 0x1600, RPDO1 + node, 1, (0x60400010, 0x607A0020, 0x60B20010))
+    fast = pdo_objects(0x1800, 0x1A00, TPDO1 + node, 1, (0x60410010, 0x60640020, 0x60770010))
+    slow = pdo_objects(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010))
     return receive + fast + slow
 
 
-def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: tuple[int, ...]) -> list[Object]:
-    """Return the objects of one PDO."""
+def pdo_objects(
+    communication: int, mapping: int, cob: int, kind: int, entries: tuple[int, ...]
+) -> list[Object]:
+    """Return the objects of one PDO in the order that CiA 301 wants: off, none, entries, how many, on."""
     mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
     return [
         Object(communication, 1, 4, _DISABLED | cob, "PDO off"),
