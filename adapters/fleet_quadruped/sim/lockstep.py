@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from typing import Protocol
 
@@ -28,6 +29,7 @@ class SimBus:
         self.sent: deque[Frame] = deque(maxlen=64)
         self._dog: Takes | None = None
         self._arrived: deque[Frame] = deque()
+        self._news = threading.Event()
 
     def connect(self, dog: Takes) -> None:
         """Join the dog."""
@@ -37,6 +39,7 @@ class SimBus:
         """Take a frame from the dog."""
         if not self.cut:
             self._arrived.append(frame)
+            self._news.set()
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the dog."""
@@ -45,8 +48,11 @@ class SimBus:
         self.sent.append(frame)
         self._dog.take(self.name, frame)
 
-    def receive(self, wait: float) -> list[Frame]:  # noqa: ARG002 - nothing more comes by waiting
-        """Return what the dog has sent; raises LinkLost when the bus is cut."""
+    def receive(self, wait: float) -> list[Frame]:
+        """Return what the dog has sent, waiting for what another thread asks it; raises LinkLost if cut."""
+        if wait > 0 and not self._arrived:
+            self._news.wait(wait)
+        self._news.clear()
         if self.cut:
             raise LinkLost(f"bus {self.name!r} is gone")
         frames = []

@@ -17,6 +17,7 @@ from fleet import (
 )
 from fleet.model.report import ImuReport, JointReport, MetricsReport
 from fleet_quadruped import QuadrupedConfig
+from fleet_quadruped.robot.description import EXAMPLE
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 
@@ -30,7 +31,9 @@ async def test_it_stands_walks_and_sits_down(running):
         await all_of(adapter.stand_up())
         adapter.drive(Velocity(Vector3(0.4)))
         await robot.until(
-            lambda: any(isinstance(report, PoseReport) and report.position.x > 0.2 for report in robot.reports)
+            lambda: any(
+                isinstance(report, PoseReport) and report.position.x > 0.2 for report in robot.reports
+            )
         )
         await adapter.stop("arrived")
         await all_of(adapter.sit_down())
@@ -40,6 +43,25 @@ async def test_it_stands_walks_and_sits_down(running):
     joints = next(report for report in robot.reports if isinstance(report, JointReport))
     assert list(joints.positions)[:3] == ["FL_abad", "FL_hip", "FL_knee"]
     assert len(joints.positions) == len(joints.velocities) == len(joints.efforts) == 12
+
+
+@pytest.mark.parametrize("kind", ["self-walking", "self-walking-canopen"])
+async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind):
+    async with running(link="sim:auto", body=EXAMPLE.with_name(f"{kind}.yaml")) as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        adapter.drive(Velocity(Vector3(0.4), 0.2))
+        await robot.until(
+            lambda: any(
+                isinstance(report, PoseReport) and report.position.x > 0.1 for report in robot.reports
+            )
+        )
+        await adapter.stop("there")
+        await all_of(adapter.sit_down(delta_z=0.05))
+        await adapter.battery_check()
+        await adapter.stop("emergency_stop")
+        await robot.until(lambda: robot.healths[-1].cause == "emergency stop")
+        await all_of(adapter.stand_up())
+        await all_of(adapter.sit_down())
 
 
 async def test_a_dog_that_lies_does_not_walk(running):

@@ -1,6 +1,7 @@
 """A machine that walks by itself, by frames of its own and as a CANopen node, in lock-step."""
 
 import math
+import re
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,6 +15,8 @@ from fleet_quadruped.frames import Decoder
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode
 
+NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
+
 
 @pytest.fixture
 def standing(paddock):
@@ -22,6 +25,14 @@ def standing(paddock):
     paddock.go(1.5)
     assert paddock.state.mode == "standing"
     return paddock
+
+
+def changed(walker, **sections):
+    """Return a description with other values in its sections."""
+    tree = walker.model_dump(exclude_none=True)
+    for name, values in sections.items():
+        tree[name] |= values
+    return type(walker).model_validate(tree)
 
 
 def asked(paddock):
@@ -142,21 +153,16 @@ def test_it_changes_its_height_within_its_limits(standing):
 
 
 def test_a_command_that_is_not_taken_is_told(walker, make_paddock):
-    other = walker.wire.commands["stand_up"]
-    deaf = walker.model_copy()
-    deaf.__dict__["wire"] = walker.wire._replace(
-        commands={**walker.wire.commands, "stand_up": other._replace(data=bytes(8))}
-    )
-    paddock = make_paddock(deaf, real=walker)
+    section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
+    paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
     paddock.go(0.2)
-    assert paddock.ask(Ask.STAND)
+    assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(Ask.STAND))
     assert paddock.machine.mode is Mode.OFF
 
 
 def test_a_description_without_recovery_refuses_it(make_paddock):
-    walker = load_body(EXAMPLE.with_name("self-walking.yaml"))
-    frames = walker.frames.model_copy(update={"recovery_stand": None})
-    paddock = make_paddock(walker.model_copy(update={"frames": frames}))
+    lacking = changed(load_body(EXAMPLE.with_name("self-walking.yaml")), frames={"recovery_stand": None})
+    paddock = make_paddock(lacking)
     paddock.go(0.2)
     assert paddock.ask(Ask.RECOVER) == "this machine's description has no recovery_stand"
 
@@ -168,12 +174,10 @@ def test_it_recovers(paddock):
     assert paddock.state.mode == "standing"
 
 
-def test_a_node_that_does_not_take_the_mapping_is_named(walker, make_paddock):
-    if walker.objects is None:
-        walker = load_body(EXAMPLE.with_name("self-walking-canopen.yaml"))
-    lacking = walker.objects.model_copy(update={"setup": ()})
-    with pytest.raises(LinkRefused, match="mule: 1029h:1 .*no such object"):
-        make_paddock(walker, real=walker.model_copy(update={"objects": lacking}))
+def test_a_node_that_cannot_be_set_up_is_named(make_paddock):
+    walker = load_body(EXAMPLE.with_name("self-walking-canopen.yaml"))
+    with pytest.raises(LinkRefused, match=r"mule: 1029h:1 .*no such object"):
+        make_paddock(walker, real=changed(walker, objects={"setup": ()}))
 
 
 @given(st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=1, max_size=6))
