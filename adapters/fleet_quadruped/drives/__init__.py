@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
 from fleet_quadruped.drives.mit.drive import MitDrives
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import Description, Joint
 
-PROTOCOLS: Mapping[str, Callable[[Description, Mapping[str, CanBus]], JointDrive]] = MappingProxyType(
-    {"cia402": Cia402Drives, "mit": MitDrives}
-)
+Make = Callable[[Description, Mapping[str, CanBus], Sequence[Joint]], JointDrive]
+
+PROTOCOLS: Mapping[str, Make] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
 
 
-def drives_of(dog: Description, buses: Mapping[str, CanBus]) -> JointDrive:
-    """Return the drives of a dog, not yet configured."""
-    return PROTOCOLS[dog.drive.protocol](dog, buses)
+def drives_of(
+    dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
+) -> JointDrive:
+    """Return the drives of a dog, or of some of its joints, not yet configured."""
+    return PROTOCOLS[dog.drive.protocol](dog, buses, dog.all_joints if joints is None else joints)

@@ -39,8 +39,9 @@ class JointFeedback(NamedTuple):
 
 
 class JointDrive(Protocol):
-    """Twelve drives on one or more buses. No method blocks but ``configure``.
+    """Drives of one dog, mostly all twelve, on one or more buses.
 
+    No method blocks but ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
@@ -50,6 +51,12 @@ class JointDrive(Protocol):
 
         May be repeated. Raises LinkLost for a drive that does not answer, LinkRefused naming joint, object,
         wanted and actual for one that is wrong.
+        """
+
+    def limit_torque(self, torque: float | None) -> None:
+        """Let no joint push harder than this (N m of the joint); None: as before. While the drives are off.
+
+        Raises LinkRefused for a drive that cannot be limited.
         """
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
@@ -62,7 +69,7 @@ class JointDrive(Protocol):
         """Return True when all drives have answered since ``begin_cycle``."""
 
     def feedback(self, now: float) -> tuple[JointFeedback, ...]:
-        """Return what is known of the twelve joints."""
+        """Return what is known of the joints."""
 
     def enable(self) -> None:
         """Go one step towards enabled, at the measured place, without force."""

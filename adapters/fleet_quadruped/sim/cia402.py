@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import mapping_objects
+from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, mapping_objects
 from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -130,7 +130,9 @@ class SimDrive:
             period = self._cycle()
             self._share = min(1.0, self._share + dt / period)
             motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-            motor.target = self._from + (self._to - self._from) * self._share
+            reach = self.sdo.objects[MAX_TORQUE].value / 1000 * self.joint.kind.rated_torque / _STIFF
+            target = self._from + (self._to - self._from) * self._share
+            motor.target = max(motor.angle - reach, min(motor.angle + reach, target))
             motor.target_speed = (self._to - self._from) / period if self._share < 1.0 else 0.0
         elif self.state is State.QUICK_STOP:
             motor.kd = _BRAKE
@@ -215,6 +217,7 @@ def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
         (0x60C2, 1): (1, 1),
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
+        MAX_TORQUE: (2, 0xFFFF),
     }
     objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
     return objects

@@ -75,13 +75,13 @@ def test_a_dog_on_the_bench_is_never_enabled(on_bench):
     told = bench.settle()
     assert {joint.power for joint in told} == {Power.DISABLED}
     assert all(motor.kp == motor.kd == 0 for motor in sim.world.motors)
-    assert problems(bench.dog, told) == []
+    assert problems(bench.joints, told) == []
 
 
 def test_a_silent_drive_is_named(on_bench):
     sim, _, bench = on_bench
     sim.fault("mute", 9)
-    assert problems(bench.dog, bench.settle(200)) == ["RL_knee: id 9 on bus 'a' is silent"]
+    assert problems(bench.joints, bench.settle(200)) == ["RL_knee: id 9 on bus 'a' is silent"]
 
 
 def test_the_offsets_of_a_dog_in_a_known_pose_are_measured(on_bench):

@@ -18,6 +18,7 @@ from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,
+    MAX_TORQUE,
     MODES,
     PROFILE_402,
     Object,
@@ -106,6 +107,20 @@ def write_node(bus: CanBus, who: Addressed, objects: list[Object]) -> None:
         node.nmt.send_command(0x80)
         write_all(node, who, objects)
         node.nmt.send_command(0x01)
+
+
+def limit_drive(bus: CanBus, joint: Joint, per_mille: int) -> int:
+    """Set a drive's highest torque (6072h, per mille of the rated one); return what it was.
+
+    Raises LinkLost or LinkRefused.
+    """
+    wire, who = Wire(bus), _who(joint)
+    limit = Object(*MAX_TORQUE, 2, per_mille, "highest torque, per mille of the rated one")
+    with wire.pumped():
+        node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
+        before = _read(node, who, *MAX_TORQUE)
+        write_all(node, who, [limit])
+    return before
 
 
 def _dictionary(drive: Drive) -> ObjectDictionary:

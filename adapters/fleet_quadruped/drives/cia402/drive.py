@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.base import JointFeedback, Power
-from fleet_quadruped.drives.cia402.commission import commission
+from fleet_quadruped.drives.cia402.commission import commission, limit_drive
 from fleet_quadruped.drives.cia402.frames import (
     BOOT_UP,
     EMERGENCY,
@@ -54,10 +54,11 @@ class _Node:
 class Cia402Drives:
     """All drives of a dog, on the buses by their names."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
-        self._nodes = [_Node(joint) for joint in dog.all_joints]
+        self._nodes = [_Node(joint) for joint in joints]
+        self._full: dict[str, int] = {}  # joints to the torque limits they had
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
             for node in self._nodes
@@ -73,12 +74,22 @@ class Cia402Drives:
     def configure(self) -> None:
         """Configure and start all drives; see ``commission``."""
         for name, bus in self._buses.items():
-            joints = [joint for joint in self._dog.all_joints if joint.bus == name]
+            joints = [node.joint for node in self._nodes if node.joint.bus == name]
             if joints:
                 commission(bus, joints, self._dog.drive)
         for node in self._nodes:
             node.told_at = node.beat_at = None
             node.fault = node.lost = ""
+
+    def limit_torque(self, torque: float | None) -> None:
+        """Write 6072h of each drive; its own limit is kept, and written again at the end."""
+        for joint in (node.joint for node in self._nodes):
+            before = self._full.get(joint.name)
+            if torque is None and before is None:
+                continue
+            limit = before if torque is None else per_mille_of(joint, joint.sign * torque)
+            found = limit_drive(self._buses[joint.bus], joint, limit or 0)
+            self._full.setdefault(joint.name, found)
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""

@@ -11,6 +11,7 @@ from fleet_quadruped.robot.parts import Drive
 DEVICE_TYPE = (0x1000, 0)
 PROFILE_402 = 402
 MODES = (0x6502, 0)
+MAX_TORQUE = (0x6072, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
 _BEHAVIOUR_QUICK_STOP = 3
