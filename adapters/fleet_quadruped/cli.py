@@ -84,16 +84,19 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
                 _show([*(f"{name:8} {value:9.3f}" for name, value in heard.values.items()), *heard.missing])
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        bench = Bench(dog, opened, SystemClock())
+        clock = SystemClock()
+        bench = Bench(dog, opened, clock)
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
+            began = clock.monotonic()
             told = bench.settle(dog.drive.cycle_hz - 1)
+            took = clock.monotonic() - began
             lines = [
                 f"{joint.name:8} {feedback.angle:7.3f} rad {feedback.torque:6.2f} N m "
                 f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
                 for joint, feedback in zip(dog.all_joints, told, strict=True)
             ]
-            _show([*lines, *(f"bus {name}: {count} frames/s" for name, count in bench.frames.items())])
+            _show([*lines, *(f"bus {name}: {count / took:.0f} frames/s" for name, count in bench.frames.items())])
     return 0
 
 

@@ -19,7 +19,7 @@ from fleet_quadruped.robot.description import Description, Joint
 
 log = logging.getLogger(__name__)
 
-_TRIES, _WAIT = 5, 0.02  # rounds of questions, s each
+_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look
 _TOLD = {Power.ENABLED: Power.ENABLED, Power.STOPPING: Power.STOPPING, Power.DISABLED: Power.STOPPING}
 """What an enabled motor is called, by what is wanted of it: it is not off before it says so."""
 _NAMES = ("PMAX", "VMAX", "TMAX")
@@ -230,15 +230,24 @@ class MitDrives:
             for motor in self._motors:
                 if not answered(motor):
                     self._buses[motor.joint.bus].send(Frame(*question(motor)))
-            for name, bus in self._buses.items():
-                for frame in bus.receive(_WAIT):
-                    self.take(name, frame, 0.0)
+            for _ in range(_LISTENS):
+                if all(map(answered, self._motors)) or not self._listen():
+                    break
         for motor in self._motors:
             if not answered(motor):
                 joint = motor.joint
                 raise LinkLost(
                     f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
                 )
+
+    def _listen(self) -> bool:
+        """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
+        heard = False
+        for name, bus in self._buses.items():
+            for frame in bus.receive(_WAIT):
+                heard = True
+                self.take(name, frame, 0.0)
+        return heard
 
     def _check_ranges(self) -> None:
         """Refuse motors whose frames mean other numbers than the profile says."""
