@@ -88,7 +88,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._until(lambda: self._state.stopped >= self._order.stop, "the emergency stop")
             return
         self._send()
-        await self._until(lambda: self._state.mode != "walking", "standing still", within=4.0)
+        await self._until(lambda: self._state.mode != "walking", "standing still", within=6.0)
 
     def halt(self) -> None:
         """Write zero velocity; from any thread."""
@@ -208,6 +208,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             x=move.x,
             y=move.y,
             turn=velocity.yaw_rate,
+            gait="walk" if velocity.gait == "walk" else "trot",
             until=self._now() + _FOREVER,
             alive=self._now(),
         )

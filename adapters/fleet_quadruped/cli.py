@@ -96,7 +96,12 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
                 f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
                 for joint, feedback in zip(dog.all_joints, told, strict=True)
             ]
-            _show([*lines, *(f"bus {name}: {count / took:.0f} frames/s" for name, count in bench.frames.items())])
+            _show(
+                [
+                    *lines,
+                    *(f"bus {name}: {count / took:.0f} frames/s" for name, count in bench.frames.items()),
+                ]
+            )
     return 0
 
 

@@ -80,6 +80,7 @@ class Controller:
             self.body.trip(trip)
         self._obey(order, now, sense)
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
+        self.body.walker.gait = order.gait
         moving = now < order.until and now - order.alive < self.dog.safety.deadman
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), self._waiting())
         self._write(wanted, sense, dt)

@@ -101,6 +101,16 @@ class Pace(Section):
     turn_acceleration: Positive = Field(2.5, description="rad/s2.")
 
 
+class Walk(Pace):
+    """The slow gait with three feet on the ground."""
+
+    speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
+    strafe: Positive = Field(0.08, description="Highest sideways speed, m/s.")
+    turn: Positive = Field(0.35, description="Highest turning speed, rad/s.")
+    period: float = Field(1.4, gt=0.5, le=5, description="Seconds for one full cycle of four steps.")
+    sway: Positive = Field(0.04, description="How far the body goes to the side of the standing feet, m.")
+
+
 class Gait(Pace):
     """How it walks."""
 
@@ -111,6 +121,7 @@ class Gait(Pace):
     duty: float = Field(0.58, ge=0.5, lt=0.9, description="Share of the cycle a foot is on the ground.")
     swing: Positive = Field(0.06, description="How high a foot is lifted, m.")
     reach: Positive = Field(0.16, description="Farthest step from the neutral place, m.")
+    walk: Walk = Field(Walk(), description="The gait walk of the velocity contract.")
     posture: Share = Field(0.5, description="How strongly the legs level the body.")
 
 
