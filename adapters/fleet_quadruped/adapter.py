@@ -20,6 +20,7 @@ from fleet import (
     Velocity,
     command,
 )
+from fleet.camera.picture import photograph
 from fleet.model.geometry import ZERO_VELOCITY, Vector3
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.body.machine import Ask
@@ -142,6 +143,12 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             raise NotReady("the battery says nothing", hint="check its CAN frames")
         for report in slow_reports(self._state, robot.clock.time()):
             robot.report(report)
+
+    @command("take_photo", timeout=10.0, moves=False, safe=True)
+    async def take_photo(self) -> None:
+        """Publish a picture of the configured camera."""
+        robot = self._running()
+        robot.report(await photograph(self.config.camera, robot.clock))
 
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
         """Change the height, or all of the posture."""

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from fleet import AdapterConfig
+from fleet.camera.picture import CameraText
 from fleet.sim.faults import parse_faults
 from fleet_quadruped.can.bus import BusText
 from fleet_quadruped.robot.description import EXAMPLE
@@ -46,6 +47,8 @@ class QuadrupedConfig(AdapterConfig):
         None, description="A simulated dog: sim:auto, sim:mujoco or sim:kinematic, with ?faults=loss:0.05."
     )
     trim: float = Field(1.0, gt=0.5, lt=2.0, description="Real distance over leg odometry, measured once.")
+
+    camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
     @model_validator(mode="after")
     def _one_way(self) -> QuadrupedConfig:

@@ -18,7 +18,7 @@ from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives.cia402.commission import Addressed, write_node
 from fleet_quadruped.frames import encode
 from fleet_quadruped.safety.stages import Mode
-from fleet_quadruped.selfwalk.asks import NAMES, Asks
+from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT, SDO_RESPONSE
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
@@ -217,6 +217,8 @@ class SelfWalkController:
             return None, f"this machine's description has no {NAMES[ask]}"
         if ask is Ask.SIT:
             return frame, ""
+        if self.mode is not Mode.OFF and self.mode not in TAKEN[ask]:
+            return None, f"it is {self.mode.value}"
         if self.fault == _EMERGENCY:  # the host has released it
             self.fault = ""
         if self.fault:

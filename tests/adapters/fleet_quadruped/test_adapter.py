@@ -12,10 +12,11 @@ from fleet import (
     NotReady,
     PoseReport,
     Refused,
+    Unsupported,
     Vector3,
     Velocity,
 )
-from fleet.model.report import ImuReport, JointReport, MetricsReport
+from fleet.model.report import ImuReport, JointReport, MetricsReport, PhotoReport
 from fleet_quadruped import QuadrupedConfig
 from fleet_quadruped.robot.description import EXAMPLE
 
@@ -59,9 +60,10 @@ async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind
         await all_of(adapter.sit_down(delta_z=0.05))
         await adapter.battery_check()
         await adapter.stop("emergency_stop")
-        await robot.until(lambda: robot.healths[-1].cause == "emergency stop")
+        with pytest.raises(Refused, match="it is damped"):
+            await all_of(adapter.stand_up())
+        await adapter._until(lambda: adapter._state.mode == "off", "lying")
         await all_of(adapter.stand_up())
-        await all_of(adapter.sit_down())
 
 
 async def test_a_dog_that_lies_does_not_walk(running):
@@ -85,6 +87,24 @@ async def test_the_height_changes_only_while_it_stands(running):
         await all_of(adapter.stand_up())
         await all_of(adapter.sit_down(delta_z=0.05))
         await robot.until(lambda: adapter._state.height == pytest.approx(0.22))
+
+
+async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, tmp_path):
+    (tmp_path / "shot.jpg").write_bytes(bytes.fromhex("ffd8ffc000110801e002800301110002110003110000"))
+    async with running(camera=f"file:{tmp_path}/shot.jpg") as (adapter, robot, _):
+        await adapter.take_photo()
+        await adapter.led_toggle()
+        await robot.until(lambda: bool(adapter._state.battery))
+        await adapter.battery_check()
+    photo = next(report for report in robot.reports if isinstance(report, PhotoReport))
+    assert (photo.width, photo.height) == (640, 480)
+    assert next(report for report in robot.reports if isinstance(report, BatteryReport)).percent == 80
+
+
+async def test_without_a_camera_a_photo_is_refused(running):
+    async with running() as (adapter, _, _):
+        with pytest.raises(Unsupported, match="no camera"):
+            await adapter.take_photo()
 
 
 async def test_a_killed_body_controller_is_a_lost_link(running):
