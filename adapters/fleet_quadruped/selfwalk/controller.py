@@ -101,10 +101,10 @@ class SelfWalkController:
 
     def finish(self, now: float, dt: float, order: Order) -> None:
         """End a cycle; raises LinkLost when the machine is silent for too long."""
-        self._now = now
-        self._since = now if self._since is None else self._since
+        self._now = self._began  # what came later was read: our own stall is not the machine's silence
+        self._since = self._began if self._since is None else self._since
         self._look(dt)
-        self._check(now)
+        self._check(self._began)
         self._obey(order, now)
         self._send(self._next(now, dt, order))
         emergency = self._wire.commands["emergency_stop"]
@@ -217,13 +217,18 @@ class SelfWalkController:
             return None, f"this machine's description has no {NAMES[ask]}"
         if ask is Ask.SIT:
             return frame, ""
+        refusal = self._not_now(ask)
+        return (None, refusal) if refusal else (frame, "")
+
+    def _not_now(self, ask: Ask) -> str:
+        """Return why it cannot get up now; an emergency stop is over when the host lets such an ask through."""
+        if self._is_stale():
+            return "the machine tells no state"
         if self.mode is not Mode.OFF and self.mode not in TAKEN[ask]:
-            return None, f"it is {self.mode.value}"
-        if self.fault == _EMERGENCY:  # the host has released it
+            return f"it is {self.mode.value}"
+        if self.fault == _EMERGENCY:
             self.fault = ""
-        if self.fault:
-            return None, f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
-        return (frame, "") if not self._is_stale() else (None, "the machine tells no state")
+        return self.fault and f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
 
     def _raise(self, value: float) -> tuple[Frame | None, str]:
         """Return the frame for another height."""
