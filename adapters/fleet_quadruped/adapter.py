@@ -240,7 +240,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             return
         before = self._state
         self._state = self._body.states.get()
-        if self._state is not before:
+        if self._state is not before and self._state.stamp:  # before the first state nothing is known
             self._news.set()
             if self._dog is not None and self._robot is not None:
                 health = health_of(self._state, 1.0 / self._dog.dt)

@@ -221,7 +221,7 @@ class SelfWalkController:
         return (None, refusal) if refusal else (frame, "")
 
     def _not_now(self, ask: Ask) -> str:
-        """Return why it cannot get up now; an emergency stop is over when the host lets such an ask through."""
+        """Return why it cannot get up now; what the host lets through ends an emergency stop."""
         if self._is_stale():
             return "the machine tells no state"
         if self.mode is not Mode.OFF and self.mode not in TAKEN[ask]:
