@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, mapping_objects
+from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, OPTIONAL, mapping_objects
 from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -96,6 +96,11 @@ class SimDrive:
         """Be an I/O module."""
         self.sdo.objects[0x1000, 0].value = 0x0003_0191
 
+    def be_plain(self) -> None:
+        """Have neither torque offset (60B2h) nor torque (6077h)."""
+        del self.sdo.objects[0x60B2, 0], self.sdo.objects[0x6077, 0]
+        self.sdo.unmappable = frozenset(OPTIONAL)
+
     def refuse(self) -> None:
         """Refuse the first entry of the target PDO's mapping."""
         self.sdo.refusals[0x1600, 1] = 0x06040041
@@ -173,7 +178,8 @@ class SimDrive:
             self._waiting = None
         angle = wire.counts_of(self.joint, self.motor.angle + self._jump)
         torque = wire.per_mille_of(self.joint, self.motor.torque)
-        self._say(wire.TPDO1, wire.pack_told(wire.Told(_STATUS[self.state], angle, torque)))
+        told = wire.pack_told(wire.Told(_STATUS[self.state], angle, torque))
+        self._say(wire.TPDO1, told[:6] if self.sdo.unmappable else told)
         self._syncs += 1
         if self._syncs % 10 == 0:
             self._say(wire.TPDO2, wire.pack_slow(_VOLTAGE, self._code))
@@ -218,6 +224,8 @@ def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
         MAX_TORQUE: (2, 0xFFFF),
+        (0x60B2, 0): (2, 0),
+        (0x6077, 0): (2, 0),
     }
     objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
     return objects

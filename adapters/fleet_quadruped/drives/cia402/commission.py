@@ -20,6 +20,7 @@ from fleet_quadruped.drives.cia402.setup import (
     DEVICE_TYPE,
     MAX_TORQUE,
     MODES,
+    OPTIONAL,
     PROFILE_402,
     Object,
     all_objects,
@@ -32,6 +33,7 @@ log = logging.getLogger(__name__)
 
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
+_NO_SUB = 0x06090011
 _ABORTS = {
     0x05040000: "the drive did not go on with the transfer",
     0x06010002: "it is read-only",
@@ -84,19 +86,21 @@ class Wire(canopen.Network):
             thread.join()
 
 
-def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> None:
+def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> dict[str, frozenset[int]]:
     """Configure the drives of one bus and start them (NMT operational).
 
+    Returns by joint which of the ``OPTIONAL`` entries its drive does not have.
     Raises LinkLost when a drive does not answer, LinkRefused naming joint, object, wanted and actual.
     """
     wire = Wire(bus)
     dictionary = _dictionary(drive)
     with wire.pumped(), ThreadPoolExecutor(len(joints), thread_name_prefix="sdo") as pool:
         nodes = [(joint, wire.add_node(canopen.RemoteNode(joint.id, dictionary))) for joint in joints]
-        for outcome in [pool.submit(_configure, node, joint, drive) for joint, node in nodes]:
-            outcome.result()
+        under_way = {joint.name: pool.submit(_configure, node, joint, drive) for joint, node in nodes}
+        missing = {name: outcome.result() for name, outcome in under_way.items()}
         for _, node in nodes:
             node.nmt.send_command(0x01)
+    return missing
 
 
 def write_node(bus: CanBus, who: Addressed, objects: list[Object]) -> None:
@@ -131,18 +135,34 @@ def _dictionary(drive: Drive) -> ObjectDictionary:
         dictionary = canopen.import_od(drive.eds)
     except (OSError, ValueError, KeyError) as error:
         raise LinkRefused(f"drive.eds: {drive.eds} cannot be read: {error}") from None
-    lacking = {item.place for item in all_objects(drive, 1)} - set(dictionary)
+    lacking = {item.place for item in all_objects(drive, 1, OPTIONAL)} - set(dictionary)
     if lacking:
         names = ", ".join(f"{index:04X}h" for index in sorted(lacking))
         raise LinkRefused(f"drive.eds: {drive.eds} has no {names}: this drive cannot be used")
     return dictionary
 
 
-def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
-    """Configure one drive in pre-operational, where mappings may be changed."""
+def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozenset[int]:
+    """Configure one drive in pre-operational, where mappings may be changed; return what it does not have."""
     node.nmt.send_command(0x80)
     _identify(node, joint, drive)
-    write_all(node, _who(joint), all_objects(drive, joint.id))
+    who = _who(joint)
+    missing = frozenset(entry for entry in OPTIONAL if not _has(node, who, entry >> 16, entry >> 8 & 0xFF))
+    if missing:
+        log.info("%s: its drive has no %s", joint.name, ", ".join(f"{entry >> 16:04X}h" for entry in missing))
+    write_all(node, who, all_objects(drive, joint.id, missing))
+    return missing
+
+
+def _has(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> bool:
+    """Return False for an object that the drive says it does not have; raises LinkLost."""
+    try:
+        node.sdo.upload(index, sub)
+    except SdoAbortedError as error:
+        return error.code not in {_NO_OBJECT, _NO_SUB}
+    except SdoCommunicationError:
+        raise _silent(who) from None
+    return True
 
 
 def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -> None:

@@ -29,6 +29,7 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_slow,
     unpack_told,
 )
+from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
 from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, state_of
 from fleet_quadruped.robot.description import Description, Joint
 
@@ -48,6 +49,7 @@ class _Node:
     beat_at: float | None = None
     answered: bool = False
     fault: str = ""
+    feeds: bool = True  # it takes a torque besides the target
     lost: str = ""  # why it cannot be trusted until it is configured again
 
 
@@ -73,13 +75,15 @@ class Cia402Drives:
 
     def configure(self) -> None:
         """Configure and start all drives; see ``commission``."""
+        missing: dict[str, frozenset[int]] = {}
         for name, bus in self._buses.items():
             joints = [node.joint for node in self._nodes if node.joint.bus == name]
             if joints:
-                commission(bus, joints, self._dog.drive)
+                missing |= commission(bus, joints, self._dog.drive)
         for node in self._nodes:
             node.told_at = node.beat_at = None
             node.fault = node.lost = ""
+            node.feeds = TORQUE_OFFSET not in missing.get(node.joint.name, ())
 
     def limit_torque(self, torque: float | None) -> None:
         """Write 6072h of each drive; its own limit is kept, and written again at the end."""
@@ -149,7 +153,9 @@ class Cia402Drives:
     def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
         joint = node.joint
         data = pack_target(
-            control_word(goal, node.state), counts_of(joint, angle), per_mille_of(joint, torque)
+            control_word(goal, node.state),
+            counts_of(joint, angle),
+            per_mille_of(joint, torque) if node.feeds else None,
         )
         self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
 

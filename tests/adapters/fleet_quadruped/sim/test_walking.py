@@ -94,3 +94,14 @@ def test_its_drives_damp_it_when_the_controller_dies_in_mid_trot(walker):
         for joint, motor in zip(walker.dog.all_joints, walker.sim.world.motors, strict=True):
             assert joint.low - 0.15 < motor.angle < joint.high + 0.15, joint.name
     assert walker.sim.world.place()[2] < 0.2
+
+
+def test_drives_without_a_torque_offset_walk_too(dog):
+    rig = Rig(dog, MujocoWorld(dog))
+    for drive in rig.sim.drives:
+        drive.be_plain()
+    rig.controller.drives.configure()
+    rig.stand()
+    assert speed(rig, Twist(0.5))[0] == pytest.approx(0.5, rel=0.1)
+    assert math.degrees(rig.tilt) < 6
+    assert rig.state().torques == (0.0,) * 12
