@@ -1,18 +1,23 @@
-"""``python -m bench [NAME ...]``."""
+"""``python -m bench [NAME[:ROW,...] ...]``; only some benchmarks have rows."""
 
 import importlib
 import sys
 
-NAMES = ("startup", "latency", "scale", "ugv", "quadruped")
-WHEN_NAMED = ("dog_picture",)  # it writes into docs/
+NAMES = ("startup", "latency", "scale", "deadman", "bridge", "ugv", "quadruped", "soak", "dog_picture")
+AT_ONCE = NAMES[:-2]  # a soak takes as long as it is told to, and the picture is written into docs/
 
 
 def main():
-    for name in sys.argv[1:] or NAMES:
-        if name not in NAMES + WHEN_NAMED:
-            sys.exit(f"there is no benchmark {name!r}; there are {', '.join(NAMES + WHEN_NAMED)}")
+    for asked in sys.argv[1:] or AT_ONCE:
+        name, _, rows = asked.partition(":")
+        if name not in NAMES:
+            sys.exit(f"there is no benchmark {name!r}; there are {', '.join(NAMES)}")
         print(name, flush=True)
-        importlib.import_module(f"bench.{name}").run()
+        benchmark = importlib.import_module(f"bench.{name}")
+        if rows:
+            benchmark.run(rows.split(","))
+        else:
+            benchmark.run()
 
 
 main()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -43,7 +44,7 @@ class FieldMap(Number):
     at: int = Field(ge=0, le=63, description="First byte.")
     endian: Literal["big", "little"] = Field("little", description="Byte order.")
 
-    @property
+    @cached_property
     def layout(self) -> struct.Struct:
         """How ``struct`` reads it."""
         return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])

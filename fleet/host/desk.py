@@ -6,9 +6,8 @@ answer. Runs on the event loop, but for ``emergency``, which any thread may call
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,14 +19,15 @@ from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
+from fleet.host.journal import RobotJournal
+from fleet.host.last import Last
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.latch import RELEASE
+from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
-from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Reply, Setpoint
+from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -43,7 +43,8 @@ RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the ru
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew.
+    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
+    ``journal`` knows what was asked before this process began.
     """
 
     def __init__(
@@ -54,11 +55,11 @@ class Desk:
         publish: Callable[[Report], None],
         crashed: Callable[[Exception], None],
         restart: Callable[[], None],
+        journal: RobotJournal,
         clock: Clock,
     ) -> None:
         self.name = config.name
-        self.last_command = ""
-        self.last_outcome = ""
+        self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
@@ -66,17 +67,23 @@ class Desk:
         self._publish = publish
         self._crashed = crashed
         self._clock = clock
-        self._admission = Admission(config, clock)
-        self._repeats: Repeats[Ticket] = Repeats()
+        self._journal = journal
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
-        self._offline = "it has not been reached yet"
+        self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
-        self._stops: set[asyncio.Task[None]] = set()
-        self._executor = Executor(crashed=crashed, ready=self._standing)
+        self._executor = Executor(crashed=crashed, journal=journal)
         self._navigator = Navigator(
-            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._standing
+            publish=publish,
+            hold=self._settle,
+            crashed=crashed,
+            clock=clock,
+            journal=journal,
+            ready=self._executor.standing,
         )
+        self.recall = self._navigator.recall  # says how the actions of an earlier process ended
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -105,19 +112,27 @@ class Desk:
 
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
-        self._offline = ""
+        self.offline = self._admission.fault = ""
+
+    def faulted(self, why: str) -> None:
+        """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
+        before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        mover = self._can.commands.get(self._executor.moving)
+        if before or (mover is not None and mover.safe):
+            return
+        if self.in_control:
+            self.halt()
+        self._end_motion(why)
 
     def lost(self, why: str) -> None:
         """Note that the robot does not answer; what was under way has failed and is never taken up again.
 
         A robot that somebody else moves is not touched.
         """
-        if not self._offline and self.in_control:
+        if not self.offline and self.in_control:
             self.halt()
-        self._offline = why
-        self._driving.let_go()
-        self._executor.cancel(why)
-        self._navigator.fail(why)
+        self.offline, self._admission.fault = why, ""
+        self._end_motion(why)
 
     def detach(self, why: str) -> None:
         """Take the adapter away."""
@@ -128,27 +143,30 @@ class Desk:
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
-        self._driving.let_go()
-        self._executor.cancel(f"authority lost: {reason}")
-        self._navigator.fail(f"authority lost: {reason}")
+        self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
         self.in_control = False
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
+    def _end_motion(self, why: str) -> None:
+        """End what is under way."""
+        self._driving.let_go()
+        self._executor.cancel(why)
+        self._navigator.fail(why)
+
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch and write the halt at once; from any thread. ``receive`` does the rest."""
+        """Latch and write the emergency halt at once; from any thread. ``receive`` does the rest."""
         self._admission.latch.pull(why)
-        self.halt()
+        self.halt(emergency=True)
 
-    def halt(self) -> None:
+    def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
         adapter = self._adapter
-        if adapter is None:
-            return
         try:
-            adapter.halt()
+            if adapter is not None:
+                adapter.emergency_halt() if emergency else adapter.halt()
         except Exception:
             log.exception("%s: its halt failed", self.name)
 
@@ -208,15 +226,16 @@ class Desk:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            self._journal.note(ask.id, ask.name)
             own()
             ticket.done()
         elif spec is not None:
             self._execute(spec, ask, ticket)
-        self._answered(ask, ticket)
+        self.last.follow(ask.name, ticket)
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
         superseding = self.in_motion
@@ -227,7 +246,7 @@ class Desk:
 
         def failed() -> None:
             if may_still_move(spec, ticket, superseding=superseding):
-                self._begin_stop(self._settle(f"{ask.name} failed"), "stop")
+                self._executor.stop(self._settle(f"{ask.name} failed"), "stop")
 
         self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 
@@ -239,23 +258,12 @@ class Desk:
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
         self._admission.lease.let_go(ask.origin.session)
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
-            self._begin_stop(self._hold_for(ask.name, ticket), ask.name)
-        self._answered(ask, ticket)
-
-    def _begin_stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
-        """Carry out a stop; what is asked from now on waits for its end."""
-        stop = self._executor.spawn(work, name=name)
-        self._stops.add(stop)
-        stop.add_done_callback(self._stops.discard)
-
-    async def _standing(self) -> None:
-        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
-        while self._stops:
-            await asyncio.wait(set(self._stops))
+            self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
+        self.last.follow(ask.name, ticket)
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -282,7 +290,7 @@ class Desk:
         refusal = refusal or self._admission.setpoint(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
-        if refusal is not None or self._adapter is None or self._offline:
+        if refusal is not None or self._adapter is None or self.offline:
             ticket.reject(refusal or self._absence())
             return
         superseding, self.in_control = self.in_motion, True
@@ -302,12 +310,12 @@ class Desk:
             self._crashed(error)
         else:
             ticket.done()
-            self.last_command, self.last_outcome = ask.name, "accepted"
+            self.last.accepted(ask.name)
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
-        refusal = self._admission.latch.refusal()
-        if refusal is not None or self._adapter is None or self._offline:
+        refusal = self._admission.motion()
+        if refusal is not None or self._adapter is None or self.offline:
             raise Refused(refusal or self._absence())
         self._driving.hold(self._adapter, velocity, LEASE)
 
@@ -327,18 +335,17 @@ class Desk:
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
-        if refusal is None and who is None and not self._offline:
+        if refusal is None and who is None and not self.offline:
             refusal = f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
-        if refusal is not None or self._adapter is None or self._offline or who is None:
+        if refusal is not None or self._adapter is None or self.offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
             self._navigator.refuse(ask.action_id, refusal, ticket)
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
-        ticket.watch(self._note)
+        self.last.follow(ask.name, ticket)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
@@ -364,7 +371,7 @@ class Desk:
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
-            self._begin_stop(self._hold_for("pause", ticket), "pause")
+            self._executor.stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:
             ticket.reject("there is no action to pause")
         else:
@@ -379,7 +386,7 @@ class Desk:
                 ticket.follow(first)
                 return
         refusal, who = self._admission.navigate(ask), self._pilot()
-        if refusal is not None or who is None or self._offline:
+        if refusal is not None or who is None or self.offline:
             ticket.reject(refusal or self._absence())
         elif self._navigator.resume(who):
             ticket.done()
@@ -388,13 +395,4 @@ class Desk:
 
     def _absence(self) -> str:
         """Return why the robot cannot be asked."""
-        return f"{self.name} is offline: {self._offline or 'its adapter is being restarted'}"
-
-    def _note(self, reply: Reply) -> None:
-        """Note for people how the last command stands."""
-        self.last_outcome = reply.outcome
-
-    def _answered(self, ask: Command, ticket: Ticket) -> None:
-        """Note the command for people."""
-        self.last_command, self.last_outcome = ask.name, "under way"
-        ticket.watch(self._note)
+        return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"

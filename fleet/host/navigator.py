@@ -13,6 +13,7 @@ from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
 from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.follow.leader import Navigates
+from fleet.host.journal import Past, RobotJournal, answer_to
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
 from fleet.model.navigation import ActionState, RelativeMove, Task
@@ -34,7 +35,8 @@ class Navigator:
     """The actions of one robot.
 
     ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
-    what it may not; ``ready`` waits until stops that were asked before have ended.
+    what it may not; ``ready`` waits until stops that were asked before have ended. Each action is in the
+    ``journal`` before it begins.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class Navigator:
         hold: Callable[[str], Awaitable[None]],
         crashed: Callable[[Exception], None],
         clock: Clock,
+        journal: RobotJournal,
         ready: Callable[[], Awaitable[None]] = at_once,
     ) -> None:
         self._ready = ready
@@ -53,7 +56,8 @@ class Navigator:
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
-        self._known: dict[str, _Known] = {}
+        self._journal = journal
+        self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
         self.action: Action | None = None
 
     @property
@@ -67,6 +71,12 @@ class Navigator:
         if self.action is None or self.action.over:
             return ""
         return f"navigating {self.action.status.progress:.0f} %"
+
+    def recall(self) -> None:
+        """Say how the actions ended that an earlier process did not see to their end; once, at the start."""
+        for past in self._journal.past:
+            if past.action and not past.outcome:
+                self._publish(self._known[past.identity].status)
 
     def knows(self, action_id: str) -> bool:
         """Return True for the id of an action that was asked before."""
@@ -157,6 +167,7 @@ class Navigator:
         """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
+            self._journal.note(action.id, "navigate", action=True)
             await self._ready()
             await walled(lambda: self._follow(who, action))
             if self._is_current():
@@ -196,6 +207,8 @@ class Navigator:
         known = self._known.get(status.action_id)
         if known is not None:
             known.status = status
+        if status.state.terminal:
+            self._journal.end(status.action_id, status.state.value)
         self._tell(status)
 
     def _remember(self, status: NavigationReport, ticket: Ticket) -> None:
@@ -205,6 +218,13 @@ class Navigator:
         self._known[status.action_id] = _Known(ticket, status)
         while len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
+
+
+def _known_of(past: Past, now: float) -> _Known:
+    """Return what is known of an action of an earlier process; one that was cut off has failed."""
+    state = ActionState(past.outcome) if past.outcome else ActionState.FAILED
+    progress = 100.0 if state is ActionState.COMPLETED else 0.0
+    return _Known(answer_to(past), NavigationReport(now, past.identity, state, progress, past.verdict))
 
 
 def _answer(ticket: Ticket, status: NavigationReport) -> None:

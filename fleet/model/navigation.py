@@ -70,12 +70,13 @@ class Control(enum.StrEnum):
 
 
 class Navigate(msgspec.Struct, frozen=True):
-    """A navigation message: a new task, or a control of the running one."""
+    """A navigation message: a new task, or a control of the running one; ``name``: how it is called."""
 
     ask: Task | Control
     action_id: str = ""
     origin: Origin = Origin(Way.BUS)
     stamp: float | None = None
+    name: str = "navigate"
 
 
 class ActionState(enum.StrEnum):

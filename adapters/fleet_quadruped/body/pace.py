@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.robot.parts import Pace
 
@@ -12,7 +14,12 @@ def within(value: float, limit: float) -> float:
 
 
 def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
-    """Return a velocity that can be held, in the same direction; ``share`` of all limits is used."""
+    """Return a velocity that can be held, in the same direction; ``share`` of all limits is used.
+
+    Zero for what is no velocity.
+    """
+    if not all(map(math.isfinite, wanted)):
+        return Twist()
     over = max(abs(wanted.x) / pace.speed, abs(wanted.y) / pace.strafe) / share
     slower = 1.0 / max(1.0, over)
     return Twist(wanted.x * slower, wanted.y * slower, within(wanted.turn, pace.turn * share))

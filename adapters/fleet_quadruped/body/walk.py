@@ -101,6 +101,9 @@ class Walker:
         weight = self._dog.robot.mass * GRAVITY / standing
         torques: list[float] = []
         for number, leg in enumerate(self._dog.legs):
-            carried = weight if self._steps.stance[number] else 0.0
-            torques += (-carried * column[2] for column in leg.jacobian(leg_angles(sense.angles, number)))
+            if self._steps.stance[number]:
+                abad, hip, knee = leg.jacobian(leg_angles(sense.angles, number))
+                torques += (-weight * abad[2], -weight * hip[2], -weight * knee[2])
+            else:
+                torques += (0.0, 0.0, 0.0)
         return tuple(torques)

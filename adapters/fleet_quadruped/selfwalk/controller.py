@@ -17,13 +17,12 @@ from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives.cia402.commission import Addressed, write_node
 from fleet_quadruped.frames import encode
-from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode
 from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT, SDO_RESPONSE
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 
-_EMERGENCY = "emergency stop"
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _LOOSE = frozenset({Mode.OFF, Mode.DAMPED})
 _GONE = 2.0  # s of silence after which the link counts as lost
@@ -91,9 +90,9 @@ class SelfWalkController:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        self._state.take(bus, frame, now)
-        if self._slow is not None:
-            self._slow.take(bus, frame, now)
+        for told in (self._state, self._slow):
+            if told is not None and (bus, frame.id) in told.frames:
+                told.take(frame, now)
         node = self._wire.node
         if node is not None and frame.id == SDO_RESPONSE + node and frame.data[:1] == bytes([SDO_ABORT]):
             code = int.from_bytes(frame.data[4:8], "little")
@@ -108,7 +107,7 @@ class SelfWalkController:
         self._obey(order, now)
         self._send(self._next(now, dt, order))
         emergency = self._wire.commands["emergency_stop"]
-        if now < self._stop_until or (self.fault == _EMERGENCY and self.mode not in _LOOSE):
+        if now < self._stop_until or (self.fault == EMERGENCY_STOP and self.mode not in _LOOSE):
             self._bus.send(emergency)
         elif (frame := self._asks.step(now, self.mode, self._error)) is not None:
             self._bus.send(frame)
@@ -197,7 +196,7 @@ class SelfWalkController:
             self._asks.begin(errand.number, errand.ask, *self._answer(errand.ask, errand.value), now)
         if order.stop > self._stops:
             self._stops = order.stop
-            self._stop(_EMERGENCY, now)
+            self._stop(EMERGENCY_STOP, now)
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
             self._sit("told to leave" if order.leave else f"nothing heard from its host for {silent:.0f} s")
@@ -226,7 +225,7 @@ class SelfWalkController:
             return "the machine tells no state"
         if self.mode is not Mode.OFF and self.mode not in TAKEN[ask]:
             return f"it is {self.mode.value}"
-        if self.fault == _EMERGENCY:
+        if self.fault == EMERGENCY_STOP:
             self.fault = ""
         return self.fault and f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
 
@@ -241,7 +240,7 @@ class SelfWalkController:
 
     def _stop(self, cause: str, now: float) -> None:
         """Stop as hard as the machine can, and latch why."""
-        self.fault = cause if cause == _EMERGENCY else self.fault or cause
+        self.fault = cause if cause == EMERGENCY_STOP else self.fault or cause
         self._stop_until = max(self._stop_until, now + _AT_LEAST)
         self._asks.end(cause)
 

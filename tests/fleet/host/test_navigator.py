@@ -7,6 +7,7 @@ import types
 import pytest
 
 from fleet.errors import LinkLost
+from fleet.host.journal import RobotJournal
 from fleet.host.navigator import KEPT, Navigator
 from fleet.host.ticket import Ticket
 from fleet.model.geometry import Vector3
@@ -26,7 +27,11 @@ class Bench:
         self.closed = 0
         self.adapter = types.SimpleNamespace(navigate=self.navigate)
         self.navigator = Navigator(
-            publish=self.said.append, hold=self.hold, crashed=self.crashes.append, clock=ManualClock()
+            publish=self.said.append,
+            hold=self.hold,
+            crashed=self.crashes.append,
+            journal=RobotJournal(),
+            clock=ManualClock(),
         )
 
     async def hold(self, why):

@@ -19,6 +19,7 @@ from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,
     MAX_TORQUE,
+    MODE_DISPLAY,
     MODES,
     OPTIONAL,
     PROFILE_402,
@@ -31,6 +32,7 @@ from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
 
+_MODE_TRIES = 20  # times the mode display is read
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
 _NO_SUB = 0x06090011
@@ -151,6 +153,7 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozense
     if missing:
         log.info("%s: its drive has no %s", joint.name, ", ".join(f"{entry >> 16:04X}h" for entry in missing))
     write_all(node, who, all_objects(drive, joint.id, missing))
+    _await_mode(node, who)
     return missing
 
 
@@ -173,6 +176,17 @@ def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -
         actual = _read(node, who, item.place, item.sub)
         if actual != item.value:
             raise LinkRefused(f"{who.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}")
+
+
+def _await_mode(node: canopen.RemoteNode, who: Addressed) -> None:
+    """Wait until the drive shows the mode that it was given; raises LinkRefused when it does not."""
+    for _ in range(_MODE_TRIES):
+        shown = _read(node, who, *MODE_DISPLAY)
+        if shown == CYCLIC_POSITION:
+            return
+    raise LinkRefused(
+        f"{who.name}: 6061h:0 (mode shown) is {shown}, wanted {CYCLIC_POSITION}: it does not take the mode"
+    )
 
 
 def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from fleet_quadruped.drives.cia402.frames import MASTER, RPDO1, TPDO1, TPDO2
@@ -16,6 +16,7 @@ MAX_TORQUE = (0x6072, 0)
 TORQUE_OFFSET, TORQUE = 0x60B2_0010, 0x6077_0010
 OPTIONAL = (TORQUE_OFFSET, TORQUE)
 """Entries of the PDOs, as a mapping names them, that a drive need not have; each is the last of its PDO."""
+MODE_DISPLAY = (0x6061, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
 _BEHAVIOUR_QUICK_STOP = 3
@@ -67,14 +68,15 @@ def _period(cycle_hz: int) -> tuple[int, int]:
     return max(1, min(255, round(10_000 / cycle_hz))), -4
 
 
-def mapping_objects(node: int, missing: Collection[int] = ()) -> list[Object]:
+def mapping_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
     """Return the PDOs; ``missing``: the optional entries that this drive does not have."""
     receive = _without(missing, 0x60400010, 0x607A0020, TORQUE_OFFSET)
     told = _without(missing, 0x60410010, 0x60640020, TORQUE)
+    temperature = [] if drive.temperature is None else [drive.temperature.entry]
     return [
         *pdo_objects(0x1400, 0x1600, RPDO1 + node, 1, receive),
         *pdo_objects(0x1800, 0x1A00, TPDO1 + node, 1, told),
-        *pdo_objects(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010)),
+        *pdo_objects(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010, *temperature)),
     ]
 
 
@@ -83,7 +85,7 @@ def _without(missing: Collection[int], *entries: int) -> tuple[int, ...]:
 
 
 def pdo_objects(
-    communication: int, mapping: int, cob: int, kind: int, entries: tuple[int, ...]
+    communication: int, mapping: int, cob: int, kind: int, entries: Sequence[int]
 ) -> list[Object]:
     """Return the objects of one PDO in the order that CiA 301 wants: off, none, entries, how many, on."""
     mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
@@ -99,7 +101,7 @@ def pdo_objects(
 
 def all_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
     """Return everything that is written, in its order."""
-    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(node, missing)]
+    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(drive, node, missing)]
 
 
 def final_values(objects: list[Object]) -> list[Object]:
