@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Protocol
 
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
 from fleet_quadruped.drives.mit.drive import MitDrives
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
-Make = Callable[[Description, Mapping[str, CanBus], Sequence[Joint]], JointDrive]
 
-PROTOCOLS: Mapping[str, Make] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
+class Kind(Protocol):
+    """A class of drives."""
+
+    def __call__(
+        self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint], /
+    ) -> JointDrive:
+        """Return the drives of these joints."""
+
+    def bits(self, drive: Drive, joints: int, /) -> float:
+        """Return the bits a second that so many joints put on a bus."""
+
+
+PROTOCOLS: Mapping[str, Kind] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
 
 
 def drives_of(

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.robot.parts import Drive
 
 
 class Power(enum.StrEnum):
@@ -43,10 +44,14 @@ class JointFeedback(NamedTuple):
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    No method blocks but ``configure`` and ``limit_torque``.
+    ``bits`` is asked of the class. No method blocks but ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
+
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second that so many joints put on a bus, all frames counted."""
 
     def configure(self) -> None:
         """Bring every drive into the state that the description wants and verify it by reading back.

@@ -73,7 +73,7 @@ class Description(Section):
     @model_validator(mode="after")
     def _whole(self) -> Description:
         """Refuse what cannot be walked with; every problem at once."""
-        problems = _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
+        problems = _protocol(self) or _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
         if problems:
             raise ValueError("; ".join(problems))
         return self
@@ -145,6 +145,14 @@ class Description(Section):
 def leg_angles(posture: Twelve, leg: int) -> Angles:
     """Return the three angles of one leg out of twelve."""
     return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
+
+
+def _protocol(dog: Description) -> list[str]:
+    """Return that nobody speaks the drives' protocol."""
+    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+
+    known, asked = ", ".join(PROTOCOLS), dog.drive.protocol
+    return [] if asked in PROTOCOLS else [f"drive.protocol: there is no {asked!r}; there are {known}"]
 
 
 def _missing(dog: Description) -> list[str]:

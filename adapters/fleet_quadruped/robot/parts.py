@@ -70,7 +70,7 @@ class Temperature(Section):
 class Drive(Section):
     """How the joint drives are spoken to."""
 
-    protocol: Literal["cia402", "mit"] = Field(description="CiA 402 cyclic synchronous position, or MIT.")
+    protocol: str = Field(description="cia402: cyclic synchronous position; mit: MIT and its kin.")
     profile: str = Field("", description="MIT: the motor, which fixes the ranges of its frames.")
     eds: str = Field("", description="CiA 402: an EDS file; every object that is used must be in it.")
     vendor: int | None = Field(None, description="CiA 402: the vendor in object 1018h:1 that must be there.")

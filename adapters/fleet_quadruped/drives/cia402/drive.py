@@ -29,7 +29,9 @@ from fleet_quadruped.drives.cia402.frames import (
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
 from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, follows, state_of
+from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
 
@@ -73,6 +75,12 @@ class Cia402Drives:
             )
         }
         self.voltage: float | None = None
+
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second: PDOs, SYNC and heartbeats."""
+        cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
+        return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat
 
     def configure(self) -> None:
         """Configure and start all drives; see ``commission``."""

@@ -16,7 +16,9 @@ from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES, Profile
+from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
 
@@ -60,6 +62,11 @@ class MitDrives:
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
         self.voltage: float | None = None
+
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second: a command and a reply for each joint in each cycle."""
+        return drive.cycle_hz * joints * 2 * frame_bits(8)
 
     def configure(self) -> None:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
