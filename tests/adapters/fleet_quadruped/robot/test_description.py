@@ -90,6 +90,6 @@ def test_a_protocol_is_a_class_and_its_row(dog, monkeypatch, write_dog):
             return 1000.0 * joints
 
     monkeypatch.setattr("fleet_quadruped.drives.PROTOCOLS", {"quiet": Quiet})
-    quiet = load_description(write_dog(("{protocol: cia402", "{profile: damiao-8006, protocol: quiet")))
+    quiet = load_description(write_dog(("protocol: cia402", "protocol: quiet\n  profile: damiao-8006")))
     assert 0.012 < quiet.loads["a"] < 0.1
     assert isinstance(drives_of(quiet, {}), Quiet)
