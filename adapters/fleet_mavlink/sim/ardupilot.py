@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
@@ -39,6 +40,7 @@ class ArduPilot(Autopilot):
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
+    without_gimbal: ClassVar[int | None] = FAILED
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
 
