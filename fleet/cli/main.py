@@ -50,7 +50,7 @@ SUMMARIES: Mapping[str, str] = {
     "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
-    "can": "Look at a quadruped's CAN buses and drives; enables nothing.",
+    "can": "Look at a quadruped's CAN buses and drives, move one joint.",
 }
 
 
