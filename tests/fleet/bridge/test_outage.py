@@ -60,10 +60,10 @@ def make_bridge(broker, topics, ports):
             ports,
             edge="yard-1",
             rules=Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
-            put=lambda *_: None,
+            put=lambda _key, _sample: None,
+            claimed=lambda _twin, _holder: None,
             soon=lambda call: call(),
             alive=lambda _name: True,
-            claimed=lambda *_: None,
             clock=SystemClock(),
             spool=Spool(SpoolSettings(**spool), SystemClock()),
         )
