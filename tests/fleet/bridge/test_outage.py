@@ -84,7 +84,7 @@ def tell_statuses(bridge, first, end):
     for number in range(first, end):
         report = NavigationReport(float(number), f"a{number}", ActionState.RUNNING, 0.0)
         bridge.uplink.arrived(STATUS, encode_report(report, number))
-        bridge.turn()
+        list(bridge.turn())
 
 
 def actions(heard):
