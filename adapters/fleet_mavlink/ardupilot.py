@@ -59,6 +59,7 @@ class ArduCopter(Flavour):
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
     rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
+    bytewise_parameters: ClassVar[bool] = False
     data_streams: ClassVar[tuple[int, ...]] = (2, 6, 10, 12)  # status, position, attitude, the rest
 
     def mode_command(self, mode: str) -> CommandLong:

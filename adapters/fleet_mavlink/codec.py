@@ -15,7 +15,8 @@ import msgspec
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink.messages import INCOMING, OUTGOING, Message
+from fleet_mavlink import messages, mission_messages, transfer_messages
+from fleet_mavlink.messages import Message
 
 _MAGIC_1 = 0xFE
 _MAGIC_2 = 0xFD
@@ -43,7 +44,7 @@ class _Layout:
         wire = dialect.mavlink_map[kind.message_id]
         self.kind = kind
         self.crc_extra: int = wire.crc_extra
-        self._packing: struct.Struct = wire.unpacker
+        self._packing = struct.Struct(kind.packing) if kind.packing else wire.unpacker
         self._blank = list(self._packing.unpack(bytes(self._packing.size)))
         self._places = {name: _place(wire, index) for index, name in enumerate(wire.ordered_fieldnames)}
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
@@ -58,7 +59,7 @@ class _Layout:
         """Return the payload without the zeros at its end (one byte stays)."""
         values = self._blank.copy()
         for name, place in self._wanted:
-            values[place.start] = getattr(message, name)
+            values[place] = _wire_values(getattr(message, name))
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
 
 
@@ -85,8 +86,16 @@ def _value(values: tuple[Any, ...]) -> Any:
     return value
 
 
-_READ = {kind.message_id: _Layout(kind) for kind in INCOMING}
-_WRITE = {kind.message_id: _Layout(kind) for kind in OUTGOING}
+def _wire_values(value: Any) -> tuple[Any, ...]:
+    """Return what a field is on the wire: its numbers, or its text as bytes."""
+    if isinstance(value, tuple):
+        return value
+    return (value.encode() if isinstance(value, str) else value,)
+
+
+_MODULES = (messages, mission_messages, transfer_messages)
+_READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
+_WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 
 
 def pack(message: Message, system: int, component: int, sequence: int) -> bytes:

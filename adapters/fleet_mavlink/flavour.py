@@ -36,6 +36,7 @@ class Flavour(ABC):
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
     rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
+    bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
     data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
 
     @property

@@ -12,9 +12,13 @@ import msgspec
 
 
 class Message(msgspec.Struct, frozen=True):
-    """A MAVLink message; ``message_id`` is its number on the wire."""
+    """A MAVLink message; ``message_id`` is its number on the wire.
+
+    ``packing`` is how its fields are packed (``struct``), where that is not what the dialect says.
+    """
 
     message_id: ClassVar[int]
+    packing: ClassVar[str] = ""
 
 
 class Heartbeat(Message, frozen=True):

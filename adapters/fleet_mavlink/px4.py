@@ -47,6 +47,7 @@ class Px4(Flavour):
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     rates: ClassVar[Mapping[int, float]] = {}
+    bytewise_parameters: ClassVar[bool] = True
     data_streams: ClassVar[tuple[int, ...]] = ()
 
     def mode_command(self, mode: str) -> CommandLong:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from fleet.clock import Clock
 from fleet.link.base import Address
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flavours import flavour_of
+from fleet_mavlink.heard import Heard, SaidT
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
@@ -45,6 +48,7 @@ class Vehicle:
         self._heard_at = -math.inf
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
+        self._hearing: list[Heard[Any]] = []
 
     @property
     def flavour(self) -> Flavour | None:
@@ -82,6 +86,7 @@ class Vehicle:
             self.on_ack(message)
         elif isinstance(message, StatusText):
             self._say(self._joiner.feed(message, now))
+        self._pass_on(message)
         self._wake()
 
     def _is_ours(self, address: Address, now: float) -> bool:
@@ -96,6 +101,16 @@ class Vehicle:
         self._heard_at = now
         return True
 
+    @contextlib.contextmanager
+    def hearing(self, *kinds: type[SaidT]) -> Iterator[Heard[SaidT]]:
+        """Collect what it says of some kinds, for an exchange that needs each of them."""
+        heard = Heard(kinds)
+        self._hearing.append(heard)
+        try:
+            yield heard
+        finally:
+            self._hearing.remove(heard)
+
     def tick(self) -> None:
         """Let go of sentences whose end never came."""
         self._say(self._joiner.late(self.clock.monotonic()))
@@ -105,6 +120,12 @@ class Vehicle:
         for sentence in sentences:
             self.sentences.append(sentence)
             self.on_sentence(sentence)
+            self._pass_on(sentence)
+
+    def _pass_on(self, said: Message | Sentence) -> None:
+        """Give what was said to those who collect it."""
+        for heard in self._hearing:
+            heard.put(said)
 
     def _wake(self) -> None:
         """Wake those whose condition has become true."""

@@ -1,0 +1,113 @@
+"""The MAVLink messages of parameters and on-board logs, as typed values."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from fleet_mavlink.messages import Message
+
+
+class ParamRequestRead(Message, frozen=True):
+    """PARAM_REQUEST_READ: by name, or by ``param_index`` where that is not negative."""
+
+    message_id: ClassVar[int] = 20
+    target_system: int
+    target_component: int
+    param_id: str = ""
+    param_index: int = -1
+
+
+class ParamRequestList(Message, frozen=True):
+    """PARAM_REQUEST_LIST: all of them."""
+
+    message_id: ClassVar[int] = 21
+    target_system: int
+    target_component: int
+
+
+class ParamValue(Message, frozen=True):
+    """PARAM_VALUE: one parameter.
+
+    ``param_value`` is the 32 bits as they stand on the wire: PX4's integers are no float, and some of them
+    would not survive as one.
+    """
+
+    message_id: ClassVar[int] = 22
+    packing: ClassVar[str] = "<IHH16sB"
+    param_id: str
+    param_value: int
+    param_type: int
+    param_count: int
+    param_index: int
+
+
+class ParamSet(Message, frozen=True):
+    """PARAM_SET: ``param_value`` is 32 bits, as in PARAM_VALUE."""
+
+    message_id: ClassVar[int] = 23
+    packing: ClassVar[str] = "<IBB16sB"
+    target_system: int
+    target_component: int
+    param_id: str
+    param_value: int
+    param_type: int
+
+
+class LogRequestList(Message, frozen=True):
+    """LOG_REQUEST_LIST: the logs from ``start`` to ``end``."""
+
+    message_id: ClassVar[int] = 117
+    target_system: int
+    target_component: int
+    start: int = 0
+    end: int = 0xFFFF
+
+
+class LogEntry(Message, frozen=True):
+    """LOG_ENTRY: one log; ``time_utc`` in Unix seconds, 0 unknown; ``size`` in bytes."""
+
+    message_id: ClassVar[int] = 118
+    id: int
+    num_logs: int
+    time_utc: int
+    size: int
+
+
+class LogRequestData(Message, frozen=True):
+    """LOG_REQUEST_DATA: ``count`` bytes of a log from ``ofs`` on."""
+
+    message_id: ClassVar[int] = 119
+    target_system: int
+    target_component: int
+    id: int
+    ofs: int
+    count: int
+
+
+class LogData(Message, frozen=True):
+    """LOG_DATA: ``count`` bytes of a log; fewer than 90 only at its end."""
+
+    message_id: ClassVar[int] = 120
+    id: int
+    ofs: int
+    count: int
+    data: tuple[int, ...]
+
+
+class LogRequestEnd(Message, frozen=True):
+    """LOG_REQUEST_END: enough; the autopilot goes on logging."""
+
+    message_id: ClassVar[int] = 122
+    target_system: int
+    target_component: int
+
+
+INCOMING: tuple[type[Message], ...] = (LogData, LogEntry, ParamValue)
+OUTGOING: tuple[type[Message], ...] = (
+    LogRequestData,
+    LogRequestEnd,
+    LogRequestList,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+)
