@@ -163,6 +163,11 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Make this place home."""
         await self._open().flight.set_home_here()
 
+    @command("set_failsafes", moves=False, timeout=60.0)
+    async def set_failsafes(self) -> None:
+        """Write the fail-safe parameters that fleet.yaml asks for; refused while the motors run."""
+        await self._open().failsafes.set()
+
     @command("reboot", "reboot_aircraft")
     async def reboot(self) -> None:
         """Restart the autopilot; refused while it is armed."""

@@ -10,12 +10,14 @@ from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import PERIOD, Driver
+from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.hub import Hub
 from fleet_mavlink.messages import Message
 from fleet_mavlink.navigation import Navigator
+from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
@@ -24,6 +26,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
+_MENDED_BY = " (failsafes: set in fleet.yaml, or send set_failsafes)"
 _LOOK = 0.25  # s between looks at the vehicle's health
 
 
@@ -52,6 +55,15 @@ class Session:
         )
         self.navigator = Navigator(self.flight, limits)
         self.streams = Streams(vehicle, self.commander, config.rates.pose)
+        self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.failsafes = Failsafes(
+            vehicle,
+            self.parameters,
+            keeping=config.keeping,
+            link_loss=config.link_loss,
+            station=config.own_system,
+            changed=self._look,
+        )
         self._reporter = Reporter(vehicle, config.rates, robot, self.origin)
         vehicle.on_heartbeat = self._heartbeat
         vehicle.on_sentence = self._sentence
@@ -68,7 +80,7 @@ class Session:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        work = [asyncio.ensure_future(each) for each in (*losses, self.streams.keep())]
+        work = [asyncio.ensure_future(each) for each in (*losses, self.streams.keep(), self.failsafes.keep())]
         try:
             done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
             for each in done:
@@ -152,6 +164,8 @@ class Session:
             return Health(Level.FAULT, f"system {system} is no multirotor on ArduPilot or PX4")
         if self.vehicle.state.failsafe:
             return Health(Level.DEGRADED, "the autopilot is in a fail-safe")
+        if self.failsafes.troubles:
+            return Health(Level.DEGRADED, f"{'; '.join(self.failsafes.troubles)}{_MENDED_BY}")
         return Health()
 
     def _heartbeat(self) -> None:

@@ -17,6 +17,7 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 
 _BODY_FRAMES = frozenset({8, 9})
+_LAND = 5  # FS_GCS_ENABLE
 _OFFSET_FRAMES = frozenset({7, 8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
@@ -235,11 +236,11 @@ class ArduPilot(Autopilot):
         self.out.append(heartbeat(self))
 
     def _watch_gcs(self) -> None:
-        """FS_GCS_ENABLE 1: RTL after FS_GCS_TIMEOUT without the station."""
+        """FS_GCS_ENABLE 1: RTL, 5: LAND, after FS_GCS_TIMEOUT without the station."""
         if not self.params["FS_GCS_ENABLE"] or self.gcs_heard_at is None or self.failsafe:
             return
         if self.time - self.gcs_heard_at > self.params["FS_GCS_TIMEOUT"]:
-            self.fail("gcs", "GCS Failsafe", "RTL")
+            self.fail("gcs", "GCS Failsafe", "LAND" if self.params["FS_GCS_ENABLE"] == _LAND else "RTL")
 
     def _watch_battery(self) -> None:
         """Warn below BATT_LOW_VOLT for BATT_LOW_TIMER; BATT_FS_LOW_ACT 1 lands, 2 returns."""
