@@ -6,9 +6,8 @@ answer. Runs on the event loop, but for ``emergency``, which any thread may call
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,6 +19,7 @@ from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
+from fleet.host.guard import Guard
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
@@ -27,7 +27,7 @@ from fleet.host.safety.latch import RELEASE
 from fleet.host.safety.policy import STOPS
 from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Reply, Setpoint
+from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -61,7 +61,9 @@ class Desk:
         self.last_outcome = ""
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
+        self.guard = Guard(config, limits, clock, end=self.end, ask=self._ask, publish=publish)
+        lease = config.setpoint_lease
+        self._driving = Driving(limits, clock, lease=lease, combines=combines, guard=self.guard)
         self.deadman = self._driving.deadman
         self._publish = publish
         self._crashed = crashed
@@ -72,10 +74,9 @@ class Desk:
         self._adapter: Adapter[Any] | None = None
         self._offline = "it has not been reached yet"
         self.in_control = False
-        self._stops: set[asyncio.Task[None]] = set()
-        self._executor = Executor(crashed=crashed, ready=self._standing)
+        self._executor = Executor(crashed=crashed)
         self._navigator = Navigator(
-            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._standing
+            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._executor.standing
         )
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
@@ -115,9 +116,7 @@ class Desk:
         if not self._offline and self.in_control:
             self.halt()
         self._offline = why
-        self._driving.let_go()
-        self._executor.cancel(why)
-        self._navigator.fail(why)
+        self._end_motion(why)
 
     def detach(self, why: str) -> None:
         """Take the adapter away."""
@@ -128,12 +127,23 @@ class Desk:
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
-        self._driving.let_go()
-        self._executor.cancel(f"authority lost: {reason}")
-        self._navigator.fail(f"authority lost: {reason}")
+        self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
         self.in_control = False
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
+
+    def _end_motion(self, why: str) -> None:
+        """End what is under way."""
+        self._driving.let_go()
+        self._executor.cancel(why)
+        self._navigator.fail(why)
+
+    def end(self, why: str) -> None:
+        """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
+        mover = self._can.commands.get(self._executor.moving)
+        if self.in_control and self.in_motion and not (mover is not None and mover.safe):
+            self._end_motion(why)
+            self._executor.stop(self._settle(why), "stop")
 
     # -- stopping ------------------------------------------------------------------------------------
 
@@ -188,6 +198,11 @@ class Desk:
             case Navigate():
                 self._navigate(ask, ticket)
 
+    def _ask(self, ask: Command) -> None:
+        """Take a command of the host's own, unless somebody else has the robot."""
+        if self.in_control:
+            self._command(ask, Ticket(ask.name, lambda _: None))
+
     def _command(self, ask: Command, ticket: Ticket) -> None:
         """Take a discrete command."""
         if ask.name in STOPS:
@@ -203,7 +218,7 @@ class Desk:
             ticket.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (False, True)
-        refusal = self._admission.command(ask, moves=moves, safe=safe)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask.name)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:
@@ -212,7 +227,7 @@ class Desk:
             ticket.done()
         elif spec is not None:
             self._execute(spec, ask, ticket)
-        self._answered(ask, ticket)
+        self._answered(ask.name, ticket)
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
@@ -227,7 +242,7 @@ class Desk:
 
         def failed() -> None:
             if may_still_move(spec, ticket, superseding=superseding):
-                self._begin_stop(self._settle(f"{ask.name} failed"), "stop")
+                self._executor.stop(self._settle(f"{ask.name} failed"), "stop")
 
         self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 
@@ -243,19 +258,8 @@ class Desk:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
-            self._begin_stop(self._hold_for(ask.name, ticket), ask.name)
-        self._answered(ask, ticket)
-
-    def _begin_stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
-        """Carry out a stop; what is asked from now on waits for its end."""
-        stop = self._executor.spawn(work, name=name)
-        self._stops.add(stop)
-        stop.add_done_callback(self._stops.discard)
-
-    async def _standing(self) -> None:
-        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
-        while self._stops:
-            await asyncio.wait(set(self._stops))
+            self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
+        self._answered(ask.name, ticket)
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -323,7 +327,7 @@ class Desk:
             return
         if self._navigator.repeated(ask.action_id, ticket):
             return
-        refusal = self._admission.navigate(ask)
+        refusal = self._admission.navigate(ask) or self.guard.task(ask.ask)
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
@@ -336,9 +340,8 @@ class Desk:
             return
         self._end_driving(self._adapter)
         self.in_control = True
-        self.last_command, self.last_outcome = "navigate", "under way"
         ticket.accept()
-        ticket.watch(self._note)
+        self._answered("navigate", ticket)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
@@ -364,7 +367,7 @@ class Desk:
         if control is Control.STOP:
             self._stop(Command("stop", origin=ask.origin), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
-            self._begin_stop(self._hold_for("pause", ticket), "pause")
+            self._executor.stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:
             ticket.reject("there is no action to pause")
         else:
@@ -390,11 +393,7 @@ class Desk:
         """Return why the robot cannot be asked."""
         return f"{self.name} is offline: {self._offline or 'its adapter is being restarted'}"
 
-    def _note(self, reply: Reply) -> None:
-        """Note for people how the last command stands."""
-        self.last_outcome = reply.outcome
-
-    def _answered(self, ask: Command, ticket: Ticket) -> None:
-        """Note the command for people."""
-        self.last_command, self.last_outcome = ask.name, "under way"
-        ticket.watch(self._note)
+    def _answered(self, name: str, ticket: Ticket) -> None:
+        """Note for people what was asked, and how it stands."""
+        self.last_command, self.last_outcome = name, "under way"
+        ticket.watch(lambda reply: setattr(self, "last_outcome", reply.outcome))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, TimedOut
-from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
+from fleet.host.bounded import closing, insist, walled, was_cancelled
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
@@ -24,15 +24,13 @@ class Executor:
     """The running commands of one robot.
 
     The asker is told at once when a command is ended or runs out of time; what its method does with its
-    cancellation is not waited for. ``ready`` waits until stops that were asked before have ended.
+    cancellation is not waited for. A command that moves waits until the stops before it have ended.
     """
 
-    def __init__(
-        self, *, crashed: Callable[[Exception], None], ready: Callable[[], Awaitable[None]] = at_once
-    ) -> None:
+    def __init__(self, *, crashed: Callable[[Exception], None]) -> None:
         self._crashed = crashed
-        self._ready = ready
         self._tasks: set[asyncio.Task[None]] = set()
+        self._stops: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
         self._ticket: Ticket | None = None  # the mover's
         self.moving = ""
@@ -77,6 +75,17 @@ class Executor:
             ticket.reject(why)
             insist(mover, why, self._crashed)
 
+    def stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Carry out a stop; what is asked from now on waits for its end."""
+        stop = self.spawn(work, name=name)
+        self._stops.add(stop)
+        stop.add_done_callback(self._stops.discard)
+
+    async def standing(self) -> None:
+        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
+        while self._stops:
+            await asyncio.wait(set(self._stops))
+
     def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
         """Run something of this robot's, kept alive until it ends."""
         task = asyncio.create_task(work, name=f"command:{name}")
@@ -100,7 +109,7 @@ class Executor:
         """Run one command to its end and answer."""
         try:
             if spec.moves:
-                await self._ready()
+                await self.standing()
             await walled(lambda: self._call(adapter, spec, ask, ticket))
             ticket.done()
         except asyncio.CancelledError:

@@ -149,6 +149,7 @@ class LocalRobot:
         """Send a report on its way."""
         self._seen.take(report)
         self.desk.see(report)
+        self.desk.guard.see(report)
         self._send(report)
 
     def state(self) -> RobotState:
