@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from fleet import (
     Adapter,
+    FlyMission,
     GeoPoint,
     Limits,
     NotReady,
@@ -87,7 +88,11 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         origin = session.origin()
         if origin is None:
             raise NotReady("home is unknown", hint="wait for a position")
-        async for progress in session.navigator.carry_out(task, origin):
+        if isinstance(task, FlyMission):
+            steps = session.missions.fly(task)
+        else:
+            steps = session.navigator.carry_out(task, origin)
+        async for progress in steps:
             yield progress
 
     def _open(self) -> Session:
@@ -162,6 +167,11 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
     async def set_home_here(self) -> None:
         """Make this place home."""
         await self._open().flight.set_home_here()
+
+    @command("clear_mission", moves=False)
+    async def clear_mission(self) -> None:
+        """Make the autopilot forget the mission in its memory."""
+        await self._open().missions.clear()
 
     @command("set_failsafes", moves=False, timeout=60.0)
     async def set_failsafes(self) -> None:

@@ -168,7 +168,7 @@ class Failsafes:
     async def _trouble(self, rule: Rule) -> str:
         """Return what is wrong with one parameter, empty when nothing is."""
         name, value = await self._read(rule)
-        return "" if value in rule.good else f"{name} is {value:g}: {rule.danger}"
+        return "" if value in rule.good else f"{name} is {value:g}: {rule.danger} (send set_failsafes)"
 
     async def _read(self, rule: Rule) -> tuple[str, float]:
         """Return the name that this version knows and its value; raises Refused when it knows none."""

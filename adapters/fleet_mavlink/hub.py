@@ -7,17 +7,20 @@ import contextlib
 import logging
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Iterator
+from typing import Any
 
 from fleet import Clock, LinkLost, LinkRefused, open_link
 from fleet.link.base import Address, Link
 from fleet_mavlink.codec import Frame, Packer, Parser, pack
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message
+from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
 _SENDERS = 256  # addresses whose half frames are kept
+_ADDRESSED: tuple[type[Message], ...] = (CommandAck, *MISSION_MESSAGES)
 _GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
 
 
@@ -76,13 +79,13 @@ class Hub:
         if isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
             self._heard.add(frame.system)
         vehicle = self._vehicles.get(frame.system)
-        if vehicle is None or (isinstance(message, CommandAck) and not self._is_for_us(message)):
+        if vehicle is None or (isinstance(message, _ADDRESSED) and not self._is_for_us(message)):
             return
         vehicle.take(message, address)
 
-    def _is_for_us(self, ack: CommandAck) -> bool:
-        """Return whether an acknowledgement answers us; 0 is said by those who do not tell."""
-        return ack.target_system in {0, self.system} and ack.target_component in {0, self.component}
+    def _is_for_us(self, answer: Any) -> bool:
+        """Return whether an answer is for us; 0 is said by those who do not tell."""
+        return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
     def send(self, message: Message, address: Address) -> None:
         """Write a message; raises LinkLost. Only on the loop's thread."""

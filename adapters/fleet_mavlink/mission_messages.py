@@ -18,7 +18,7 @@ class MissionRequest(Message, frozen=True):
 
 
 class MissionRequestList(Message, frozen=True):
-    """MISSION_REQUEST_LIST: how many items are there?"""
+    """MISSION_REQUEST_LIST: asks how many items there are."""
 
     message_id: ClassVar[int] = 43
     target_system: int

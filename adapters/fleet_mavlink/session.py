@@ -16,8 +16,10 @@ from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.hub import Hub
 from fleet_mavlink.messages import Message
+from fleet_mavlink.mission import Missions
 from fleet_mavlink.navigation import Navigator
 from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
@@ -26,7 +28,6 @@ from fleet_mavlink.vehicle import Vehicle
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
-_MENDED_BY = " (failsafes: set in fleet.yaml, or send set_failsafes)"
 _LOOK = 0.25  # s between looks at the vehicle's health
 
 
@@ -54,6 +55,8 @@ class Session:
             spawn=self._spawn,
         )
         self.navigator = Navigator(self.flight, limits)
+        self.plans = Plans(vehicle)
+        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
         self.streams = Streams(vehicle, self.commander, config.rates.pose)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.failsafes = Failsafes(
@@ -162,11 +165,14 @@ class Session:
             return Health(Level.FAULT, f"two vehicles use system id {system}: give each its own")
         if self.vehicle.flavour is None:
             return Health(Level.FAULT, f"system {system} is no multirotor on ArduPilot or PX4")
+        return self._well_being()
+
+    def _well_being(self) -> Health:
+        """Return how a vehicle is that answers and can be flown."""
         if self.vehicle.state.failsafe:
             return Health(Level.DEGRADED, "the autopilot is in a fail-safe")
-        if self.failsafes.troubles:
-            return Health(Level.DEGRADED, f"{'; '.join(self.failsafes.troubles)}{_MENDED_BY}")
-        return Health()
+        troubles = self.failsafes.troubles
+        return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
 
     def _heartbeat(self) -> None:
         """Look whether somebody else changed the mode, and whether the vehicle is back."""
@@ -175,7 +181,8 @@ class Session:
         self._robot.health(self._health())
 
     def _authority_lost(self, reason: str) -> None:
-        """End everything of ours."""
+        """End everything of ours; what is being asked is not asked again over a pilot's head."""
+        self.commander.supersede("somebody else has the vehicle")
         self.driver.end()
         self._robot.authority_lost(reason)
 

@@ -10,6 +10,7 @@ import msgspec
 from fleet import (
     Adapter,
     Fault,
+    FlyMission,
     FollowPath,
     Goal,
     GoTo,
@@ -232,6 +233,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
                 if task.body_frame:
                     move = rotate_to_world(move, here.yaw or 0.0)
                 return [(Place(here.x + move.x, here.y + move.y, None), 0.0)]
+            case FlyMission():
+                raise Refused("it has no memory for missions", hint="send the goals as a path")
 
     def _place(self) -> Place:
         trim = self.config.trim

@@ -19,11 +19,12 @@ from fleet.wire.topics import Topics
 
 log = logging.getLogger(__name__)
 
-Kind = Literal["command", "navigate", "motion"]
+Kind = Literal["command", "navigate", "motion", "mission"]
 KINDS: Mapping[str, Kind] = {
     "command": "command",
     "navigate/command": "navigate",
     "motion/command": "motion",
+    "mission/command": "mission",
 }
 STREAMED = frozenset(VERBS) | {
     "move",

@@ -9,9 +9,10 @@ from fleet.model.command import Command, Setpoint, Way
 from fleet.model.navigation import Navigate
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
+from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 
-Kind = Literal["command", "navigate", "motion"]
+Kind = Literal["command", "navigate", "motion", "mission"]
 Ask = Command | Setpoint | Navigate
 
 VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude
@@ -50,6 +51,7 @@ class Decoder:
             "command": self._command,
             "navigate": self._navigate,
             "motion": self._motion,
+            "mission": self._mission,
         }
 
     def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
@@ -76,3 +78,7 @@ class Decoder:
     def _motion(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
         """Decode the ``motion/command`` topic's messages."""
         return decode_motion(payload, way=way, request_id=request_id)
+
+    def _mission(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
+        """Decode the ``mission/command`` topic's messages."""
+        return decode_mission(payload, way=way)

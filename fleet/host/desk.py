@@ -336,7 +336,7 @@ class Desk:
         if refusal is not None or self._adapter is None or self._offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
-            self._navigator.refuse(ask.action_id, refusal, ticket)
+            self._navigator.refuse(ask, refusal, ticket)
             return
         self._end_driving(self._adapter)
         self.in_control = True

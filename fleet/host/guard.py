@@ -19,7 +19,7 @@ from fleet.host.safety.reserve import Reserve
 from fleet.model.command import Command, Origin, Way
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FollowPath, Goal, GoTo, Task
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report, TelemetryReport
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
@@ -204,10 +204,20 @@ class Guard:
             case FollowPath():
                 points = tuple(self._place(goal) for goal in task.goals)
                 return pose.position, points if task.loops == 1 else (*points, *points[:1])
+            case FlyMission():
+                return pose.position, tuple(self._points_of(task))
         step = task.translation
         if task.body_frame:
             step = rotate_to_world(step, pose.rotation.yaw)
         return pose.position, (pose.position + step,)
+
+    def _points_of(self, mission: FlyMission) -> Iterable[Vector3]:
+        """Yield the places of a mission in the world."""
+        ground = 0.0 if mission.above_sea or self._home is None else self._home.altitude
+        for item in mission.items:
+            if item.point is not None:
+                height = item.point.altitude + ground
+                yield self._place(Goal(geo=GeoPoint(item.point.latitude, item.point.longitude, height)))
 
     def _place(self, goal: Goal) -> Vector3:
         """Return a goal in the world; one that has no height of its own stays at the robot's."""

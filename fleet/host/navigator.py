@@ -15,7 +15,7 @@ from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.follow.leader import Navigates
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, RelativeMove, Task
+from fleet.model.navigation import ActionState, FlyMission, Navigate, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
@@ -94,9 +94,11 @@ class Navigator:
         self._remember(self.action.status, ticket)
         self._begin(who, self.action)
 
-    def refuse(self, action_id: str, reason: str, ticket: Ticket) -> None:
+    def refuse(self, ask: Navigate, reason: str, ticket: Ticket) -> None:
         """Say that an action failed before it began; a repeat of it is refused like it."""
-        status = NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, reason)
+        step = 0 if isinstance(ask.ask, FlyMission) else None
+        now = self._clock.time()
+        status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
         self._tell(status)
         self._remember(status, ticket)
 

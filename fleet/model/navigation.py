@@ -58,7 +58,40 @@ class RelativeMove(msgspec.Struct, frozen=True, tag="relative_move"):
     constraints: Constraints = Constraints()
 
 
-Task = GoTo | FollowPath | RelativeMove
+class PlanItem(msgspec.Struct, frozen=True):
+    """One item of a mission, as ``aerial.mission.v1`` names them.
+
+    ``point``'s altitude counts from what the mission says. ``seconds`` and ``turns`` to loiter, at ``radius``
+    metres; ``tolerance`` metres at which a waypoint counts as reached; ``speed`` (m/s) from the way to this
+    item on. None leaves it to the robot.
+    """
+
+    kind: str
+    point: GeoPoint | None = None
+    seconds: float = 0.0
+    turns: int = 0
+    radius: float | None = None
+    clockwise: bool = True
+    tolerance: float | None = None
+    speed: float | None = None
+
+
+class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
+    """Carry out a mission from the robot's own memory, so that it needs no link on the way.
+
+    Altitudes are metres above home, or above the sea. ``home`` is where the plan begins (m AMSL), None when
+    it does not say. ``resumed``: go on where it was left.
+    """
+
+    name: str
+    items: tuple[PlanItem, ...]
+    home: GeoPoint | None = None
+    above_sea: bool = False
+    constraints: Constraints = Constraints()
+    resumed: bool = False
+
+
+Task = GoTo | FollowPath | RelativeMove | FlyMission
 
 
 class Control(enum.StrEnum):

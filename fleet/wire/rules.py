@@ -53,6 +53,7 @@ _TABLE = (
     Rule(REPLY_INBOX, "", Traffic.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request"),
     Rule("command", "", Traffic.REPLY, 1, 0, 0, "legacy status of a command without Response Topic"),
     Rule("navigate/status", "navigate_status", Traffic.STATUS, 1, 0, 0, "status of an action"),
+    Rule("mission/status", "navigate_status", Traffic.STATUS, 1, 0, 0, "status of a mission"),
     Rule("telemetry", "telemetry", Traffic.EVENT, 1, 0, 0, "connected, vehicle_state, authority_lost"),
     Rule("driverlog", "driverlog", Traffic.EVENT, 1, 10, 0, "log lines"),
     Rule("flight_controller", "flight_controller", Traffic.LATEST, 0, 5, 0.2, "the autopilot's state"),

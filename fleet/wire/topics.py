@@ -17,7 +17,9 @@ import msgspec
 from fleet.errors import ConfigError, WireError
 
 JOINT_UPDATE = "joint:update"
-INBOUND: Mapping[str, int] = MappingProxyType({"command": 1, "navigate/command": 1, "motion/command": 0})
+INBOUND: Mapping[str, int] = MappingProxyType(
+    {"command": 1, "navigate/command": 1, "mission/command": 1, "motion/command": 0}
+)
 
 _TWIN = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
 _LEAF = re.compile(r"[^/+#\0\s]+(?:/[^/+#\0\s]+)*")

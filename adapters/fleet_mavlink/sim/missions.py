@@ -16,7 +16,8 @@ NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STA
 _MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
 _GIVE_UP = 8.0  # seconds without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
-_FLOWN = frozenset({16, 19, 20, 21, 22, 82, 93})  # navigation that is simulated
+_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 82, 93})  # navigation that both fly
+LOITER_TURNS = 18  # PX4 has no such item
 _COUNT_MAX = 700
 
 
@@ -44,6 +45,7 @@ class Habits:
     home_is_first: bool
     tells_duplicates: bool
     frames_told: Mapping[int, int]  # frames that come back as another one
+    flies: frozenset[int] = _FLOWN
 
 
 ARDUPILOT_HABITS = Habits(
@@ -52,6 +54,7 @@ ARDUPILOT_HABITS = Habits(
     home_is_first=True,
     tells_duplicates=True,
     frames_told={5: 0, 6: 3},
+    flies=_FLOWN | {LOITER_TURNS},
 )
 PX4_HABITS = Habits(
     mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False, frames_told={}
@@ -151,7 +154,7 @@ class Missions:
             told = self.habits.tells_duplicates
             return [self._ack(upload, mav.MAV_MISSION_INVALID_SEQUENCE)] if told else ()
         item = _item_of(message)
-        if upload.kind == _MISSION and item.command < _FIRST_DO and item.command not in _FLOWN:
+        if upload.kind == _MISSION and item.command < _FIRST_DO and item.command not in self.habits.flies:
             self._upload = None
             return [self._ack(upload, mav.MAV_MISSION_UNSUPPORTED)]
         upload.items.append(item)

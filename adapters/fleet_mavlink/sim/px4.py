@@ -286,7 +286,7 @@ class Px4(Autopilot):
             self._go_on()
 
     def _end_manoeuvre(self) -> None:
-        """TAKEOFF goes over into LOITER; a mission that asks for it into RTL."""
+        """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
         reached = self.manoeuvre
         if self.mode.name == "TAKEOFF" and reached.done:
             self.enter(MODES["LOITER"])
@@ -294,6 +294,8 @@ class Px4(Autopilot):
                 self.manoeuvre = GoTo(reached.north, reached.east, reached.down, heading=reached.heading)
         elif self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
+        elif self.runs_mission and self.manoeuvre.done and self.flying:
+            self.enter(MODES["LOITER"])
 
     def touched_ground(self) -> None:
         """Say that the vehicle has landed."""
