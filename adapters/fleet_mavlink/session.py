@@ -11,6 +11,7 @@ from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import PERIOD, Driver
 from fleet_mavlink.failsafes import Failsafes
+from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
@@ -56,9 +57,18 @@ class Session:
         )
         self.navigator = Navigator(self.flight, limits)
         self.plans = Plans(vehicle)
-        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
-        self.streams = Streams(vehicle, self.commander, config.rates.pose)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
+        self.fence = config.fence and FenceKeeper(
+            vehicle,
+            self.plans,
+            self.parameters,
+            fence=config.fence,
+            limits=limits,
+            origin=self.origin,
+            changed=self._look,
+        )
+        self.streams = Streams(vehicle, self.commander, config.rates.pose)
         self.failsafes = Failsafes(
             vehicle,
             self.parameters,
@@ -83,7 +93,10 @@ class Session:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        work = [asyncio.ensure_future(each) for each in (*losses, self.streams.keep(), self.failsafes.keep())]
+        keepers = [self.streams.keep(), self.failsafes.keep()]
+        if self.fence:
+            keepers.append(self.fence.keep())
+        work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
         try:
             done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
             for each in done:
@@ -171,7 +184,7 @@ class Session:
         """Return how a vehicle is that answers and can be flown."""
         if self.vehicle.state.failsafe:
             return Health(Level.DEGRADED, "the autopilot is in a fail-safe")
-        troubles = self.failsafes.troubles
+        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
         return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
 
     def _heartbeat(self) -> None:

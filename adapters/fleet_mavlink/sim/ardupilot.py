@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
@@ -87,6 +88,8 @@ class ArduPilot(Autopilot):
         found = []
         if self.mode.position and not self.has_position:
             found.append("Need Position Estimate")
+        if self.outside_fence((self.body.north, self.body.east, self.body.down)):
+            found.append("Vehicle outside Polygon fence")
         if not self.age(23.5):
             found.append("EKF3 still initialising")
         return found
@@ -193,6 +196,7 @@ class ArduPilot(Autopilot):
             self._watch_gcs()
             self._watch_battery()
             self._watch_position()
+            self.watch_fence(self._broke_fence)
         elif not self.armed:
             self.failsafe = ""
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
@@ -234,6 +238,24 @@ class ArduPilot(Autopilot):
         self.say(CRITICAL, text)
         self.enter(MODES[mode] if self.has_position else MODES["LAND"])
         self.out.append(heartbeat(self))
+
+    def outside_fence(self, place: Triple) -> bool:
+        """FENCE_ENABLE, with what FENCE_TYPE names."""
+        params = self.params
+        return bool(params["FENCE_ENABLE"]) and is_outside(
+            self,
+            place,
+            kinds=int(params["FENCE_TYPE"]),
+            height=params["FENCE_ALT_MAX"],
+            radius=params["FENCE_RADIUS"],
+        )
+
+    def _broke_fence(self) -> None:
+        """FENCE_ACTION 0: only say it; 1: RTL."""
+        if self.params["FENCE_ACTION"]:
+            self.fail("fence", "Fence Breached", "RTL")
+        else:
+            self.say(WARNING, "Fence Breached")
 
     def _watch_gcs(self) -> None:
         """FS_GCS_ENABLE 1: RTL, 5: LAND, after FS_GCS_TIMEOUT without the station."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import all as mav
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STATE
+FENCE = int(mav.MAV_MISSION_TYPE_FENCE)
 _MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
 _GIVE_UP = 8.0  # seconds without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
@@ -84,10 +85,14 @@ class Missions:
         self.current = 0
         self.state = NO_MISSION
 
+    def plan(self, kind: int) -> list[Item]:
+        """Return the stored items of a MAV_MISSION_TYPE."""
+        return self._plans.get(kind, [])
+
     @property
     def items(self) -> list[Item]:
         """The mission itself."""
-        return self._plans.get(_MISSION, [])
+        return self.plan(_MISSION)
 
     @property
     def first(self) -> int:
@@ -177,14 +182,14 @@ class Missions:
         kind = message.mission_type
         if self._upload is not None:
             return [mav.MAVLink_mission_ack_message(system, component, mav.MAV_MISSION_DENIED, kind)]
-        count = len(self._plans.get(kind, []))
+        count = len(self.plan(kind))
         return [mav.MAVLink_mission_count_message(system, component, count, kind)]
 
     def request(self, message: Any, home: tuple[float, float, float] | None) -> Iterable[Any]:
         """Answer MISSION_REQUEST_INT or MISSION_REQUEST with the item."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         kind, seq = message.mission_type, message.seq
-        plan = self._plans.get(kind, [])
+        plan = self.plan(kind)
         if seq >= len(plan):
             failed = mav.MAV_MISSION_INVALID_SEQUENCE
             return [mav.MAVLink_mission_ack_message(system, component, failed, kind)]

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+
 import msgspec
 import pytest
 
@@ -127,7 +128,7 @@ def test_a_pilot_who_takes_over_ends_the_mission(fly, sky, flavour):
             flying = asyncio.ensure_future(flown(it, SQUARE))
             await it.until(lambda: it.mode == AUTO[flavour], within=60.0)
             it.sim.set_fault("pilot_takeover", 1.0)
-            with pytest.raises(Refused, match="taken over|somebody else"):
+            with pytest.raises(Refused, match=r"taken over|somebody else"):
                 await flying
             assert it.robot.losses
             assert it.mode in {"LOITER", "POSCTL"}

@@ -122,7 +122,7 @@ def test_whoever_ends_says_that_its_twins_are_disconnected(bridge, listener):
 def test_only_what_asks_something_of_our_twins_is_subscribed(broker, make_bridge, topics, ports):
     bridge = make_bridge(broker.port)
     (mine,) = broker.call(lambda: list(broker.broker._hub._directory.sessions.values()))
-    leaves = {"command": 1, "navigate/command": 1, "motion/command": 0}
+    leaves = {"command": 1, "navigate/command": 1, "mission/command": 1, "motion/command": 0}
     wanted = {topics.twin(twin, leaf): qos for twin in ports for leaf, qos in leaves.items()}
     given = {pattern: one.options for pattern, one in mine.subscriptions.items()}
     assert {pattern: int(options.max_qos) for pattern, options in given.items()} == wanted

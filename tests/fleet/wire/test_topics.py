@@ -95,7 +95,8 @@ def test_a_prefixed_edge_reads_only_its_own_prefix():
 def test_commands_and_goals_are_subscribed_at_qos_1_and_no_filters_overlap():
     filters = Topics("p").inbound(TWIN)
     root = f"pcyberwave/twin/{TWIN}"
-    assert filters == {f"{root}/command": 1, f"{root}/navigate/command": 1, f"{root}/motion/command": 0}
+    leaves = {"command": 1, "navigate/command": 1, "mission/command": 1, "motion/command": 0}
+    assert filters == {f"{root}/{leaf}": qos for leaf, qos in leaves.items()}
     for one, other in itertools.permutations(filters, 2):
         assert one != other
         assert not {"+", "#"} & set(one)
