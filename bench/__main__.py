@@ -3,7 +3,7 @@
 import importlib
 import sys
 
-NAMES = ("startup", "latency", "scale", "ugv", "quadruped")
+NAMES = ("startup", "latency", "scale", "ugv", "quadruped", "mavlink")
 
 
 def main():

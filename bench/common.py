@@ -63,7 +63,8 @@ def mosquitto():
 class Fleet:
     """A running ``fleet run``: when each robot was first told to be well."""
 
-    def __init__(self, running):
+    def __init__(self, running, folder):
+        self.folder = folder
         self.pid = running.pid
         self.began = time.monotonic()
         self.well = {}
@@ -91,7 +92,7 @@ def fleet(robots, broker):
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
         environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
         with process(*command, stdout=subprocess.PIPE, env=environment) as running:
-            yield Fleet(running)
+            yield Fleet(running, folder)
 
 
 def robot(number, port):
@@ -102,6 +103,7 @@ def robot(number, port):
         "adapter": "mavlink",
         "link": f"udpin:127.0.0.1:{port}",
         "system_id": number,
+        "failsafes": "set",
     }
 
 

@@ -136,14 +136,19 @@ class Cloud:
         self.ear.recv(4096)
         return time.monotonic() - began
 
-    def command(self, twin, relay):
-        """Send a command and return the seconds until its bytes passed; None when they did not in 1 s."""
-        relay.passed.clear()
-        message = {"command": "set_home_here", "source_type": "tele", "data": {}, "timestamp": time.time()}
+    def send(self, twin, name):
+        """Send a command; return the moment before it was sent."""
+        message = {"command": name, "source_type": "tele", "data": {}, "timestamp": time.time()}
         topic = f"cyberwave/twin/{twin}/command"
         packet = mqtt5.PublishPacket(topic, json.dumps(message).encode()).write()
         began = time.monotonic()
         self.out.sendall(packet)
+        return began
+
+    def command(self, twin, relay):
+        """Send a command and return the seconds until its bytes passed; None when they did not in 1 s."""
+        relay.passed.clear()
+        began = self.send(twin, "set_home_here")
         return relay.at - began if relay.passed.wait(1) else None
 
 
