@@ -51,7 +51,7 @@ async def main():
     async with Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection("udpin://127.0.0.1:" + sys.argv[1])
         await asyncio.sleep(4)
-        telemetry = [TelemetryAsync(system) for system in mavsdk.get_systems()]
+        telemetry = [TelemetryAsync(system) for system in await mavsdk.get_systems()]
         print(len(telemetry), flush=True)
         streams = [s for t in telemetry for s in (t.subscribe_position(), t.subscribe_attitude_euler())]
         await asyncio.gather(*map(read, streams))
@@ -101,7 +101,7 @@ def price(pid):
 
 
 def measure_edge():
-    """Return (price, seconds of bare broker hops, of commands to the wire, of a stop to the last aircraft)."""
+    """Return the price, then seconds: of bare broker hops, of commands to the wire, of a stop to the last."""
     notes, port = Notes(), free_port(socket.SOCK_DGRAM)
     robots = [robot(number, port) | {"failsafes": "ignore"} for number in range(1, AIRCRAFT + 1)]
     with mosquitto() as broker, swarm(port, notes), fleet(robots, broker) as edge:
