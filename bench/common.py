@@ -17,6 +17,9 @@ from pathlib import Path
 
 import psutil
 
+import fleet.testing as fleet_testing
+
+PLUGINS = Path(fleet_testing.__file__).parent / "plugins"
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
 
@@ -46,15 +49,18 @@ def process(*command, stdout=subprocess.DEVNULL, **options):
 
 
 @contextlib.contextmanager
-def mosquitto():
-    """A Mosquitto on a free port."""
+def mosquitto(port=0):
+    """A Mosquitto on a port, a free one where none is given; it keeps nothing when it ends."""
     program = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin")
     if program is None:
         sys.exit("the benchmarks need mosquitto: apt-get install mosquitto")
-    port = free_port()
+    port = port or free_port()
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "mosquitto.conf"
-        config.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\n")
+        config.write_text(
+            f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\n"
+            "max_queued_messages 0\nmax_inflight_messages 1000\n"
+        )
         with process(program, "-c", str(config)):
             wait_for(lambda: socket.create_connection(("127.0.0.1", port), 1).close() is None, (OSError,))
             yield port
@@ -83,16 +89,28 @@ class Fleet:
 
 
 @contextlib.contextmanager
-def fleet(robots, broker):
-    """A ``fleet run`` of these robots."""
-    with tempfile.TemporaryDirectory(prefix="fb") as folder:
+def fleet(robots, broker, folder=None, **sections):
+    """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run."""
+    with contextlib.ExitStack() as stack:
+        folder = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         path = Path(folder) / "fleet.yaml"
         cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
-        path.write_text(json.dumps({"edge": {"id": "bench"}, "cloud": cloud, "robots": robots}))
+        file = {"edge": {"id": "bench"}, "cloud": cloud, "plugins": [str(PLUGINS)], "robots": robots}
+        file |= sections
+        path.write_text(json.dumps(file))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
-        environment = os.environ | {"FLEET_RUNTIME_DIR": folder}
-        with process(*command, stdout=subprocess.PIPE, env=environment) as running:
-            yield Fleet(running, folder)
+        environment = os.environ | {"FLEET_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
+        running = process(*command, stdout=subprocess.PIPE, env=environment)
+        yield Fleet(stack.enter_context(running), folder)
+
+
+def puppets(number, **options):
+    """Robots that cost next to nothing (``fleet/testing/plugins/puppet.py``), in the edge's own process."""
+    names = [f"puppet-{each}" for each in range(number)]
+    return [
+        {"name": name, "twin": twin_of(name), "adapter": "puppet", "worker": "main", **options}
+        for name in names
+    ]
 
 
 def robot(number, port):

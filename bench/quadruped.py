@@ -1,22 +1,35 @@
-"""A simulated dog in physics: speeds, tilt, falls, emergency stops, recovery, cost. Lock-step, so repeatable.
+"""A simulated dog in physics: speeds, tilt, falls, stops, recovery, cost; then its loop in real time.
+
+Lock-step figures are the same on every run; times of the processor are not.
 
 python -m bench quadruped
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import random
 import statistics
 import time
+from collections.abc import Callable, Iterator
+from typing import Any
 
+from msgspec.structs import astuple
+
+from bench import dog_loop
+from bench.common import line
 from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.control.loop import no_collector
 from fleet_quadruped.robot.description import EXAMPLE, Description, load_description
+from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
 
 SEEDS = 10  # each with another friction and other lost frames
+WANTED = (0.6, 0.2, 0.8)
 COMMANDS = {
     "forward 0.6 m/s": Twist(0.6),
     "sideways 0.2 m/s": Twist(0, 0.2),
@@ -46,29 +59,99 @@ def walk(rig: Rig, twist: Twist) -> tuple[float, float]:
 def gaits(dog: Description, seeds: int) -> None:
     for loss in (0.0, 0.05):
         rigs = [standing(dog, seed, loss) for seed in range(1, seeds + 1)]
-        for name, twist in COMMANDS.items():
+        for (name, twist), wanted in zip(COMMANDS.items(), WANTED, strict=True):
             seen = [walk(rig, twist) for rig in rigs]
             speeds, tilts = [speed for speed, _ in seen], [tilt for _, tilt in seen]
-            falls = sum(bool(rig.fault) for rig in rigs)
-            print(
-                f"{dog.drive.protocol:7} loss {loss:4.0%} {name:17} got {statistics.mean(speeds):.3f} "
-                f"({min(speeds):.3f} to {max(speeds):.3f}), tilt {max(tilts):.1f} deg, stops {falls}/{seeds}"
+            off = max(abs(speed - wanted) for speed in speeds) / wanted
+            line(
+                f"{dog.drive.protocol}, {loss:.0%} lost: {name}",
+                f"{statistics.mean(speeds):.3f} ({min(speeds):.3f} to {max(speeds):.3f})",
+                f"worst {off:.1%} off (aim 10 %), tilt {max(tilts):.1f} deg (aim 5)",
             )
             for rig in rigs:
                 rig.go(1.5)
+        down = sum(math.acos(max(-1.0, rig.sim.world.imu().up)) > 0.8 for rig in rigs)
+        stopped = [rig.fault for rig in rigs if rig.fault]
+        line("  fell; stopped by themselves", f"{down}/{seeds}; {len(stopped)}/{seeds}", *set(stopped[:1]))
 
 
 def stops(dog: Description) -> None:
-    drops = []
+    drops, peaks, cycles = [], [], []
     for phase in range(8):
         rig = standing(dog)
         rig.go(1.5 + phase * dog.gait.period / 8, Twist(0.5))
         falling: list[float] = []
-        rig.watch = lambda rig=rig, falling=falling: falling.append(rig.sim.world.fall_speed)
+        felt: list[float] = []
+
+        def watch(rig: Rig = rig, falling: list[float] = falling, felt: list[float] = felt) -> None:
+            falling.append(rig.sim.world.fall_speed)
+            felt.append(math.hypot(*astuple(rig.sim.world.imu().accel)) / 9.81)
+
+        rig.watch = watch
         rig.emergency()
+        cycles.append(cycles_until_damped(rig))
         rig.go(2.0)
         drops.append(max(falling))
-    print(f"{dog.drive.protocol:7} emergency stop in 8 phases of a trot: drop {max(drops):.2f} m/s at worst")
+        peaks.append(max(felt))
+    name = f"{dog.drive.protocol}: emergency stop in 8 phases of a trot"
+    line(f"{name}: damped after", f"{max(cycles)} cycle", "aim: 1")
+    line(
+        "  speed of the drop; acceleration", f"{max(drops):.2f} m/s; {max(peaks):.1f} g", "aim: 0.5 m/s; 4 g"
+    )
+
+
+def cycles_until_damped(rig: Rig) -> int:
+    """Return the cycles from an order to the last joint without stiffness."""
+    for number in range(1, 50):
+        rig.cycle()
+        if all(motor.kp == 0 and motor.kd > 2.9 for motor in rig.sim.world.motors):
+            return number - 1  # a frame that is written in one cycle is obeyed by the drives in the next
+    return 50
+
+
+def dies(dog: Description) -> None:
+    """Print what the drives do when the controller ends in mid-trot."""
+    stopped, beyond = [], 0.0
+    for phase in range(8):
+        rig = standing(dog)
+        rig.go(1.5 + phase * dog.gait.period / 8, Twist(0.5))
+        begun = rig.sim.time
+        while any(motor.kp > 0 for motor in rig.sim.world.motors) and rig.sim.time - begun < 1.0:
+            rig.sim.advance(0.002)
+        stopped.append(rig.sim.time - begun)
+        for _ in range(100):
+            rig.sim.advance(0.01)
+            for joint, motor in zip(dog.all_joints, rig.sim.world.motors, strict=True):
+                beyond = max(beyond, joint.low - motor.angle, motor.angle - joint.high)
+    line(f"{dog.drive.protocol}: controller dies in mid-trot: drives stop", f"{1000 * max(stopped):.0f} ms")
+    line("  farthest a joint went beyond its limits (they are stops of rubber here)", f"{beyond:.3f} rad")
+
+
+def enables(dog: Description) -> None:
+    """Print how long it takes until twelve drives are seen to be enabled."""
+    rig = Rig(dog)
+    rig.go(0.1)
+    begun = rig.sim.time
+    rig.ask(Ask.STAND)
+    while rig.mode is Mode.ENABLING:
+        rig.cycle()
+    line(
+        f"{dog.drive.protocol}: 12 drives enabled",
+        f"{1000 * (rig.sim.time - begun):.0f} ms",
+        "aim: under 100 ms",
+    )
+
+
+def repeats(dog: Description, times: int = 20) -> None:
+    """Print how often it stands up and sits down again."""
+    rig, done = standing(dog), 0
+    while done < times and rig.mode is Mode.STANDING:
+        rig.ask(Ask.SIT)
+        rig.go(3.5)
+        if rig.mode is Mode.OFF:
+            rig.stand()
+            done += 1
+    line(f"{dog.drive.protocol}: sat down and stood up again", f"{done}/{times}", rig.fault)
 
 
 def recoveries(dog: Description, count: int = 60) -> None:
@@ -76,22 +159,72 @@ def recoveries(dog: Description, count: int = 60) -> None:
     tries = [tries_needed(dog, random_turn(chance), most=5) for _ in range(count)]
     up = sum(one is not None for one in tries)
     rolls = {number: tries.count(number) for number in range(6) if number in tries}
-    print(f"recovery: {up}/{count}, by rolls needed: {rolls}")
+    line("recovery from random orientations", f"{up}/{count}", f"by rolls needed: {rolls}")
 
 
 def cost(dog: Description) -> None:
+    """Print the least processor time of a cycle, by stage, and of the physics in it."""
     rig = standing(dog)
-    begun = time.process_time()
-    rig.go(5.0, Twist(0.5))
-    share = (time.process_time() - begun) / 5
-    print(f"{dog.drive.protocol:7} whole stack in lock-step: {share:.1%} of a core a dog")
+    rig.go(1.5, Twist(0.5))
+    stages = {"begin": "ask", "finish": "decide and write", "advance": "simulator"}
+    windows = []
+    with no_collector():
+        for _ in range(40):
+            used = dict.fromkeys(stages, 0.0)
+            with timed(rig.controller, used, "begin", "finish"), timed(rig.sim, used, "advance"):
+                begun = time.perf_counter()
+                rig.go(0.42, Twist(0.5))
+                used["all"] = time.perf_counter() - begun
+            windows.append(used)
+    best = min(windows, key=lambda used: used["all"])
+    physics = min(_physics(rig.sim.world) for _ in range(200))
+    share = {name: f"{seconds / 0.42:.1%}" for name, seconds in best.items()}
+    line(f"{dog.drive.protocol}: whole stack in lock-step, of a core", share["all"], "aim: 5 %")
+    line("  asking and hearing the drives, deciding and writing", f"{share['begin']}, {share['finish']}")
+    line("  after that the simulated dog; its physics", f"{share['advance']}; {100 * physics:.1f} %")
+
+
+@contextlib.contextmanager
+def timed(owner: object, used: dict[str, float], *names: str) -> Iterator[None]:
+    """Add up the seconds that methods take."""
+    for name in names:
+        setattr(owner, name, _measured(getattr(owner, name), used, name))
+    try:
+        yield
+    finally:
+        for name in names:
+            delattr(owner, name)
+
+
+def _measured(call: Callable[..., Any], used: dict[str, float], name: str) -> Callable[..., Any]:
+    """Return a method that adds up its seconds."""
+
+    def measured(*given: object) -> Any:
+        begun = time.perf_counter()
+        try:
+            return call(*given)
+        finally:
+            used[name] += time.perf_counter() - begun
+
+    return measured
+
+
+def _physics(world: MujocoWorld) -> float:
+    """Return the share of a core that the engine takes, from one control cycle."""
+    begun = time.perf_counter()
+    world.step(0.01)
+    return (time.perf_counter() - begun) / 0.01
 
 
 def run() -> None:
     dog = load_description(EXAMPLE)
     drive = dog.drive.model_copy(update={"protocol": "mit", "profile": "damiao-8006"})
     for each in (dog, dog.model_copy(update={"drive": drive})):
+        enables(each)
         gaits(each, SEEDS)
         stops(each)
+        dies(each)
+        repeats(each)
         cost(each)
     recoveries(dog)
+    dog_loop.run()

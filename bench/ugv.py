@@ -26,9 +26,9 @@ from fleet import NotReady, Vector3, Velocity
 from fleet.clock import SystemClock
 from fleet.host.make import make_adapter
 from fleet.host.wheel import Wheel
+from fleet.sim.process import SimProcess
 from fleet_ugv import UgvAdapter, UgvConfig
-from fleet_ugv.sim.launch import SimProcess
-from fleet_ugv.sim.server import SimServer
+from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
 
 BASES = 20
@@ -68,9 +68,9 @@ def adapter_of(url, profile=PROFILE):
 
 async def many():
     """Drive many bases at 20 Hz; measure the CPU of this process."""
-    wheel = Wheel(asyncio.get_running_loop())
+    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
     wheel.start()
-    async with SimProcess() as simulator:
+    async with SimProcess("fleet_ugv.sim") as simulator:
         urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
         robots = [BenchRobot(wheel) for _ in urls]
         adapters = [adapter_of(url) for url in urls]
@@ -130,7 +130,7 @@ async def latency():
         tap([master for master, _ in pairs], told)
         os._exit(0)
     os.close(told)
-    wheel = Wheel(asyncio.get_running_loop())
+    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
     wheel.start()
     robots = [BenchRobot(wheel) for _ in pairs]
     adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
@@ -183,7 +183,7 @@ def drive_for_ever(url):
     """Drive in a forked child until it is killed."""
 
     async def drive():
-        wheel = Wheel(asyncio.get_running_loop())
+        wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         wheel.start()
         adapter = adapter_of(url)
         run = asyncio.create_task(adapter.run(BenchRobot(wheel)))
@@ -207,8 +207,8 @@ def kills():
 
         async def one(child=child, url_in=url_in, number=number):
             with tempfile.TemporaryDirectory() as folder:
-                server = SimServer(Path(folder))
-                port = server.add(SimSpec(PROFILE, seed=number))
+                server = Bases(Path(folder))
+                port = await server.add(SimSpec(PROFILE, seed=number))
                 life = asyncio.create_task(server.run())
                 os.write(url_in, port.url.encode())
                 await until(lambda: port.board.physics.speeds[0] > 0.2)

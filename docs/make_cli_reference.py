@@ -60,6 +60,8 @@ def command_section(name: str, command: click.Command, parent: click.Context) ->
         yield from ("", "| option | |", "|---|---|")
         for option, words in records:
             yield f"| `{option}` | {words} |"
+    for each, inner in getattr(command, "commands", {}).items():
+        yield from command_section(f"{name} {each}", inner, parent)
 
 
 def render() -> str:

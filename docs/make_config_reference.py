@@ -100,7 +100,7 @@ def default(field: FieldInfo) -> str:
     value = field.get_default(call_default_factory=True)
     if value is PydanticUndefined:
         return "**required**"
-    if value is None or isinstance(value, BaseModel) or value in ((), {}, ""):
+    if value is None or isinstance(value, BaseModel) or value in ((), {}, "", frozenset()):
         return ""
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 

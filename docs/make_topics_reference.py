@@ -11,10 +11,12 @@ import re
 from collections.abc import Iterable, Iterator
 
 from fleet.bus import keys
+from fleet.topic_rules import topic_name
 from fleet.wire.commands import STOP_WORDS, VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
-from fleet.wire.rules import CHANNEL_LEAVES, RULES
-from fleet.wire.topics import INBOUND, JOINT_UPDATE
+from fleet.wire.rulebook import PROFILES, Change
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Form, Rule, Taker
+from fleet.wire.topics import NAMESPACES
 
 TARGET = pathlib.Path(__file__).with_name("topics.md")
 
@@ -23,7 +25,8 @@ INTRODUCTION = """\
 
 Made from the tables in `fleet/wire` by `docs/make_topics_reference.py`; do not edit.
 
-`T` is `{prefix}cyberwave/twin/{twin}/`, `J` is `{prefix}cyberwave/joint/{twin}/`, with the uuid of the twin.
+`T` is `{prefix}cyberwave/twin/{twin}/`, `J` is `{prefix}cyberwave/joint/{twin}/`, with the uuid of the twin;
+other topics are written without `{prefix}cyberwave/`.
 The prefix is put in front as it is, without a separator. It is the one configured, else the first that is
 set of `CYBERWAVE_MQTT_TOPIC_PREFIX`, `CYBERWAVE_TOPIC_PREFIX` and `CYBERWAVE_ENVIRONMENT` (unless that is
 `production`). An edge subscribes under one prefix only.
@@ -34,7 +37,40 @@ CLASSES = """\
 |---|---|
 | reply, status, event | kept in order on disk, sent at least once |
 | latest | only the newest is kept |
-| stream | dropped first |
+| stream | dropped first: as soon as more bytes wait than the profile allows |
+
+"Off" topics are sent only when fleet.yaml says `on: true`. A message larger than its size is not sent, and
+counted. After its age a message is not worth sending any more, wherever it waits.
+"""
+
+RULES_TEXT = """\
+### Rules
+
+fleet.yaml changes a row under `cloud.rules` for all robots, or under a robot's own `rules`, which win. A
+topic's name is what stands behind the uuid; in another namespace, with the namespace in front:
+
+```yaml
+cloud:
+  profile: lte
+  rules:
+    position: {rate: 2}
+    joint/update: {on: false}
+    event: {max_age: 3600}
+  listen:
+    commands/sync_workflows: {on: false}
+  channels:
+    thermal: {topic: sensors/thermal, traffic: latest, rate: 1}
+robots:
+  - name: rex
+    rules:
+      pointcloud: {rate: 1, size: 1000000}
+```
+
+`rotation` and `joint_states` are made with another topic and have its rule; they take only `on`. What a
+robot is asked is never thinned, so that no stop is lost. A bus channel that is not in the table crosses
+only when it stands under `channels`: its JSON objects, with source type, session and stamp.
+
+What each profile changes (Hz, bytes):
 """
 
 PAYLOADS = """\
@@ -42,6 +78,19 @@ Every message has `timestamp` (Unix seconds, when it was measured), `session_id`
 `source_type` (`edge`, or `sim` for a simulated robot); `connected` and `disconnected` have no source type.
 What is unknown is left out, and a number that is not finite is never sent. An exact zero position and an
 exact identity rotation are moved by 1e-9, because the SDK's readers take them for "not given".
+"""
+
+REFUSED = """\
+A retained message is refused, and so is what is too large or cannot be read. What is asked of a robot is
+answered: to the Response Topic of a request, else with a status on `T command` (the success of a velocity or
+of joint targets is not told, their refusal once a second), on `T navigate/status`, or on `T mission/status`.
+Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
+declare; without it they are refused. Missions are flown by robots with a memory for them.
+
+A twin has one edge. An edge that sees another one that had it first, by the token
+`fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
+the robot, carries nothing for it, says who has it, and takes it when the other has gone. An emergency stop
+is obeyed all the same.
 """
 
 ENVELOPE = """\
@@ -52,8 +101,9 @@ are NaN, infinity, numbers in quotes, a key that stands twice, more than 1 MiB, 
 
 VERBS_RULE = """\
 The verb fixes axis and sign; the magnitude is the absolute value of its own field, else of `linear_x`, else a
-default. A `distance` (m) without the own field makes it a displacement. A magnitude that is not a finite
-number is refused.
+default. A `distance` (m) without the own field makes it a displacement: the robot's own command where it
+declares the verb (`ascend`, `descend`), else a way that it goes like a goal, 0.1 m to what it does in 30 s.
+A magnitude that is not a finite number is refused.
 """
 
 SIGNED = """\
@@ -72,8 +122,9 @@ its `altitude` counts from the take-off point unless `coordinate_frame.altitude_
 """
 
 SAMPLES = """\
-A sample is a u32 header length, f64 Unix seconds, i64 sequence, header JSON (little-endian), then JSON. Plain
-JSON without a header is read too. The payloads differ from those on MQTT; the bridge translates.
+A sample is a u32 header length, f64 Unix seconds, i64 sequence, header JSON (little-endian), then JSON, or
+the bytes of an array whose `shape` and `dtype` the header names. Plain JSON without a header is read too.
+The payloads differ from those on MQTT; the bridge translates. A sensor in a key becomes `sensor_id`.
 """
 
 SHAPES = {
@@ -81,13 +132,50 @@ SHAPES = {
     "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",
     "imu": "`ts, accel{x,y,z}, gyro{x,y,z}`",
+    "depth": "array `[height, width]` of `uint16` (mm) or `float32` (m)",
+    "pointcloud": "array `[..., 3]` (x y z, m) or `[..., 6]` (and r g b) of `float32`",
     "gps": "`ts, latitude, longitude, altitude, fix_type, satellite_count?, ...`",
 }
 
 
 def topic(leaf: str) -> str:
     """Return how a leaf is written in the tables."""
-    return "`J update`" if leaf == JOINT_UPDATE else f"`T {leaf}`".replace("+", "{client_id}")
+    namespace, _, rest = leaf.partition(":")
+    if namespace not in NAMESPACES:
+        return f"`T {leaf}`".replace("+", "{client_id}")
+    return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", "{type}")
+
+
+def size(count: int) -> str:
+    """Return a size in bytes as people say it."""
+    return f"{count // MIB} MiB" if count >= MIB else f"{count // KIB} KiB"
+
+
+def said_change(change: Change) -> str:
+    """Return what a profile changes of a topic."""
+    if change.on is False:
+        return "off"
+    parts = [f"{change.rate:g} Hz" if change.rate else "", size(change.size) if change.size else ""]
+    return ", ".join(filter(None, parts))
+
+
+def profiles() -> Iterator[str]:
+    """Yield the table of profiles: a row for each topic that one of them changes."""
+    yield f"| topic | {' | '.join(f'`{name}`' for name in PROFILES)} |"
+    yield f"|---|{'---|' * len(PROFILES)}"
+    changed = dict.fromkeys(leaf for profile in PROFILES.values() for leaf in profile.changes)
+    for leaf in changed:
+        row = [
+            said_change(profile.changes[leaf]) if leaf in profile.changes else said_change(_own(RULES[leaf]))
+            for profile in PROFILES.values()
+        ]
+        yield f"| `{topic_name(leaf)}` | {' | '.join(row)} |"
+    yield f"| bytes that may wait | {' | '.join(size(one.backlog) for one in PROFILES.values())} |"
+
+
+def _own(rule: Rule) -> Change:
+    """Return what the table says of a topic."""
+    return Change(rate=rule.max_rate, size=rule.size if rule.size > 64 * KIB else None)
 
 
 def rate(hertz: float) -> str:
@@ -102,17 +190,28 @@ def words(names: Iterable[str]) -> str:
 
 def outbound() -> Iterator[str]:
     """Yield the table of what the edge sends."""
-    yield "| topic | what | class | QoS | at most, Hz | repeated at, Hz |"
-    yield "|---|---|---|---|---|---|"
+    yield "| topic | what | bus channel | class | QoS | at most, Hz | repeated at, Hz | age, s | size |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for rule in RULES.values():
-        rates = f"{rate(rule.max_rate)} | {rate(rule.repeat)}"
-        yield f"| {topic(rule.leaf)} | {rule.about} | {rule.traffic.name.lower()} | {rule.qos} | {rates} |"
+        channel = f"`{rule.channel}`" if rule.channel else "-"
+        rates = f"{rate(rule.max_rate)} | {rate(rule.repeat)} | {rate(rule.max_age)}"
+        about = rule.about if rule.on else f"{rule.about} (off)"
+        carried = f"{rule.traffic.word} | {rule.qos} | {rates} | {size(rule.size)}"
+        yield f"| {topic(rule.leaf)} | {about} | {channel} | {carried} |"
 
 
 def inbound() -> Iterator[str]:
     """Yield the table of what the edge subscribes to."""
-    yield from ("| topic | QoS |", "|---|---|")
-    yield from (f"| {topic(leaf)} | {qos} |" for leaf, qos in INBOUND.items())
+    yield "| topic | what | goes to | QoS | at most, Hz | size |"
+    yield "|---|---|---|---|---|---|"
+    for rule in INWARD.values():
+        goes = {True: "the robot", False: "the bridge"}[rule.taker.asks]
+        if rule.taker is Taker.RELAY:
+            key = f"cw/{{uuid}}/data/{rule.channel}"
+            goes = f"`{key}/{{type}}`" if rule.leaf.endswith("+") else f"`{key}`"
+        about = rule.about if rule.on else f"{rule.about} (off)"
+        bounds = f"{rule.qos} | {rate(rule.max_rate)} | {size(rule.size)}"
+        yield f"| {topic(rule.leaf)} | {about} | {goes} | {bounds} |"
 
 
 def verbs() -> Iterator[str]:
@@ -126,8 +225,11 @@ def channels() -> Iterator[str]:
     """Yield the table of the reports' channels on the bus."""
     yield from ("| key | payload | goes to |", "|---|---|---|")
     for channel, leaves in CHANNEL_LEAVES.items():
-        shape = SHAPES.get(channel, "the report's fields, with `ts`")
-        yield f"| `cw/{{twin}}/data/{channel}` | {shape} | {', '.join(map(topic, leaves))} |"
+        rule = RULES[leaves[0]]
+        own = "as on MQTT; stamped by `timestamp`, `ts` or the header" if rule.form is Form.DOCUMENT else ""
+        shape = SHAPES.get(channel) or own or "the report's fields, with `ts`"
+        sensor = "/{type}" if rule.leaf.endswith("+") else "[/{sensor}]" if rule.sensors else ""
+        yield f"| `cw/{{twin}}/data/{channel}{sensor}` | {shape} | {', '.join(map(topic, leaves))} |"
     yield "| `cw/{twin}/data/commands/velocity` | `linear_x` to `angular_z`, signed | the robot: a setpoint |"
 
 
@@ -153,9 +255,13 @@ def render() -> str:
         "",
         CLASSES,
         PAYLOADS,
+        RULES_TEXT,
+        *profiles(),
+        "",
         "## From the cloud to the edge\n",
         *inbound(),
         "",
+        REFUSED,
         "### Commands\n",
         ENVELOPE,
         f"{stops}\n",

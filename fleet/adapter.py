@@ -53,7 +53,12 @@ class Robot(Protocol):
         """Publish something learned; keeps only the newest of a channel until the next tick."""
 
     def health(self, health: Health) -> None:
-        """Say how the way to the robot is. ``Health()`` (ok) means: it answers."""
+        """Say how the robot is. ``Health()`` (ok) means: it answers.
+
+        OFFLINE: nothing can be asked of it. FAULT: it answers and has a fault that a person must look at; the
+        host ends its motion and refuses more with these words, until another health comes. What does not move
+        it, what is ``safe``, and stops are still let through.
+        """
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot (a pilot, another station): end all motion of ours."""
@@ -124,6 +129,13 @@ class Adapter(ABC, Generic[ConfigT]):
 
         Must not block, must not touch the event loop, must never raise.
         """
+
+    def emergency_halt(self) -> None:
+        """Write the bytes of an emergency stop at once, where a robot has others; bound like ``halt``.
+
+        ``stop("emergency_stop")`` follows on the event loop, as soon as that runs.
+        """
+        self.halt()
 
     def navigate(self, task: Task) -> AsyncIterator[Progress]:  # noqa: ARG002 - for overriders
         """Carry out a task, yielding progress; return when it is done, raise when it cannot be.

@@ -8,6 +8,7 @@
     │   └── LinkRefused      it cannot be opened as configured: a person must act
     ├── BusError             the Zenoh session could not be opened
     ├── CloudError           the broker refused us, and why
+    ├── StateError           what must outlive the edge cannot be kept where it was to be
     └── CommandError         a command was not carried out
         ├── NotReady         not now; try again (``hint`` says when)
         ├── Refused          this command, for this reason
@@ -58,6 +59,10 @@ class BusError(FleetError):
 
 class CloudError(FleetError):
     """The broker refused us or went away."""
+
+
+class StateError(FleetError):
+    """The folder of the edge's lasting state cannot be used, or another edge has it."""
 
 
 class CommandError(FleetError):

@@ -9,18 +9,16 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from fleet.model.polygon import is_simple
+from fleet.topic_rules import Topics
+from fleet.yaml_model import Model
+
+__all__ = ["Accepts", "AdapterConfig", "Limits", "Model", "Name", "Origin", "Positive", "SourceType"]
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-class Model(BaseModel):
-    """The base of every configuration model: frozen, strict about keys and numbers."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Limits(Model):
@@ -119,7 +117,7 @@ class BatteryPolicy(Model):
     )
 
 
-class AdapterConfig(Model):
+class AdapterConfig(Topics):
     """The fields of every robot. An adapter subclasses it and adds ``adapter: Literal["name"]``."""
 
     name: Name = Field(description="The robot's name, used in commands, keys and logs.")

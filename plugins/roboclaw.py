@@ -42,7 +42,6 @@ class RoboclawCodec(Codec):
     """One controller; ``ticks`` a metre, ``timeout`` of its dead-man in s."""
 
     stop: ClassVar[bytes] = packet(SPEEDS, bytes(8))
-    longest: ClassVar[int] = len(stop)
 
     def __init__(self, *, ticks: float, timeout: float) -> None:
         self.garbage = 0

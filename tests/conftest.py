@@ -9,9 +9,11 @@ import subprocess
 import pytest
 from hypothesis import HealthCheck, settings
 
+from fleet.event_loop import FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("hostile", settings.get_profile("fleet"), max_examples=100_000)
 settings.load_profile("fleet")
 
 MOSQUITTO = (
@@ -23,6 +25,14 @@ MOSQUITTO = (
     "log_type error",
     "log_type information",
 )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _state_home(tmp_path_factory):
+    """Keep the lasting state of all edges, those in processes of their own too, away from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
 
 
 class Mosquitto:
@@ -85,3 +95,8 @@ def broker():
     """Run the demo broker, where everybody may come in."""
     with BrokerThread() as running:
         yield running
+
+
+def pytest_asyncio_loop_factories():
+    """Run tests on the loop that a fleet process runs on."""
+    return {"fleet": FleetLoop}

@@ -21,12 +21,14 @@ from fleet import (
     command,
 )
 from fleet.errors import LinkError
+from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
 from fleet_mavlink.session import Session
-from fleet_mavlink.sim.launch import SimProcess, SimSpec
+from fleet_mavlink.sim.spec import SimSpec
 
+_SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
@@ -48,8 +50,9 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         async with contextlib.AsyncExitStack() as stack:
             url, sim = config.link, None
             if config.simulated:
-                sim = await stack.enter_async_context(robot.share("mavlink simulator", SimProcess))
-                url = await sim.add(SimSpec.parse(config.link, system_id=config.system_id))
+                sim = await stack.enter_async_context(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
+                spec = SimSpec.parse(config.link, system_id=config.system_id)
+                url = await stack.enter_async_context(sim.robot(spec))
             station = f"{config.own_system}/{config.own_component}"
             hub = await stack.enter_async_context(
                 robot.share(

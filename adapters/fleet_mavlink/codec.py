@@ -26,6 +26,7 @@ _HEADER_1 = 6
 _HEADER_2 = 10
 _SIGNED = 0x01  # the only incompatibility flag there is
 _SIGNATURE = 13
+_HEAD = struct.Struct("<BBBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
 _CRC_EXTRA: dict[int, int] = {number: kind.crc_extra for number, kind in dialect.mavlink_map.items()}
 
 
@@ -48,6 +49,7 @@ class _Layout:
         self._blank = list(self._packing.unpack(bytes(self._packing.size)))
         self._places = {name: _place(wire, index) for index, name in enumerate(wire.ordered_fieldnames)}
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
+        self._indexes = tuple(self._places[name].start for name in kind.__struct_fields__)
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
@@ -58,8 +60,8 @@ class _Layout:
     def encode(self, message: Message) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
         values = self._blank.copy()
-        for name, place in self._wanted:
-            values[place] = _wire_values(getattr(message, name))
+        for index, value in zip(self._indexes, msgspec.structs.astuple(message), strict=True):
+            values[index] = value.encode() if isinstance(value, str) else value
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
 
 
@@ -86,13 +88,6 @@ def _value(values: tuple[Any, ...]) -> Any:
     return value
 
 
-def _wire_values(value: Any) -> tuple[Any, ...]:
-    """Return what a field is on the wire: its numbers, or its text as bytes."""
-    if isinstance(value, tuple):
-        return value
-    return (value.encode() if isinstance(value, str) else value,)
-
-
 _MODULES = (messages, mission_messages, transfer_messages)
 _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
@@ -100,11 +95,12 @@ _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in modu
 
 def pack(message: Message, system: int, component: int, sequence: int) -> bytes:
     """Return the MAVLink 2 frame of an outgoing message, from this system and component."""
-    layout = _WRITE[message.message_id]
+    number = message.message_id
+    layout = _WRITE[number]
     payload = layout.encode(message)
-    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)
-    body = head + message.message_id.to_bytes(3, "little") + payload
-    return bytes([_MAGIC_2]) + body + _checksum(body, layout.crc_extra)
+    place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
+    frame = _HEAD.pack(_MAGIC_2, len(payload), 0, 0, *place) + payload
+    return frame + _checksum(frame[1:], layout.crc_extra)
 
 
 def _checksum(body: bytes, crc_extra: int) -> bytes:

@@ -7,8 +7,8 @@ does not say which of two equal commands it answers.
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
+from typing import Self
 
 import msgspec
 
@@ -42,15 +42,28 @@ _UNSUPPORTED = {
 
 
 class _Exchange:
-    """The command that is under way, and what came back for it."""
+    """A command's turn, entered when it is the one under way: what came back for it."""
 
-    def __init__(self, command: int, began: float) -> None:
-        self.command = command
-        self.began = began
+    def __init__(self, commander: Commander, ask: Ask) -> None:
+        self.command = ask.command
+        self.began = 0.0
         self.acks: asyncio.Queue[CommandAck | None] = asyncio.Queue()  # None: superseded
         self.refusal: CommandAck | None = None
         self.refused_at = 0.0
         self.superseded = ""
+        self._commander = commander
+
+    async def __aenter__(self) -> Self:
+        """Wait for our turn, and listen for answers before the command is sent."""
+        await self._commander.turn.acquire()
+        self._commander.exchange = self
+        self.began = self._commander.now()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Listen no more."""
+        self._commander.exchange = None
+        self._commander.turn.release()
 
 
 class Commander:
@@ -59,15 +72,15 @@ class Commander:
     def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
         self.timing = timing
         self._vehicle = vehicle
-        self._lock = asyncio.Lock()
-        self._exchange: _Exchange | None = None
+        self.turn = asyncio.Lock()
+        self.exchange: _Exchange | None = None
         vehicle.on_ack = self._acknowledged
 
     def supersede(self, reason: str) -> None:
         """End the command that is under way with this reason, for something more urgent."""
-        if self._exchange is not None:
-            self._exchange.superseded = reason
-            self._exchange.acks.put_nowait(None)
+        if self.exchange is not None:
+            self.exchange.superseded = reason
+            self.exchange.acks.put_nowait(None)
 
     async def ask(self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None) -> None:
         """Send a command until it is accepted.
@@ -76,8 +89,8 @@ class Commander:
         must not be done twice is not sent twice. Raises Refused, NotReady (rejected for the moment),
         Unsupported, TimedOut (no answer), LinkLost.
         """
-        async with self._begun(ask) as exchange:
-            asked_until = self._now() + self.timing.patience
+        async with _Exchange(self, ask) as exchange:
+            asked_until = self.now() + self.timing.patience
             sent = 0
             while True:
                 self._send(ask, sent)
@@ -97,7 +110,7 @@ class Commander:
                     continue
                 if ack.result == Result.ACCEPTED:
                     return
-                if ack.result == Result.TEMPORARILY_REJECTED and self._now() < asked_until:
+                if ack.result == Result.TEMPORARILY_REJECTED and self.now() < asked_until:
                     await asyncio.sleep(self.timing.pause)
                     continue
                 if sent > 1 and seen is not None and await self._vehicle.until(seen, self.timing.heartbeat):
@@ -110,10 +123,10 @@ class Commander:
         Acknowledgements only explain a failure: PX4 sends two, of which the first means nothing, and the
         second may be taken for the next command's. Raises as ``ask`` does.
         """
-        async with self._begun(ask) as exchange:
+        async with _Exchange(self, ask) as exchange:
             already = shows(self._vehicle.state) == mode
             for attempt in range(self.timing.tries):
-                began = self._now()
+                began = self.now()
                 exchange.refusal = None
                 self._send(ask, attempt)
 
@@ -148,24 +161,14 @@ class Commander:
         """
         return exchange.refusal is not None and state.heartbeat_at > exchange.refused_at + _CROSSING
 
-    @contextlib.asynccontextmanager
-    async def _begun(self, ask: Ask) -> AsyncIterator[_Exchange]:
-        """Wait for our turn, and listen for answers before the command is sent."""
-        async with self._lock:
-            exchange = self._exchange = _Exchange(ask.command, self._now())
-            try:
-                yield exchange
-            finally:
-                self._exchange = None
-
     def _acknowledged(self, ack: CommandAck) -> None:
         """Note an answer to the command that is under way; others are late or somebody else's."""
-        exchange = self._exchange
+        exchange = self.exchange
         if exchange is None or ack.command != exchange.command:
             return
         if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
             exchange.refusal = ack
-            exchange.refused_at = self._now()
+            exchange.refused_at = self.now()
         exchange.acks.put_nowait(ack)
 
     async def _answer(self, exchange: _Exchange, seen: Condition | None) -> CommandAck | None:
@@ -221,7 +224,7 @@ class Commander:
         said = [sentence for sentence in self._vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
 
-    def _now(self) -> float:
+    def now(self) -> float:
         """Return the clock's monotonic seconds."""
         return self._vehicle.clock.monotonic()
 

@@ -66,7 +66,10 @@ class Driver:
         self._must_ask = False
 
     def drive(self, velocity: Velocity) -> None:
-        """Take the newest velocity; raises NotReady or Refused when the vehicle cannot be driven."""
+        """Take the newest velocity, and send it at once, not with the next tick.
+
+        Raises NotReady or Refused when the vehicle cannot be driven, LinkLost.
+        """
         if velocity.is_zero and self.phase is Phase.IDLE:
             return
         if not velocity.is_zero:
@@ -80,6 +83,8 @@ class Driver:
             self._must_ask = self.phase is Phase.BRAKING
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(Phase.STARTING)
+        if self.phase is not Phase.BRAKING and self._is_ours():
+            self._stream()
 
     def rest(self) -> bool:
         """End a drive gently: zero velocity now, the hold a moment later; False when nobody drives.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+import threading
+from collections.abc import AsyncIterator, Callable, Mapping
 
 import msgspec
 
@@ -26,7 +27,7 @@ from fleet import (
     Velocity,
     command,
 )
-from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, rotate_to_world
+from fleet.model.geometry import ZERO_VELOCITY, Quaternion, rotate_to_world
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Errand, Order, State
@@ -56,6 +57,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._dog: Description | None = None
         self._robot: Robot | None = None
         self._order = Order()
+        self._ordering = threading.Lock()  # halts come from other threads; held for an instant
         self._state = State()
         self._news = asyncio.Event()
         self._one_errand = asyncio.Lock()
@@ -81,27 +83,31 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         body = self._reached()
         if self._state.mode not in _STANDS and not velocity.is_zero:
             raise NotReady(f"the dog is {self._state.mode}", hint="send stand_up first")
-        self._walk(velocity)
-        body.orders.put(self._order)
+        self._put(body, _walking(velocity, self._now()))
 
     async def stop(self, reason: str) -> None:
         """Stand still; for an emergency stop give way with damping and go off, seen to be done."""
         if self._body is None:
             return
-        self._walk(ZERO_VELOCITY)
         if reason == _EMERGENCY:
-            self._change(stop=self._order.stop + 1)
-            await self._until(lambda: self._state.stopped >= self._order.stop, "the emergency stop")
+            self.emergency_halt()
+            number = self._order.stop
+            await self._until(lambda: self._state.stopped >= number, "the emergency stop")
             return
-        self._send()
+        self.halt()
         await self._until(lambda: self._state.mode != "walking", "standing still", within=4.0)
 
     def halt(self) -> None:
-        """Write zero velocity; from any thread."""
+        """Order to stand still; from any thread."""
         body = self._body
         if body is not None:
-            self._walk(ZERO_VELOCITY)
-            body.orders.put(self._order)
+            self._put(body, _walking(ZERO_VELOCITY, self._now()))
+
+    def emergency_halt(self) -> None:
+        """Order to give way with damping and go off, in the next cycle; from any thread."""
+        body = self._body
+        if body is not None:
+            self._put(body, _walking(ZERO_VELOCITY, self._now()), stops=1)
 
     # -- commands ------------------------------------------------------------------------------------
 
@@ -252,27 +258,21 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         assert self._robot is not None
         return self._robot
 
-    def _walk(self, velocity: Velocity) -> None:
-        """Note a velocity in the order, without sending it."""
-        move: Vector3 = velocity.linear
-        self._order = msgspec.structs.replace(
-            self._order,
-            x=move.x,
-            y=move.y,
-            turn=velocity.yaw_rate,
-            until=self._now() + _FOREVER,
-            alive=self._now(),
-        )
-
     def _change(self, **changes: object) -> None:
-        self._order = msgspec.structs.replace(self._order, **changes)
-        self._send()
+        """Change the order."""
+        if self._body is not None:
+            self._put(self._body, changes)
 
     def _send(self) -> None:
-        """Send the newest order; that it is fresh is what keeps the dog walking."""
-        if self._body is not None:
-            self._order = msgspec.structs.replace(self._order, alive=self._now())
-            self._body.orders.put(self._order)
+        """Send the newest order again; that it is fresh is what keeps the dog walking."""
+        self._change()
+
+    def _put(self, body: BodyProcess, changes: Mapping[str, object], *, stops: int = 0) -> None:
+        """Change and send the order, whole, from any thread; ``stops`` emergency stops are added."""
+        with self._ordering:
+            stop = self._order.stop + stops
+            self._order = msgspec.structs.replace(self._order, **changes, stop=stop, alive=self._now())
+            body.orders.put(self._order)
 
     def _now(self) -> float:
         """Return monotonic seconds, which are the same in the body controller's process."""
@@ -300,6 +300,12 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if self._robot is not None and self._state.stamp:
             for report in slow_reports(self._state, self._robot.clock.time()):
                 self._robot.report(report)
+
+
+def _walking(velocity: Velocity, now: float) -> dict[str, float]:
+    """Return what a velocity changes in the order, at the monotonic time ``now``."""
+    move = velocity.linear
+    return {"x": move.x, "y": move.y, "turn": velocity.yaw_rate, "until": now + _FOREVER}
 
 
 def _place_of(goal: Goal) -> tuple[Place, float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -38,7 +39,7 @@ class FieldMap(BaseModel):
     offset: float = Field(0.0, description="Value of raw zero.")
     invalid: int | None = Field(None, description="Raw number that means: not known.")
 
-    @property
+    @cached_property
     def layout(self) -> struct.Struct:
         """How ``struct`` reads it."""
         return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])

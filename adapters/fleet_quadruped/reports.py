@@ -8,6 +8,7 @@ from fleet import BatteryReport, Health, Level, PoseReport, Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, MetricsReport
 from fleet_quadruped.control.orders import State
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import EMERGENCY_STOP
 
 SLOW_RATE = 0.8  # of the wanted rate, below which the dog is not safe to walk fast
 
@@ -56,9 +57,11 @@ def slow_reports(state: State, stamp: float) -> Iterator[BatteryReport | Metrics
 
 
 def health_of(state: State, cycle_hz: int) -> Health:
-    """Return how the dog is. A latched fault is degraded: the dog must still hear the reset."""
-    if state.fault:
+    """Return how the dog is; of an emergency stop that is over only the host's latch keeps it from moving."""
+    if state.fault == EMERGENCY_STOP:
         return Health(Level.DEGRADED, state.fault)
+    if state.fault:
+        return Health(Level.FAULT, f"{state.fault}; look at the dog, then send reset_faults")
     if state.warning:
         return Health(Level.DEGRADED, state.warning)
     if 0 < state.timing.rate < SLOW_RATE * cycle_hz:

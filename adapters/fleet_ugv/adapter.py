@@ -23,16 +23,17 @@ from fleet import (
 )
 from fleet.link.url import parse
 from fleet.model.report import PhotoReport
+from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board
 from fleet_ugv.camera import Picture, take_picture
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import Odometry
-from fleet_ugv.sim.launch import SimProcess
 from fleet_ugv.sim.spec import SimSpec, spec_of
 
 STANDSTILL = 1.0  # s that a stop waits to see the wheels stand
 NUDGE = 0.1  # rad that one camera_up, _down, _left or _right is
+SIMULATOR = "fleet_ugv.sim"
 NOT_OPEN = "the line is not open"
 
 # The host makes a new adapter for each attempt; where the robot is outlives its cable.
@@ -76,8 +77,8 @@ class UgvAdapter(Adapter[UgvConfig]):
             yield self.config.link
             return
         async with (
-            robot.share("fleet_ugv.sim", SimProcess) as simulator,
-            simulator.base(self._spec()) as url,
+            robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)) as simulator,
+            simulator.robot(self._spec()) as url,
         ):
             yield url
 

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from fleet import LinkLost, NotReady, Robot, Vector3, Velocity
 from fleet.link.base import Address, Link
-from fleet.link.slot import MotionSlot
+from fleet.link.motion import LOOK, Motion
+from fleet.link.slot import Frames, MotionSlot
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
 from fleet_ugv.observer import Observer
 from fleet_ugv.readiness import Readiness
 
-TURN = 0.02  # s between two looks
-STOP_REPEATS = 5  # times that a stop or a zero is repeated, in case the line lost it
+GREETING = 0.5  # s between two greetings of a base that says nothing
 TROUBLE_SHOWN = 30.0  # s that a complaint of the base is told
 INBOX = 1000  # events that may wait for the wheel; more are a base that floods
 STANDS = 0.02  # m/s below which the base stands
@@ -39,10 +40,8 @@ class Board:
         self._robot = robot
         self._inbox: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
         self._slot: MotionSlot | None = None
-        self._wanted: tuple[int, Velocity] | None = None  # None: stopped; with the turn it was decided in
-        self._repeats = 0
-        self._written = 0.0
-        self._polled = 0.0
+        self._motion: Motion | None = None
+        self._asked = 0.0
         self._garbage = 0
         self._troubles: dict[str, float] = {}
         now = robot.clock.monotonic()
@@ -57,35 +56,36 @@ class Board:
 
     def begin(self, link: Link, baud: int) -> None:
         """Serve the base on an open link of this speed (0: no line of a known speed)."""
-        self._slot = MotionSlot(link, self._robot.clock, frame=self.codec.longest, baud=baud)
-        self._slot.send(self.codec.hello() + self.codec.stop)
+        self._slot = MotionSlot(link, self._robot.clock, baud=baud)
+        self._motion = Motion(
+            self._slot,
+            self._robot.clock,
+            encode=self._encode,
+            stop=lambda: (self.codec.stop,),
+            every=self._profile.keep,
+            idle=self._profile.idle,
+        )
+        self._asked = self._robot.clock.monotonic()
+        self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
-        self._robot.every(TURN, self.turn)
+        self._robot.every(LOOK, self.turn)
 
     def drive(self, velocity: Velocity) -> None:
         """Hold a body velocity; raises NotReady, or Refused for what the base cannot do."""
-        slot = self._slot
-        if slot is None or self.readiness.refusal:
+        motion = self._motion
+        if motion is None or self.readiness.refusal:
             raise NotReady(self.readiness.refusal or "the line is not open", hint="try again in a moment")
-        turn = slot.turn
-        velocity = self._guarded(velocity)
-        frame = self.codec.motion(self._kinematics.inverse(velocity))
-        try:
-            written = slot.put(frame, turn)
-        except LinkLost as error:
-            raise NotReady(str(error), hint="the line is being opened again") from error
-        if not written:
-            raise NotReady("the robot was stopped meanwhile")
-        self._wanted = (turn, velocity)
-        self._repeats = STOP_REPEATS
-        self._written = self._robot.clock.monotonic()
+        motion.drive(self._guarded(velocity))
+
+    def _encode(self, velocity: Velocity) -> Frames:
+        """Return the frame that holds a body velocity; raises Refused."""
+        return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
     def halt(self) -> None:
         """Write the stop at once; from any thread."""
-        self._wanted = None
-        self._repeats = STOP_REPEATS
-        if self._slot is not None:
-            self._slot.halt(self.codec.stop)
+        motion = self._motion
+        if motion is not None:
+            motion.halt()
 
     def write(self, data: bytes) -> None:
         """Write what moves no wheel; raises NotReady."""
@@ -160,25 +160,20 @@ class Board:
         self._slot.send(self.codec.setup())
 
     def _keep(self, now: float) -> None:
-        """Write the newest motion again, a stop a few times, the poll, and what waits in the slot."""
+        """Write the question and the motion that are due."""
+        assert self._motion is not None
+        if self._profile.poll:
+            self._ask(now, self._profile.poll, self.codec.poll)
+        elif self.readiness.unheard:
+            self._ask(now, GREETING, self.codec.hello)
+        self._motion.look()
+
+    def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
+        """Write a question when it is due."""
         assert self._slot is not None
-        self._slot.flush()
-        if self._profile.poll and now - self._polled >= self._profile.poll - TURN / 2:
-            self._polled = now
-            self._slot.send(self.codec.poll())
-        if now - self._written < self._profile.keep - TURN / 2:
-            return
-        wanted = self._wanted
-        moving = wanted is not None and not wanted[1].is_zero
-        if not moving and self._repeats == 0 and not self._profile.idle:
-            return
-        self._repeats -= 0 if moving or self._repeats == 0 else 1
-        self._written = now
-        turn, velocity = wanted or (self._slot.turn, Velocity())
-        stopped = wanted is None
-        self._slot.put(
-            self.codec.stop if stopped else self.codec.motion(self._kinematics.inverse(velocity)), turn
-        )
+        if now - self._asked >= every - LOOK / 2:
+            self._asked = now
+            self._slot.send(question())
 
     def _guarded(self, velocity: Velocity) -> Velocity:
         """Return a velocity that is slow enough for a base whose own stop is not sure."""

@@ -36,13 +36,25 @@ def _checked_link(text: str) -> str:
     return text
 
 
+def _possible_factor(factor: float) -> float:
+    """Return a factor that a base can have; raises ValueError, which pydantic tells with its place."""
+    if not 0.1 <= abs(factor) <= 10.0:
+        raise ValueError("a factor is 0.1 to 10, or -10 to -0.1")
+    return factor
+
+
+Factor = Annotated[float, AfterValidator(_possible_factor)]
+
+
 class Calibration(Model):
     """What was measured on this very robot; ``fleet calibrate`` writes it."""
 
     track: Positive | None = Field(None, description="Effective track, m: what makes a turn a turn.")
-    left: float = Field(1.0, description="Metres that one told metre of the left side is; negative turns it.")
-    right: float = Field(1.0, description="The same of the right side.")
-    gyro: float = Field(1.0, description="Factor of the gyro's yaw rate; negative turns it over.")
+    left: Factor = Field(
+        1.0, description="Metres that one told metre of the left side is; negative: its counter is reversed."
+    )
+    right: Factor = Field(1.0, description="The same of the right side.")
+    gyro: Factor = Field(1.0, description="Factor of the gyro's yaw rate; negative turns it over.")
 
 
 class SteeringConfig(Model):
@@ -126,9 +138,11 @@ class UgvConfig(AdapterConfig):
     @property
     def kinematics(self) -> Kinematics:
         """How its wheels make it move."""
-        if self.steering is not None:
-            return Ackermann(self.steering.wheelbase, self.steering.sharpest, self.base.fastest)
-        return Differential(self.track, self.base.fastest)
+        left, right = abs(self.calibration.left), abs(self.calibration.right)  # the sign is the counter's
+        steers = self.steering
+        if steers is not None:
+            return Ackermann(steers.wheelbase, steers.sharpest, self.base.fastest, (left + right) / 2)
+        return Differential(self.track, self.base.fastest, left, right)
 
     @property
     def scale(self) -> Scale:

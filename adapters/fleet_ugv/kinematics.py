@@ -18,35 +18,40 @@ STILL = 1e-6  # m/s and rad/s below which nothing is asked
 class Differential(msgspec.Struct, frozen=True):
     """Two driven sides. ``track`` is the effective one (m), wider than the drawing's on a skid-steer base.
 
-    ``fastest``: the most that one side does, m/s.
+    ``fastest``: the most that one side is told, m/s. ``left`` and ``right``: metres that a side goes when it
+    is told one.
     """
 
     track: float
     fastest: float
+    left: float = 1.0
+    right: float = 1.0
 
     def inverse(self, velocity: Velocity) -> Wheels:
         """Return the wheel speeds; a sideways part is dropped."""
         turn = velocity.yaw_rate * self.track / 2
-        left, right = velocity.linear.x - turn, velocity.linear.x + turn
+        left, right = (velocity.linear.x - turn) / self.left, (velocity.linear.x + turn) / self.right
         scale = min(1.0, self.fastest / max(abs(left), abs(right), STILL))
         return Wheels(left * scale, right * scale)
 
     def forward(self, motion: Motion) -> Velocity:
         """Return the body velocity of wheel speeds."""
         assert isinstance(motion, Wheels)
-        yaw_rate = (motion.right - motion.left) / self.track
-        return Velocity(Vector3((motion.left + motion.right) / 2), yaw_rate)
+        left, right = motion.left * self.left, motion.right * self.right
+        return Velocity(Vector3((left + right) / 2), (right - left) / self.track)
 
 
 class Ackermann(msgspec.Struct, frozen=True):
     """A driven rear axle and steered front wheels.
 
-    ``wheelbase``: m between the axles; ``sharpest``: rad to either side; ``fastest``: m/s.
+    ``wheelbase``: m between the axles; ``sharpest``: rad to either side; ``fastest``: the most that it is
+    told, m/s; ``scale``: metres that it goes when it is told one.
     """
 
     wheelbase: float
     sharpest: float
     fastest: float
+    scale: float = 1.0
 
     def slowest(self, yaw_rate: float) -> float:
         """Return the least speed (m/s) at which the robot turns this fast (rad/s)."""
@@ -64,12 +69,13 @@ class Ackermann(msgspec.Struct, frozen=True):
             raise Refused("a robot that steers cannot turn on the spot", hint="let it roll as well")
         angle = math.atan(self.wheelbase * yaw_rate / speed)
         angle = min(max(angle, -self.sharpest), self.sharpest)
-        return Steering(min(max(speed, -self.fastest), self.fastest), angle)
+        return Steering(min(max(speed / self.scale, -self.fastest), self.fastest), angle)
 
     def forward(self, motion: Motion) -> Velocity:
         """Return the body velocity of a speed and a steering angle."""
         assert isinstance(motion, Steering)
-        return Velocity(Vector3(motion.speed), motion.speed * math.tan(motion.angle) / self.wheelbase)
+        speed = motion.speed * self.scale
+        return Velocity(Vector3(speed), speed * math.tan(motion.angle) / self.wheelbase)
 
 
 Kinematics = Differential | Ackermann

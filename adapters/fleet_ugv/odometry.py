@@ -83,23 +83,29 @@ class Odometry:
         return math.sqrt(self._heading_variance)
 
     def update(self, feedback: Feedback, now: float) -> Step | None:
-        """Take a feedback measured at ``now`` (monotonic s); None when nothing can be said about the way."""
+        """Take a feedback measured at ``now`` (monotonic s); None when nothing can be said about the way.
+
+        A jump that no wheel can make is left out: it is a spoiled line, or it was heard late. The next one
+        counts from before it, so that the way is not lost.
+        """
         last, elapsed = self._last, now - self._last_at
-        if elapsed <= 0.0 and last is not None:
-            return None
-        self._last, self._last_at = feedback, now
         if last is None or elapsed > GAP:
-            self._stepped_at = now
-            return Step(0.0, 0.0, restarted=last is not None and _began_anew(last, feedback))
-        sides = self._sides(last, feedback, elapsed)
+            return self._begin(feedback, now, restarted=last is not None and _began_anew(last, feedback))
+        sides = self._sides(last, feedback, elapsed) if elapsed > 0.0 else None
         if sides is None:
-            return Step(0.0, 0.0, restarted=_began_anew(last, feedback))
+            return self._begin(feedback, now, restarted=True) if _began_anew(last, feedback) else None
+        self._last, self._last_at = feedback, now
         if sides != (0.0, 0.0):
             self._stepped_at = now
         self.travelled = (self.travelled[0] + sides[0], self.travelled[1] + sides[1])
         turned = self._turned(sides, last, feedback, now, elapsed)
         self._move((sides[0] + sides[1]) / 2, turned, elapsed, by_gyro=_gyro(feedback) is not None)
         return self._step(sides, turned, elapsed, feedback)
+
+    def _begin(self, feedback: Feedback, now: float, *, restarted: bool) -> Step:
+        """Count from here on."""
+        self._last, self._last_at, self._stepped_at = feedback, now, now
+        return Step(0.0, 0.0, restarted)
 
     def _step(self, sides: tuple[float, float], turned: float, elapsed: float, feedback: Feedback) -> Step:
         """Return the speeds; the told ones, where there are, are finer than the counters' steps."""
@@ -120,10 +126,9 @@ class Odometry:
             deltas = [speed * elapsed for speed in now.speeds]
         else:
             return None
-        sides = (deltas[0] * scale.left, deltas[1] * scale.right)
-        if max(map(abs, sides)) > 1.5 * self._fastest * elapsed + SPARE:
+        if max(map(abs, deltas)) > 1.5 * self._fastest * elapsed + SPARE:
             return None
-        return sides
+        return deltas[0] * scale.left, deltas[1] * scale.right
 
     def _turned(
         self, sides: tuple[float, float], last: Feedback, now: Feedback, at: float, elapsed: float

@@ -70,6 +70,11 @@ class Readiness:
         return _WHY.get(self.phase, "")
 
     @property
+    def unheard(self) -> bool:
+        """True for a base that says nothing, or nothing any more."""
+        return self.phase in {Phase.SILENT, Phase.QUIET}
+
+    @property
     def health(self) -> Health:
         """How the way to the robot is."""
         return HEALTH[self.phase]
@@ -85,7 +90,7 @@ class Readiness:
     def heard(self, now: float, *, restarted: bool) -> bool:
         """Take a feedback; True when the board is to be set up now."""
         self._heard = now
-        if self.phase in {Phase.SILENT, Phase.QUIET} or restarted:
+        if self.unheard or restarted:
             self._tries = 0
             self._ask(now)
             return True

@@ -1,33 +1,58 @@
-"""The bridge of one edge: its own twins, both ways, and their heartbeat."""
+"""The bridge of one edge: its own twins, both ways, their heartbeat, and who else claims them."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
 
-from fleet.bridge.downlink import Downlink, Port
+from fleet.bridge.answers import Port
+from fleet.bridge.downlink import Downlink
+from fleet.bridge.relay import Put
+from fleet.bridge.rivals import Rivals
+from fleet.bridge.roundtrip import PING_EVERY, RoundTrip
 from fleet.bridge.uplink import TwinInfo, Uplink
 from fleet.clock import Clock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
 from fleet.model.report import TelemetryReport
+from fleet.spool.losses import Gap
+from fleet.spool.spool import Spool
+from fleet.tally import Tally
+from fleet.wire.claims import read_heartbeat
 from fleet.wire.health import edge_health
+from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
-from fleet.wire.topics import Topics
+from fleet.wire.rulebook import Rulebook
+from fleet.wire.rules import Rule, Traffic, rule_of
+from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
 
 HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
 
 
+class Rules(msgspec.Struct, frozen=True):
+    """What crosses: of each twin, of each environment (by uuid), and of workflow runs, whatever their uuid.
+
+    ``ignored_edges`` are edges whose heartbeat does not claim a twin.
+    """
+
+    twins: Mapping[str, Rulebook]
+    environments: Mapping[str, Rulebook] = {}
+    any_run: Rulebook | None = None
+    ignored_edges: frozenset[str] = frozenset()
+
+
 class Bridge:
     """Everything between the bus and one broker.
 
-    ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers.
+    ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers. ``put``
+    publishes on the bus. ``claimed`` hears twin and edge when the cloud shows another edge that has the twin,
+    with an empty name when it has let go. ``spool`` keeps what is durable; it is closed with the bridge.
     """
 
     def __init__(
@@ -37,9 +62,13 @@ class Bridge:
         ports: Mapping[str, Port],
         *,
         edge: str,
+        rules: Rules,
+        put: Put,
         soon: Callable[[Callable[[], None]], None],
         alive: Callable[[str], bool],
+        claimed: Callable[[str, str], None],
         clock: Clock,
+        spool: Spool | None = None,
     ) -> None:
         self._edge = edge
         self._topics = topics
@@ -47,22 +76,52 @@ class Bridge:
         self._clock = clock
         self._alive = alive
         self._queued = False
+        self._soon = soon
         self._began = clock.monotonic()
+        self._next_ping = self._began
         session = settings.client_id or client_id("fleet", simulated=False)
-        subscriptions: dict[str, int] = {}
-        for twin in ports:
-            subscriptions |= topics.inbound(twin)
         self._session = session
         self.client = CloudClient(
             msgspec.structs.replace(settings, client_id=session, will=self._will()),
-            subscriptions,
+            subscriptions(topics, rules),
             on_message=self._arrived,
             on_state=self._state_changed,
             clock=clock,
+            spool=spool,
         )
-        twins = {twin: TwinInfo(port.name, port.source_type) for twin, port in ports.items()}
-        self.uplink = Uplink(topics, twins, session=session, publish=self._publish, alive=alive)
-        self.downlink = Downlink(topics, ports, session=session, send=self._answer, soon=soon, clock=clock)
+        self.refusals = Tally(log, clock)
+        self._held: dict[str, str] = {}
+        self._rivals = Rivals(
+            edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
+        )
+        self.round_trip = RoundTrip(self._ping, clock)
+        self.uplink = Uplink(
+            topics,
+            _infos(ports, rules),
+            session=session,
+            publish=self._publish,
+            alive=alive,
+            waiting=lambda: self.client.stats.queued_bytes,
+            refusals=self.refusals,
+        )
+        self.downlink = Downlink(
+            topics,
+            ports,
+            books={**rules.twins, **rules.environments},
+            any_run=rules.any_run,
+            session=session,
+            send=self._answer,
+            put=put,
+            own={
+                "edge_health": self._heard_heartbeat,
+                "ping:request": self._heard_ping,
+                "pong:response": self._heard_pong,
+            },
+            soon=soon,
+            refusals=self.refusals,
+            clock=clock,
+        )
+        self._pings = any("pong:response" in book.inward for book in rules.twins.values())
 
     def start(self) -> None:
         """Begin to connect."""
@@ -70,22 +129,39 @@ class Bridge:
 
     def close(self) -> None:
         """Say that every twin is disconnected, and leave."""
-        for port in self._ports.values():
+        for port in self._served():
             self._say(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
-    def turn(self) -> None:
-        """Publish what is due; at the end of each turn of the wheel."""
-        self.uplink.turn(self._clock.monotonic())
+    def turn(self) -> Iterator[None]:
+        """Publish what is due, step by step; at the end of each turn of the wheel."""
+        yield from self.uplink.turn(self._clock.monotonic())
         if self._queued:  # a wake-up of the cloud's thread costs more than a message
             self._queued = False
             self.client.flush()
 
+    def hold(self, twin: str, holder: str) -> None:
+        """Leave a twin to another edge, or take it back when ``holder`` is empty."""
+        if holder == self._held.get(twin, ""):
+            return
+        if holder:
+            self._held[twin] = holder
+            line = "%s: edge %s has its twin: nothing crosses for it here"
+            log.warning(line, self._ports[twin].name, holder)
+        else:
+            del self._held[twin]
+            log.info("%s: its twin is ours again", self._ports[twin].name)
+        self.uplink.held = self.downlink.held = frozenset(self._held)
+
     def beat(self, extra: Mapping[str, Any]) -> None:
         """Publish the heartbeat of every twin; ``extra``: host figures."""
-        for twin, port in self._ports.items():
+        self._rivals.look()
+        if self._pings and self._clock.monotonic() >= self._next_ping:
+            self._next_ping = self._clock.monotonic() + PING_EVERY
+            self.round_trip.ask()
+        for port in self._served():
             payload = edge_health(
-                twin=twin,
+                twin=port.twin,
                 edge_id=self._edge,
                 uptime=self._clock.monotonic() - self._began,
                 stamp=self._clock.time(),
@@ -93,7 +169,10 @@ class Bridge:
                 session=self._session,
                 extra=extra,
             )
-            self.client.publish(self._topics.twin(twin, "edge_health"), payload)
+            self.client.publish(self._topics.twin(port.twin, "edge_health"), payload)
+        if self.client.state is CloudState.CONNECTED:
+            for gap in self.client.spool.take_gaps():
+                self._tell_gap(gap)
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
@@ -113,20 +192,70 @@ class Bridge:
         topic, payload = self._telemetry(port, kind, fields)
         self.client.publish(topic, payload, qos=1)
 
-    def _publish(self, topic: str, payload: bytes, qos: int) -> bool:
+    def _served(self) -> list[Port]:
+        """Return the robots whose twins no other edge has."""
+        return [port for twin, port in self._ports.items() if twin not in self._held]
+
+    def _publish(self, topic: str, payload: bytes, rule: Rule) -> bool:
         """Queue for the next flush."""
         self._queued = True
-        return self.client.publish(topic, payload, qos=qos)
+        return self.client.publish(
+            topic, payload, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None
+        )
+
+    def _ping(self) -> None:
+        """Ask how far the cloud is, by the first twin."""
+        for twin in self._ports:
+            payload = ping(stamp=self._clock.time(), session=self._session)
+            self.client.publish(self._topics.twin(twin, "ping:request"), payload)
+            self.client.flush()
+            return
+
+    def _heard_ping(self, topic: Topic, message: Message) -> None:
+        """Answer a ping at one of our twins."""
+        check_ping(message.payload)
+        port = self._ports[topic.twin]
+        if topic.twin in self._held:
+            return
+        payload = pong(
+            stamp=self._clock.time(),
+            edge_id=self._edge,
+            source_type=port.source_type,
+            session=self._session,
+        )
+        self.client.publish(self._topics.twin(topic.twin, "pong:response"), payload)
+        self.client.flush()
+
+    def _heard_pong(self, _topic: Topic, message: Message) -> None:
+        """Take the cloud's answer to our ping."""
+        self.round_trip.heard(message.payload)
+
+    def _heard_heartbeat(self, topic: Topic, message: Message) -> None:
+        """Take the heartbeat of another edge for one of our twins."""
+        self._rivals.heard(topic.twin, read_heartbeat(message.payload))
+
+    def _tell_gap(self, gap: Gap) -> None:
+        """Say on the twin's telemetry that messages of a topic were lost."""
+        parsed = self._topics.parse(gap.topic)
+        port = self._ports.get(parsed.twin) if parsed else None
+        if parsed is None or port is None:
+            return
+        fields = {"leaf": parsed.leaf, "reason": gap.reason, "lost": gap.lost, "since": gap.since}
+        log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.leaf, gap.reason)
+        self._say(port, "gap", {**fields, "until": gap.until})
 
     def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish an answer at once."""
+        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        parsed = self._topics.parse(topic)
+        rule = rule_of(parsed.leaf) if parsed else None
         self.client.publish(
             topic,
             payload,
             qos=1,
+            expiry=(rule and rule.max_age) or None,
             correlation=correlation,
             content_type="application/json",
-            urgent=True,
+            traffic=Traffic.REPLY,
         )
 
     def _arrived(self, messages: list[Message]) -> None:
@@ -138,11 +267,36 @@ class Bridge:
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         level = logging.WARNING if fallen else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
-        if state is CloudState.CONNECTED and self.client.stats.connects > 1:
-            self._say_connected()
+        if state is CloudState.CONNECTED:
+            self._soon(self._say_newest)
+            if self.client.stats.connects > 1:
+                self._say_connected()
+
+    def _say_newest(self) -> None:
+        """Say how everything is now, before what waited meanwhile."""
+        self.uplink.say_newest(self._clock.monotonic())
+        self.client.flush()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""
-        for port in self._ports.values():
+        for port in self._served():
             if self._alive(port.name):
                 self._say(port, "connected", {})
+
+
+def subscriptions(topics: Topics, rules: Rules) -> dict[str, int]:
+    """Return what to subscribe to: filter to QoS; no two of them overlap."""
+    filters = {
+        topics.filter(rule.leaf, uuid): rule.qos
+        for books in (rules.twins, rules.environments)
+        for uuid, book in books.items()
+        for rule in book.inward.values()
+    }
+    runs = rules.any_run.inward if rules.any_run else {}
+    return filters | {topics.filter(rule.leaf): rule.qos for rule in runs.values()}
+
+
+def _infos(ports: Mapping[str, Port], rules: Rules) -> dict[str, TwinInfo]:
+    """Return what the uplink knows of each twin, and of each environment, which has no robot."""
+    twins = {twin: TwinInfo(port.name, port.source_type, rules.twins[twin]) for twin, port in ports.items()}
+    return twins | {uuid: TwinInfo("", "edge", book) for uuid, book in rules.environments.items()}

@@ -1,182 +1,160 @@
-"""From the cloud to the robots: commands, goals and setpoints, each answered once, to who asked.
+"""From the cloud to the robots and to programs on the bus.
 
 ``arrived`` runs on the cloud's thread: it lets an emergency stop through at once and hands the rest to the
-loop in one go.
+loop in one go. Commands wait for nothing that goes outward.
 """
 
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Literal, Protocol
+from functools import partial
+from typing import cast
 
+from fleet.bridge.answers import Answers, Port, Send
+from fleet.bridge.counters import Latencies
+from fleet.bridge.relay import Put, Relay
 from fleet.clock import Clock
 from fleet.cloud.values import Message
-from fleet.model.command import Reply, Way
-from fleet.wire.commands import VERBS
-from fleet.wire.replies import command_response, legacy_status
-from fleet.wire.topics import Topics
+from fleet.errors import WireError
+from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.tally import Tally
+from fleet.wire.rulebook import Rulebook
+from fleet.wire.rules import ENVIRONMENT, Inward, Kind, Taker
+from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
 
-Kind = Literal["command", "navigate", "motion", "mission"]
-KINDS: Mapping[str, Kind] = {
-    "command": "command",
-    "navigate/command": "navigate",
-    "motion/command": "motion",
-    "mission/command": "mission",
-}
-STREAMED = frozenset(VERBS) | {
-    "move",
-    "motion",
-    "velocity_command",
-    "locomotion_velocity",
-    "set_linear_velocity",
-    "set_angular_velocity",
-}
-"""Commands that come many times a second: their success is not worth a status message each."""
-SAME_REFUSAL_EVERY = 1.0  # s
-
-
-class Port(Protocol):
-    """A robot as the bridge sees it, here or in a worker."""
-
-    name: str
-    twin: str
-    source_type: str
-    legacy_status: bool
-
-    def look_for_emergency(self, payload: bytes) -> None:
-        """Stop at once when this command message is an emergency stop; from any thread."""
-
-    def receive(
-        self,
-        kind: Kind,
-        payload: bytes,
-        *,
-        way: Way,
-        answer: Callable[[Reply], None],
-        request_id: str = "",
-    ) -> None:
-        """Take a message; ``answer`` is called once, unless the message asks nothing."""
-
-
-class Send(Protocol):
-    """How the downlink publishes its answers."""
-
-    def __call__(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish at once, QoS 1."""
+Handler = Callable[[Topic, Message], None]
+"""What the bridge itself does with a message; may raise WireError."""
 
 
 class Downlink:
-    """The cloud-to-robots half of the bridge."""
+    """The cloud-to-edge half of the bridge.
+
+    ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
+    whose uuids nobody knows. ``own`` has what the bridge itself does, by leaf. ``held`` holds the twins that
+    another edge has: nothing but an emergency stop is obeyed for them, and the other edge answers.
+    """
 
     def __init__(
         self,
         topics: Topics,
         ports: Mapping[str, Port],
         *,
+        books: Mapping[str, Rulebook],
+        any_run: Rulebook | None = None,
         session: str,
         send: Send,
+        put: Put,
+        own: Mapping[str, Handler],
         soon: Callable[[Callable[[], None]], None],
+        refusals: Tally,
         clock: Clock,
     ) -> None:
         self._topics = topics
         self._ports = ports
-        self._own = f'"{session}"'.encode()
-        self._send = send
+        self._books = books
+        self._any_run = any_run
+        self._session = f'"{session}"'.encode()
+        self._own = own
         self._soon = soon
         self._clock = clock
-        self._refusals: dict[tuple[str, str, str], float] = {}
-        self.received = 0
-        self.refused = 0
+        self._answers = Answers(topics, send, refusals, clock)
+        self._relay = Relay(put, refusals, clock)
+        self.held: frozenset[str] = frozenset()
+        self.refusals = refusals
+        self.received: Counter[str] = Counter()
+        self.answered: Counter[str] = Counter()
+        self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
 
     def arrived(self, messages: list[Message]) -> None:
         """Take what one read brought; on the cloud's thread."""
+        now = self._clock.monotonic()
         wanted = []
         for message in messages:
-            port = self._port_of(message)
-            if port is None:
+            found = self._rule_of(message)
+            if found is None or not self._fresh(message):
                 continue
-            if message.topic.endswith("/command") and not message.topic.endswith("navigate/command"):
-                _look_for_emergency(port, message.payload)
-            wanted.append((port, message))
+            topic, rule = found
+            if rule.taker is Taker.COMMAND:
+                _look_for_emergency(self._ports[topic.twin], message.payload)
+            wanted.append((topic, rule, message))
         if wanted:
-            self._soon(lambda: self._take(wanted))
+            self._soon(lambda: self._take(wanted, now))
 
-    def _port_of(self, message: Message) -> Port | None:
-        """Return whom a message is for; None for what is nobody's, ours, or not fresh."""
+    def _rule_of(self, message: Message) -> tuple[Topic, Inward] | None:
+        """Return whom a message is for and by which rule; None for what is nobody's here."""
         topic = self._topics.parse(message.topic)
-        port = self._ports.get(topic.twin) if topic is not None and topic.leaf in KINDS else None
-        if port is None or self._own in message.payload:
+        book = None
+        if topic is not None:
+            book = self._books.get(topic.twin)
+            if topic.leaf.startswith("workflow-run:"):
+                book = self._any_run
+        if topic is None or book is None:
+            self.refusals.add("foreign topic", "a message on %.120r is for nobody here", message.topic)
             return None
+        rule = book.inward.get(ENVIRONMENT if topic.leaf.startswith("environment:") else topic.leaf)
+        if rule is None:
+            self.refusals.add("no rule", "a message on %.120r has no rule", message.topic)
+            return None
+        return topic, rule
+
+    def _fresh(self, message: Message) -> bool:
+        """Return False for what we said ourselves, and for what the broker kept."""
+        if self._session in message.payload:
+            return False
         if message.retain:
             # The broker kept it from some earlier time: whatever it asks is not asked now.
-            self.refused += 1
-            log.warning("refused a retained message on %s; clear it on the broker", message.topic)
-            return None
-        return port
+            line = "refused a retained message on %s; clear it on the broker"
+            self.refusals.add("retained", line, message.topic)
+        return not message.retain
 
-    def _take(self, messages: list[tuple[Port, Message]]) -> None:
-        """Hand messages to their robots; on the loop."""
-        for port, message in messages:
-            self.received += 1
-            topic = self._topics.parse(message.topic)
-            assert topic is not None
-            port.receive(
-                KINDS[topic.leaf],
-                message.payload,
-                way=Way.CLOUD,
-                answer=self._answerer(port, message, KINDS[topic.leaf]),
-                request_id=message.correlation.hex() if message.correlation else "",
-            )
+    def _take(self, messages: list[tuple[Topic, Inward, Message]], arrived: float) -> None:
+        """Hand messages to whom they are for; on the loop."""
+        for topic, rule, message in messages:
+            self.received[rule.taker.value] += 1
+            if rule.taker.asks:
+                self._ask(topic, rule, message, arrived)
+            elif rule.taker is Taker.RELAY:
+                self._relay.take(topic, rule, message)
+            else:
+                self._do(topic, message, self._own[rule.leaf])
 
-    def _answerer(self, port: Port, message: Message, kind: Kind) -> Callable[[Reply], None]:
-        """Return what answers a message: a response to who asked for one, else a legacy status."""
-        inbox = message.response_topic
-        if inbox is not None and not self._topics.is_own_inbox(inbox, port.twin):
-            log.warning("%s: no reply to %r: it is not a reply inbox of this twin", port.name, inbox)
-            return _no_answer
-        if inbox is not None:
-            return self._responder(port, inbox, message.correlation)
-        if kind == "command" and port.legacy_status:
-            return self._status_teller(port)
-        return _no_answer
+    def _ask(self, topic: Topic, rule: Inward, message: Message, arrived: float) -> None:
+        """Ask a robot; what is larger than its rule is refused, and answered like anything else."""
+        if topic.twin in self.held:
+            self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
+            return
+        port = self._ports[topic.twin]
+        kind = cast("Kind", rule.taker.value)
+        answer = partial(self._answer, port, self._answers.to(port, message, kind), arrived)
+        if len(message.payload) > rule.size:
+            reason = f"{len(message.payload)} bytes are more than the {rule.size} that are read"
+            self.refusals.add("too large", "%s: %s", message.topic, reason)
+            answer(Reply(kind, ReplyStatus.REJECTED, reason))
+            return
+        port.receive(
+            kind,
+            message.payload,
+            way=Way.CLOUD,
+            answer=answer,
+            request_id=message.correlation.hex() if message.correlation else "",
+        )
 
-    def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Callable[[Reply], None]:
-        """Return what sends the one ``twin.command_response.v1``."""
+    def _answer(self, port: Port, tell: Callable[[Reply], None], arrived: float, reply: Reply) -> None:
+        """Answer, and note how long it took."""
+        self.answered[reply.status.value] += 1
+        self.latencies[port.name].add(self._clock.monotonic() - arrived)
+        tell(reply)
 
-        def respond(reply: Reply) -> None:
-            payload = command_response(
-                reply, twin=port.twin, source_type=port.source_type, stamp=self._clock.time()
-            )
-            self._send(inbox, payload, correlation=correlation)
-
-        return respond
-
-    def _status_teller(self, port: Port) -> Callable[[Reply], None]:
-        """Return what puts a status message on the command topic."""
-
-        def tell(reply: Reply) -> None:
-            if not self._worth_telling(port, reply):
-                return
-            payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
-            self._send(self._topics.twin(port.twin, "command"), payload)
-
-        return tell
-
-    def _worth_telling(self, port: Port, reply: Reply) -> bool:
-        """Return False for the success of a setpoint, and for a refusal that was told just now."""
-        if reply.command not in STREAMED:
-            return True
-        if reply.ok:
-            return False
-        now = self._clock.monotonic()
-        refusal = (port.name, reply.command, reply.status.value)
-        if now - self._refusals.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
-            return False
-        self._refusals[refusal] = now
-        return True
+    def _do(self, topic: Topic, message: Message, handle: Handler) -> None:
+        """Do what the bridge itself does with a message."""
+        try:
+            handle(topic, message)
+        except WireError as error:
+            self.refusals.add("unreadable", "a message on %s was refused: %s", message.topic, error)
 
 
 def _look_for_emergency(port: Port, payload: bytes) -> None:
@@ -185,7 +163,3 @@ def _look_for_emergency(port: Port, payload: bytes) -> None:
         port.look_for_emergency(payload)
     except Exception:  # the loop stops it once more, the orderly way
         log.exception("%s: the emergency stop did not go through at once", port.name)
-
-
-def _no_answer(_reply: Reply) -> None:
-    """Answer nobody."""

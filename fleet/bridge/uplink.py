@@ -1,52 +1,68 @@
 """From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
 
 ``arrived`` runs on the bus's threads and only stores. Once a turn of the wheel ``turn`` decodes, translates
-and publishes what is due, and the cloud's writer sends it all at once.
+and publishes what is due, and the cloud's writer sends it all at once. How often, how large and whether at
+all is in the twin's rulebook.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
+from fleet.bridge.counters import ClassCounts
 from fleet.errors import WireError
+from fleet.model.report import Report
+from fleet.tally import Tally
 from fleet.wire.databus import decode_report
+from fleet.wire.documents import document_out
 from fleet.wire.reports import to_mqtt
-from fleet.wire.rules import Rule, rule_of, rule_of_channel
+from fleet.wire.rulebook import Rulebook
+from fleet.wire.rules import Form, Rule, Traffic
 from fleet.wire.topics import Topics, parse_data_key
 
 log = logging.getLogger(__name__)
 
+SLACK = (
+    0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
+)
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 WAITING = 5000  # events that wait for a turn of the wheel; beyond it the oldest is dropped, counted
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Publish = Callable[[str, bytes, int], object]
-"""How the uplink publishes: topic, payload, QoS."""
+Publish = Callable[[str, bytes, Rule], object]
+"""How the uplink publishes: topic, payload, and the rule by which it is carried."""
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
-    """What the uplink knows of a twin: its robot's name and the source type of its state."""
+    """What the uplink knows of a twin: its robot's name, the source type of its state, and its rules."""
 
     robot: str
     source_type: str
+    rules: Rulebook
 
 
 class _Slot:
     """One channel of one twin: how it is carried, its newest sample, and when it may go."""
 
-    def __init__(self, twin: str, channel: str, rule: Rule) -> None:
+    def __init__(self, twin: str, channel: str, sensor: str | None, rule: Rule) -> None:
         self.twin = twin
         self.channel = channel
+        self.sensor = sensor
+        self.rule = rule
+        self.traffic = int(rule.traffic)
+        self.size = rule.size
+        self.topics: dict[str, str] = {}  # by leaf
         self.durable = rule.traffic.durable
+        self.streams = rule.traffic is Traffic.STREAM
         self.rate = rule.max_rate
-        self.period = 1.0 / rule.max_rate if rule.max_rate else 0.0
+        self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
         self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        self.sample = b""
+        self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
         self.credit = 0.0  # events that may go now
@@ -56,19 +72,27 @@ class _Slot:
         """Return False for an event above the channel's rate; the events of one second may come at once."""
         if not self.rate:
             return True
-        self.credit = min(self.rate, self.credit + (now - self.sent) * self.rate)
+        self.credit = min(max(self.rate, 1.0), self.credit + (now - self.sent) * self.rate)
         self.sent = now
         if self.credit < 1.0:
             return False
         self.credit -= 1.0
         return True
 
+    @property
+    def leaf(self) -> str:
+        """The leaf of a document; the sensor takes its place in it, or comes behind it."""
+        if "+" in self.rule.leaf:
+            return self.rule.leaf.replace("+", self.sensor or "")
+        return f"{self.rule.leaf}/{self.sensor}" if self.sensor else self.rule.leaf
+
 
 class Uplink:
     """The bus-to-cloud half of the bridge.
 
     ``session`` is stamped on every payload. ``alive`` tells whether a robot answers, so that only what is
-    still true is repeated.
+    still true is repeated. ``waiting`` tells how many bytes wait to be sent: streams are dropped first.
+    ``held`` holds the twins that another edge has: nothing is said of them.
     """
 
     def __init__(
@@ -79,114 +103,163 @@ class Uplink:
         session: str,
         publish: Publish,
         alive: Callable[[str], bool],
+        waiting: Callable[[], int],
+        refusals: Tally,
     ) -> None:
         self._topics = topics
         self._twins = twins
         self._session = session
         self._publish = publish
         self._alive = alive
+        self._waiting = waiting
         self._slots: dict[str, _Slot | None] = {}
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, bytes]] = deque(maxlen=WAITING)
+        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
-        self._topic_cache: dict[tuple[str, str], tuple[str, int]] = {}
-        self.received = 0
-        self.conflated = 0
-        self.dropped = 0
-        self.refused = 0
+        self.held: frozenset[str] = frozenset()
+        self.refusals = refusals
+        self.received = ClassCounts()
+        self.sent = ClassCounts()
+        self.conflated = ClassCounts()
+        self.dropped = ClassCounts()
 
-    def arrived(self, key: str, sample: bytes) -> None:
-        """Take a sample from the bus; any thread, never blocks."""
+    @property
+    def waiting(self) -> int:
+        """How many samples wait for their turn."""
+        return len(self._events) + len(self._fresh)
+
+    def arrived(self, key: str, sample: Report | bytes) -> None:
+        """Take a sample from the bus, or a report of this process; any thread, never blocks."""
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
             return
-        self.received += 1
+        self.received.counts[slot.traffic] += 1
         if not slot.durable:
             slot.sample = sample
             if slot.fresh:
-                self.conflated += 1
+                self.conflated.counts[slot.traffic] += 1
             else:
                 slot.fresh = True
                 self._fresh.append(slot)
             return
         if len(self._events) == WAITING:
-            self.dropped += 1
+            self.dropped.add(self._events[0][0].rule.traffic)
         self._events.append((slot, sample))
 
-    def turn(self, now: float) -> None:
-        """Publish what is due at the monotonic time ``now``."""
+    def turn(self, now: float) -> Iterator[None]:
+        """Publish what is due at the monotonic time ``now``, one sample a step."""
         for _ in range(len(self._events)):
             slot, sample = self._events.popleft()
             if slot.takes_event(now):
                 self._send(slot, sample)
+                yield
             else:
-                self.dropped += 1
-        for _ in range(len(self._fresh)):
-            slot = self._fresh.popleft()
-            if now - slot.sent >= slot.period:
-                slot.fresh = False
-                slot.sent = now
-                self._send(slot, slot.sample)
-            else:
-                self._fresh.append(slot)
+                self.dropped.add(slot.rule.traffic)
+        yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
-            self._repeat(now)
+            yield from self._repeat(now)
             self._tell_dropped(now)
+
+    def say_newest(self, now: float) -> None:
+        """Publish now what is true of the robots that answer, whatever was sent before."""
+        for slot in self._repeated:
+            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+                slot.sent = now
+                self._send(slot, slot.sample)
+
+    def _send_newest(self, now: float) -> Iterator[None]:
+        """Send the newest of each state that is due; a stream only while the way is free."""
+        waiting = self._waiting() if self._fresh else 0
+        for _ in range(len(self._fresh)):
+            slot = self._fresh.popleft()
+            if now - slot.sent < slot.period:
+                self._fresh.append(slot)
+                continue
+            slot.fresh = False
+            if slot.streams and waiting >= self._twins[slot.twin].rules.backlog:
+                self.dropped.add(slot.rule.traffic)
+                continue
+            slot.sent = now
+            self._send(slot, slot.sample)
+            yield
 
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
-        lost = self.dropped - self._told
+        durable = self.dropped.durable
+        lost = durable - self._told
         if lost and now >= self._next_tell:
-            self._told, self._next_tell = self.dropped, now + TELL_EVERY
+            self._told, self._next_tell = durable, now + TELL_EVERY
             log.warning("%d events came faster than they may cross to the cloud and were dropped", lost)
 
-    def _repeat(self, now: float) -> None:
+    def _repeat(self, now: float) -> Iterator[None]:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
         for slot in self._repeated:
-            due = slot.sample and not slot.refused and now - slot.sent >= slot.repeat - REPEAT_LOOK / 2
+            # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
+            early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
+            due = slot.sample and not slot.refused and now - slot.sent >= early
             if due and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
+                yield
 
-    def _send(self, slot: _Slot, sample: bytes) -> None:
+    def _send(self, slot: _Slot, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
+        if slot.twin in self.held:
+            return
         try:
-            report = decode_report(slot.channel, sample)
-            source_type = self._twins[slot.twin].source_type
-            messages = to_mqtt(report, source_type=source_type, session=self._session)
+            messages = self._translated(slot, sample)
         except WireError as error:
-            self.refused += 1
-            if not slot.refused:  # the first of a row is told, all are counted
-                slot.refused = True
-                log.warning(
-                    "a %s sample of %s did not cross to the cloud: %s", slot.channel, slot.twin, error
-                )
+            slot.refused = True
+            line = "a sample on %s of %s did not cross: %s"
+            self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
             return
         slot.refused = False
         for leaf, payload in messages:
-            topic, qos = self._topic_cache.get((slot.twin, leaf)) or self._topic(slot.twin, leaf)
-            self._publish(topic, payload, qos)
+            topic = slot.topics.get(leaf) or self._topic(slot, leaf)
+            if len(payload) > slot.size:
+                line = "%s: %d bytes are more than the %d of its rule"
+                self.refusals.add("too large", line, topic, len(payload), slot.size)
+                continue
+            self.sent.counts[slot.traffic] += 1
+            self._publish(topic, payload, slot.rule)
 
-    def _topic(self, twin: str, leaf: str) -> tuple[str, int]:
-        """Work out a topic and its QoS, once."""
-        rule = rule_of(leaf)
-        entry = (self._topics.twin(twin, leaf), rule.qos if rule else 0)
-        self._topic_cache[(twin, leaf)] = entry
-        return entry
+    def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
+        """Return leaf and payload of each message that a sample becomes; raises WireError."""
+        twin = self._twins[slot.twin]
+        if slot.rule.form is Form.DOCUMENT:
+            assert isinstance(sample, bytes)
+            leaf = slot.leaf
+            payload = document_out(leaf, sample, source_type=twin.source_type, session=self._session)
+            return [(leaf, payload)]
+        return to_mqtt(
+            decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample,
+            source_type=twin.source_type,
+            session=self._session,
+            sensor=slot.sensor,
+            off=twin.rules.off,
+        )
+
+    def _topic(self, slot: _Slot, leaf: str) -> str:
+        """Work out a topic, once."""
+        topic = slot.topics[leaf] = self._topics.twin(slot.twin, leaf)
+        return topic
 
     def _meet(self, key: str) -> _Slot | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
         parsed = parse_data_key(key)
-        rule = rule_of_channel(parsed.channel) if parsed else None
-        # What a worker learned with one of a robot's sensors is not the robot's own state.
-        if parsed is None or rule is None or parsed.sensor is not None or parsed.twin not in self._twins:
+        twin = self._twins.get(parsed.twin) if parsed else None
+        rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
+        # What a worker learned with one of a robot's sensors is seldom the robot's own state.
+        if parsed is None or rule is None or (parsed.sensor is not None and not rule.sensors):
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
-        slot = _Slot(parsed.twin, parsed.channel, rule)
+        if parsed.sensor is not None and len(self._slots) >= STRANGERS:
+            return None
+        slot = _Slot(parsed.twin, parsed.channel, parsed.sensor, rule)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

@@ -7,6 +7,8 @@ key                                    what
 ``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
 ``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
+``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge has the twin, since (Unix ms)
+``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
@@ -27,6 +29,16 @@ def robot(edge_id: str, name: str) -> str:
     return f"fleet/{edge_id}/robots/{name}"
 
 
+def claim(edge_id: str, twin: str, since: int) -> str:
+    """Return the key of the token that an edge has a twin, since that Unix millisecond."""
+    return f"fleet/{edge_id}/claims/{twin}/{since}"
+
+
+def claims() -> str:
+    """Return the key expression of all such tokens."""
+    return "fleet/*/claims/*/*"
+
+
 def command(edge_id: str, name: str) -> str:
     """Return the key on which a robot is asked; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
@@ -45,6 +57,11 @@ def worker(edge_id: str, name: str) -> str:
 def heartbeat(edge_id: str, name: str) -> str:
     """Return the key on which a worker's event loop shows that it turns."""
     return f"fleet/{edge_id}/workers/{name}/beat"
+
+
+def halt(edge_id: str, name: str) -> str:
+    """Return the key on which a worker that is given up is told to halt its robots."""
+    return f"fleet/{edge_id}/workers/{name}/halt"
 
 
 def health(edge_id: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import zenoh
 
@@ -20,11 +20,25 @@ log = logging.getLogger(__name__)
 OnSample = Callable[[str, bytes], None]
 
 
-class Publisher(Protocol):
-    """A declared publisher."""
+class Publisher:
+    """A declared publisher to others; ``wanted``: one of them subscribes to what it publishes."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self.wanted = False
+        self._publisher = session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        self._publisher.declare_matching_listener(_direct(self._changed))
 
     def put(self, payload: bytes) -> None:
         """Publish; never blocks, drops when the way is full."""
+        self._publisher.put(payload)
+
+    def _changed(self, status: zenoh.MatchingStatus) -> None:
+        """Note whether anybody listens; on Zenoh's thread."""
+        self.wanted = status.matching
 
 
 class Question:
@@ -68,9 +82,13 @@ class Lane:
         self._kept.clear()
         self._session.close()
 
+    def reached(self) -> list[str]:
+        """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
+        return [link.dst for link in self._session.info.links()]
+
     def publisher(self, key: str) -> Publisher:
-        """Declare a publisher for state: dropped when the way is full, never blocking."""
-        return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+        """Declare a publisher for state: never blocking, dropped when the way is full; not for this lane."""
+        return Publisher(self._session, key)
 
     def put(self, key: str, payload: bytes, *, urgent: bool = False) -> None:
         """Publish once; ``urgent`` overtakes everything and is not dropped."""
@@ -85,13 +103,17 @@ class Lane:
         else:
             self._session.put(key, payload)
 
-    def subscribe(self, key: str, call: OnSample) -> None:
-        """Call with key and payload of everything published under ``key``."""
+    def subscribe(self, key: str, call: OnSample, *, elsewhere: bool = False) -> None:
+        """Call with key and payload of everything published under ``key``.
+
+        ``elsewhere``: by others only, not by this lane.
+        """
+        origin = zenoh.Locality.REMOTE if elsewhere else zenoh.Locality.ANY
 
         def arrived(sample: zenoh.Sample) -> None:
             call(str(sample.key_expr), sample.payload.to_bytes())
 
-        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived), allowed_origin=origin))
 
     def answer(self, key: str, call: Callable[[Question], None]) -> None:
         """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""

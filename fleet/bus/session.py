@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from fleet.bus.lane import Lane
@@ -22,11 +23,19 @@ log = logging.getLogger(__name__)
 
 
 class Bus:
-    """Two lanes that share nothing but the process."""
+    """Two lanes that share nothing but the process; ``connect`` is where they are to join others."""
 
-    def __init__(self, reports: Lane, control: Lane) -> None:
+    def __init__(self, reports: Lane, control: Lane, connect: tuple[str, ...] = ()) -> None:
         self.reports = reports
         self.control = control
+        self._connect = connect
+
+    @property
+    def problem(self) -> str:
+        """What keeps us from others whom we are to join; empty when nothing does."""
+        reached = {_place(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
+        missing = [endpoint for endpoint in self._connect if _place(endpoint) not in reached]
+        return _shut_out(missing) if missing else ""
 
     def close(self) -> None:
         """Leave the bus."""
@@ -74,7 +83,7 @@ def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> B
     except BusError:
         reports.close()
         raise
-    return Bus(reports, control)
+    return Bus(reports, control, settings.connect)
 
 
 def _given(settings: BusSettings) -> tuple[str, ...]:
@@ -114,9 +123,18 @@ def _join(settings: BusSettings, lane: str, directory: Path) -> Lane:
     try:
         return Lane(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
     except BusError:
-        raise BusError(
-            f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
-        ) from None
+        raise BusError(_shut_out(endpoints)) from None
+
+
+def _shut_out(endpoints: Iterable[str]) -> str:
+    """Say that nobody answers there; Zenoh does not tell a wrong password from silence."""
+    return f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
+
+
+def _place(endpoint: str) -> tuple[str, str]:
+    """Return protocol and port, or path, of an endpoint: what is left of it when its name was resolved."""
+    protocol, _, rest = re.split("[?#]", endpoint)[0].partition("/")
+    return protocol, rest.rpartition(":")[2]
 
 
 def _beside(endpoint: str) -> str:

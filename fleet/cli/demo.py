@@ -44,7 +44,7 @@ def _robot(name: str, **fields: str) -> dict[str, object]:
 
 
 def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0) -> str:
-    """Return the fleet file of the demo, as JSON (which is YAML)."""
+    """Return the fleet file of the demo, as JSON (which is YAML); it keeps its state beside itself."""
     kinds = {
         "drones": [_robot(f"drone-{n}", adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)],
         "ugvs": [
@@ -53,7 +53,7 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
         "dogs": [_robot(f"dog-{n}", adapter="quadruped", link="sim:auto") for n in range(1, dogs + 1)],
     }
     fleet = {
-        "edge": {"id": "demo"},
+        "edge": {"id": "demo", "spool": {"path": "state"}},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
         "robots": [robot for robots in kinds.values() for robot in robots],
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},

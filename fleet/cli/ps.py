@@ -68,4 +68,19 @@ def edge_line(edge: EdgeState) -> str:
     """Return an edge in one line."""
     robots = ", ".join(f"{number} {word}" for word, number in edge.robots.items()) or "no robots"
     cause = f" ({edge.cause})" if edge.cause else ""
-    return f"edge {edge.edge}: {edge.health}{cause}; {robots}; cloud {edge.cloud}; up {edge.uptime:.0f} s"
+    return (
+        f"edge {edge.edge}: {edge.health}{cause}; {robots}; cloud {edge.cloud}{cloud_line(edge)}; "
+        f"up {edge.uptime:.0f} s"
+    )
+
+
+def cloud_line(edge: EdgeState) -> str:
+    """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say."""
+    parts = [
+        (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
+        (edge.waiting + edge.queued, f"{edge.waiting + edge.queued} waiting ({edge.queued_bytes} bytes)"),
+        (edge.dropped, f"{edge.dropped} dropped"),
+        (edge.refused, f"{edge.refused} refused"),
+    ]
+    said = ", ".join(words for value, words in parts if value)
+    return f" ({said})" if said else ""

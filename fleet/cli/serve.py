@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from fleet import event_loop
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
@@ -27,7 +28,7 @@ def serve(
 ) -> ExitCode:
     """Run until Ctrl-C or SIGTERM; ``started`` is told once the edge is built."""
     log_to_stderr(LEVELS[min(verbose, 2)])
-    asyncio.run(_serve(loaded, path, out, started))
+    event_loop.run(_serve(loaded, path, out, started))
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 

@@ -8,15 +8,20 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 
+from fleet import event_loop
 from fleet.clock import Clock
 from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
 from fleet.cloud.connection import Connection
-from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.session import Session, SessionRefused
 from fleet.cloud.topics import check_apart, check_topic
-from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message, Outcome
+from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
 from fleet.errors import CloudError
+from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.queue import NEWEST_FIRST
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.wire.rules import Traffic
 
 logger = logging.getLogger(__name__)
 
@@ -31,6 +36,7 @@ class CloudClient:
     What the client publishes does not come back to it (MQTT 5; 3.1.1 cannot ask for that).
     ``on_message`` gets everything that one read brought, in order. All callbacks run on the cloud thread and
     must only hand over: while one runs, nothing is read, written or acknowledged.
+    ``spool`` keeps what is durable (left out: one in memory alone); it is closed with the client.
     Raises ValueError for filters that overlap, CloudError for settings that are not safe or not usable.
     """
 
@@ -42,6 +48,7 @@ class CloudClient:
         on_message: Callable[[list[Message]], None],
         on_state: Callable[[CloudState, str], None],
         clock: Clock,
+        spool: Spool | None = None,
     ) -> None:
         check_apart(subscriptions)
         self.state = CloudState.DISCONNECTED
@@ -53,7 +60,9 @@ class CloudClient:
         self._on_message = on_message
         self._on_state = on_state
         self._clock = clock
-        self._outbox = Outbox(settings.queue_messages, settings.queue_bytes, self.stats)
+        self.spool = spool or Spool(SpoolSettings(), clock)
+        self.spool.more = self.flush
+        self._outbox = Outbox(self.spool, settings.queue_messages, settings.queue_bytes, self.stats)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
         self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
@@ -86,28 +95,31 @@ class CloudClient:
         payload: bytes,
         *,
         qos: int = 0,
+        traffic: Traffic = Traffic.EVENT,
         expiry: float | None = None,
         correlation: bytes | None = None,
         content_type: str | None = None,
         on_done: Callable[[Outcome], None] | None = None,
-        urgent: bool = False,
     ) -> bool:
         """Queue a message; from any thread, never blocking. It leaves on ``flush`` or 20 ms later.
 
-        ``expiry`` is how many seconds it is worth sending; the rest goes to the broker in whole seconds.
-        ``urgent`` messages leave at once, before all that waits. Returns False, and never calls ``on_done``,
-        when it is not taken: QoS 0 without a connection, a full queue, a closed client.
-        Raises ValueError for a topic with wildcards or a QoS other than 0 and 1.
+        ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
+        replies leave at once, before all that waits. ``expiry`` is how many seconds it is worth sending; the
+        rest goes to the broker in whole seconds. ``on_done`` hears what became of it, as long as this process
+        remembers. Returns False, and never calls ``on_done``, when it is not taken: QoS 0 without a
+        connection, a full queue, a closed client.
+        Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
-        if qos not in (0, 1):
-            raise ValueError(f"messages are published with QoS 0 or 1, not {qos}")
-        deadline = None if expiry is None else self._clock.monotonic() + expiry
+        if qos not in (0, 1, 2):
+            raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
         message = Outgoing(
-            check_topic(topic), payload, qos, urgent, deadline, correlation, content_type, on_done
+            check_topic(topic), payload, qos, traffic, expiry, correlation, content_type, on_done
         )
+        if expiry is not None:
+            message.deadline = self._clock.monotonic() + expiry
         if not self._outbox.put(message):
             return False
-        if urgent:
+        if qos and traffic is Traffic.REPLY:
             self.flush()
         elif not self._armed:
             self._armed = True
@@ -146,11 +158,11 @@ class CloudClient:
         """Write what waits, and tell the senders of what was dropped."""
         if self._connection:
             self._connection.flush()
-        self._settle([(message, Outcome.DROPPED) for message in self._outbox.take_dropped()])
+        self._settle(self._outbox.take_dropped())
 
     def _run(self) -> None:
         """Be the cloud thread."""
-        asyncio.run(self._main())
+        event_loop.run(self._main())
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""
@@ -219,6 +231,7 @@ class CloudClient:
             began = self._clock.monotonic()
             self.stats.connects += 1
             self._outbox.go_online()
+            asyncio.get_running_loop().call_later(NEWEST_FIRST, self.flush)
             self._set_state(CloudState.CONNECTED, "; ".join(session.problems))
             self._write()
             await asyncio.wait([connection.ended])
@@ -235,7 +248,6 @@ class CloudClient:
         connection, self._connection = self._connection, None
         if connection:
             connection.give_up(CloudError("given up"))
-        self._outbox.go_offline()
         session.end()
         self._write()
 
@@ -245,7 +257,7 @@ class CloudClient:
             await asyncio.sleep(self._connection.patience if self._connection else 1.0)
             if self._connection:
                 self._connection.watch()
-            self._outbox.expire(self._clock.monotonic())
+            self._outbox.tick()
             self._write()
 
     def _deliver(self, messages: list[Message]) -> None:

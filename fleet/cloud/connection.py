@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import mqtt5
 
 from fleet.clock import Clock
 from fleet.cloud.keepalive import Due, Keepalive
-from fleet.cloud.outbox import Outgoing
 from fleet.cloud.packets import Decoder, encode
 from fleet.cloud.session import Session, SessionEnded
-from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message, Outcome
+from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
+from fleet.spool.message import Outcome, Outgoing
 
 Deliver = Callable[[list[Message]], None]
 Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
@@ -51,8 +51,7 @@ class Connection(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Say CONNECT. asyncio has set TCP_NODELAY: without it replies wait 40 ms for one another's ack."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = cast("asyncio.Transport", transport)
         self._write(self._session.connect())
 
     def data_received(self, data: bytes) -> None:
@@ -150,6 +149,6 @@ class Connection(asyncio.Protocol):
 
     def _write(self, data: bytes) -> None:
         """Hand bytes to the socket."""
-        if data and self._transport and not self.ended.done():
+        if data and self._transport and not self.ended.done() and not self._transport.is_closing():
             self._transport.write(data)
             self._keepalive.sent(self._clock.monotonic())

@@ -1,7 +1,7 @@
 """One MQTT session as a pure machine: packets and time in, packets and outcomes out; no I/O, no clock.
 
 A session lives as long as its network connection (clean start, session expiry 0). What was sent and not
-acknowledged goes back to the outbox when it ends; the next session sends it again, in order, as duplicates.
+acknowledged goes back to the spool when it ends; the next session sends it again, in order, as duplicates.
 """
 
 from __future__ import annotations
@@ -14,15 +14,20 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
-from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
-from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message, Outcome
+from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
+from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
-WINDOW = 100
-"""Most QoS 1 messages under way at once, both ways."""
+WINDOW = 400
+"""Most QoS 1 messages of ours under way at once, where the broker does not want less (Receive Maximum)."""
+UNTOLD_WINDOW = 100
+"""The same over MQTT 3.1.1, where a broker cannot say what it can take and drops what is too much."""
+INBOUND = 100
+"""Most messages that the broker may have under way to us."""
 _RESERVE = 8
 """Part (one in so many) of the window that only urgent messages may use."""
 _FILTERS = 64
@@ -33,6 +38,7 @@ _BATCH = 256 * 1024
 _OUTCOMES = {
     int(mqtt5.PubAckReasonCode.SUCCESS): Outcome.ACKED,
     int(mqtt5.PubAckReasonCode.NO_MATCHING_SUBSCRIBERS): Outcome.HELD,
+    int(mqtt5.PubAckReasonCode.QUOTA_EXCEEDED): Outcome.HELD,
 }
 """By reason code of PUBACK; every other code is a refusal. The codec's own codes cannot be hashed."""
 
@@ -65,6 +71,7 @@ class Session:
         self._stats = stats
         self._packet_limit = PAYLOAD_LIMIT
         self._window = WINDOW
+        self._most_qos = 2
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
         self._subscribing: dict[int, list[str]] = {}
@@ -72,13 +79,17 @@ class Session:
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[Message] = []
         self._outcomes: list[tuple[Outgoing, Outcome]] = []
+        self._answers: list[tuple[Outgoing, Outcome]] = []
         self._timed: tuple[int, float] | None = None
+        self._told: set[str] = set()
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._on_puback,
+            mqtt5.PubRecPacket: self._on_pubrec,
+            mqtt5.PubCompPacket: self._on_pubcomp,
             mqtt5.DisconnectPacket: self._on_disconnect,
             mqtt5.PingRespPacket: self._on_pong,
         }
@@ -92,7 +103,7 @@ class Session:
             password=None if chosen.password is None else chosen.password.encode(),
             clean_start=True,
             keep_alive=chosen.keepalive,
-            receive_max=WINDOW,
+            receive_max=INBOUND,
             max_packet_size=PAYLOAD_LIMIT,
             will=mqtt5.Will(will.topic, payload=will.payload, qos=mqtt5.QoS(will.qos)) if will else None,
         )
@@ -135,18 +146,26 @@ class Session:
         return sent
 
     def busy(self) -> bool:
-        """Tell whether messages wait or are not acknowledged yet."""
-        return bool(self._inflight or len(self._outbox))
+        """Tell whether messages could be sent or are not acknowledged yet."""
+        return bool(self._inflight) or not self._outbox.idle
 
     def end(self) -> None:
-        """Give what was not acknowledged back to the outbox."""
+        """Give what was not acknowledged back to the outbox, which is offline from now on."""
         self.ready = False
-        self._outbox.put_back(self._inflight.values())
+        self._settle()
+        self._outbox.go_offline(self._inflight.values())
         self._inflight.clear()
         self._stats.inflight = 0
 
+    def _settle(self) -> None:
+        """Tell the spool what became of messages, many at once: each time costs it a lock."""
+        if self._answers:
+            answers, self._answers = self._answers, []
+            self._outbox.spool.settle(answers)
+
     def _next_batch(self, now: float) -> list[Outgoing]:
         """Take from the outbox what the broker's window has room for."""
+        self._settle()
         room, reserve = self._window - len(self._inflight), self._window // _RESERVE
         return self._outbox.take(now, window=room, reserve=reserve, size=_BATCH)
 
@@ -164,6 +183,7 @@ class Session:
     def _publish(self, message: Outgoing, now: float) -> bytes:
         """Return the bytes of one message and note what is awaited; empty when the broker would refuse it."""
         identifier = self._next_id() if message.qos else None
+        message.qos = min(message.qos, self._most_qos)
         try:
             data = self._encode(_publish_packet(message, identifier, now))
         except (ValueError, TypeError) as error:
@@ -180,15 +200,25 @@ class Session:
 
     def _refuse(self, message: Outgoing, why: str) -> bytes:
         """Note that a message cannot be sent; return the nothing that is written for it."""
-        logger.warning("a message to %s cannot be sent: %s", message.topic, why)
+        self._tell(why, "a message to %s cannot be sent: %s", message.topic, why)
         self._done(message, Outcome.REFUSED)
         return b""
 
+    def _tell(self, reason: str, text: str, *values: object) -> None:
+        """Warn of a refusal, the first of each reason in this session; all are counted."""
+        level = logging.DEBUG if reason in self._told else logging.WARNING
+        self._told.add(reason)
+        logger.log(level, text, *values)
+
     def _done(self, message: Outgoing, outcome: Outcome) -> None:
-        """Note what became of a message."""
+        """Note what became of a message; one that is held is sent again."""
         self._stats.refused += outcome is Outcome.REFUSED
-        self._stats.acked += outcome in (Outcome.ACKED, Outcome.HELD)
-        self._outcomes.append((message, outcome))
+        self._stats.acked += outcome is Outcome.ACKED
+        self._stats.held += outcome is Outcome.HELD
+        if message.qos:
+            self._answers.append((message, outcome))
+        if outcome is not Outcome.HELD:
+            self._outcomes.append((message, outcome))
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""
@@ -197,9 +227,11 @@ class Session:
         if int(packet.max_qos) == 0:
             raise SessionRefused("the broker takes only QoS 0; replies and status need QoS 1")
         self.connected = True
+        self._most_qos = int(packet.max_qos)
         self.keepalive = packet.server_keep_alive or self._settings.keepalive
         self._packet_limit = min(packet.max_packet_size or PAYLOAD_LIMIT, PAYLOAD_LIMIT)
-        self._window = min(packet.receive_max, WINDOW)
+        most = WINDOW if self._settings.protocol == 5 else UNTOLD_WINDOW
+        self._window = min(packet.receive_max, most)
         wanted = list(self._subscriptions.items())
         for start in range(0, len(wanted), _FILTERS):
             self._subscribe(wanted[start : start + _FILTERS])
@@ -242,7 +274,7 @@ class Session:
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""
         if identifier not in self._half_received:
-            if len(self._half_received) >= WINDOW:
+            if len(self._half_received) >= INBOUND:
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
                 raise SessionEnded("the broker has too many QoS 2 messages under way", code)
             self._half_received.add(identifier)
@@ -281,8 +313,30 @@ class Session:
             return
         outcome = _OUTCOMES.get(int(packet.reason_code), Outcome.REFUSED)
         if outcome is Outcome.REFUSED:
-            logger.warning("the broker refuses a message to %s: %s", message.topic, packet.reason_code.name)
+            why = packet.reason_code.name
+            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
         self._done(message, outcome)
+
+    def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
+        """Release a QoS 2 message that the broker has; it stays in the window until that is done.
+
+        It is given back like any other when the connection falls before: a broker may hold it until then.
+        """
+        message = self._inflight.get(packet.packet_id)
+        if int(packet.reason_code) >= 0x80 and message is not None:
+            del self._inflight[packet.packet_id]
+            why = packet.reason_code.name
+            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
+            self._done(message, Outcome.REFUSED)
+            return
+        known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
+        self._replies.append(mqtt5.PubRelPacket(packet.packet_id, reason_code=known))
+
+    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
+        """Note that the broker has a QoS 2 message, once."""
+        message = self._inflight.pop(packet.packet_id, None)
+        if message is not None:
+            self._done(message, Outcome.ACKED)
 
     def _on_disconnect(self, packet: mqtt5.DisconnectPacket, _now: float) -> None:
         """End with the broker's reason."""

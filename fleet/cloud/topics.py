@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,6 +13,7 @@ _Tree = dict[str | None, Any]
 """Filters by level; the filter that ends at a node stands there under None."""
 
 
+@functools.lru_cache(maxsize=16384)  # an edge says the same few topics again and again
 def check_topic(topic: str) -> str:
     """Return the topic; raise ValueError when no message can be published to it."""
     if "+" in topic or "#" in topic:

@@ -39,7 +39,7 @@ class CloudSettings(msgspec.Struct, frozen=True, kw_only=True):
 
     ``insecure`` must be true for a plain connection to another computer: the token travels in clear text.
     ``backoff`` is the first and the longest wait after a network failure, ``refused_backoff`` after a no.
-    ``queue_messages`` and ``queue_bytes`` bound what waits in memory; beyond them the oldest is dropped.
+    ``queue_messages`` and ``queue_bytes`` bound the QoS 0 messages that wait for the next write.
     """
 
     host: str
@@ -54,10 +54,10 @@ class CloudSettings(msgspec.Struct, frozen=True, kw_only=True):
     keepalive: int = 5
     will: Will | None = None
     connect_timeout: float = 10.0
-    backoff: tuple[float, float] = (0.05, 1.0)
+    backoff: tuple[float, float] = (0.05, 0.6)
     refused_backoff: tuple[float, float] = (5.0, 60.0)
-    queue_messages: int = 10_000
-    queue_bytes: int = 16 * 1024 * 1024
+    queue_messages: int = 5_000
+    queue_bytes: int = 8 * 1024 * 1024
 
     def __repr__(self) -> str:
         """Describe the connection without the password, so that no log can hold it."""
@@ -76,21 +76,6 @@ class CloudState(enum.StrEnum):
     CLOSED = "closed"
 
 
-class Outcome(enum.StrEnum):
-    """What became of one published message."""
-
-    SENT = "sent"
-    """QoS 0: written; nobody knows more."""
-    ACKED = "acked"
-    """QoS 1: the broker has it."""
-    HELD = "held"
-    """QoS 1: the broker has it, but nobody is subscribed (MQTT 5 reason 0x10), so nobody will see it."""
-    REFUSED = "refused"
-    """The broker will not take this message, or it is larger than the broker allows."""
-    DROPPED = "dropped"
-    """It ran out of time, was pushed out by the queue's bound, or the connection was closed first."""
-
-
 class CloudStats:
     """Counters since the start; read from any thread, written by the cloud thread and the queue.
 
@@ -104,7 +89,9 @@ class CloudStats:
         self.acked = 0
         self.dropped = 0
         self.refused = 0
+        self.held = 0
         self.refused_subscriptions = 0
         self.inflight = 0
         self.queued = 0
+        self.queued_bytes = 0
         self.rtt: float | None = None

@@ -6,19 +6,16 @@ import ipaddress
 import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
+from uuid import UUID
 
 from pydantic import AfterValidator, Field, SecretStr, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
-from fleet.robot_config import AdapterConfig, Model, Name
+from fleet.robot_config import AdapterConfig, Name
+from fleet.topic_rules import ChannelName, ChannelRule, Topics
+from fleet.yaml_model import Model, wrong
 
 Mode = Literal["peer", "client", "router"]
 _LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
-
-
-def wrong(key: str, reason: str) -> PydanticCustomError:
-    """Return the error of a model as a whole, to be told at the line of one of its keys."""
-    return PydanticCustomError("value_error", "{reason}", {"reason": reason, "key": key})
 
 
 def _existing(path: Path, info: ValidationInfo) -> Path:
@@ -69,19 +66,55 @@ def _stays_here(locator: str) -> bool:
     return is_local(address.partition("?")[0].partition("#")[0].rpartition(":")[0])
 
 
+def _beside(path: Path, info: ValidationInfo) -> Path:
+    """Take a path as seen from the folder of fleet.yaml, or from the user's home; it need not exist."""
+    folder: Path = (info.context or {}).get("folder", Path())
+    return folder / path.expanduser()
+
+
 ExistingPath = Annotated[Path, AfterValidator(_existing)]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
+StatePath = Annotated[Path, AfterValidator(_beside)]
 Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(_locator)]
+
+
+Age = Annotated[float, Field(gt=0, le=30 * 86400, allow_inf_nan=False)]
+
+
+class SpoolAges(Model):
+    """How long what the cloud has not taken is worth keeping, in seconds; older is dropped, and told."""
+
+    reply: Age = Field(60.0, description="Answers to commands.")
+    status: Age = Field(86400.0, description="The status of actions.")
+    event: Age = Field(86400.0, description="Events and logs.")
+
+
+class SpoolConfig(Model):
+    """What outlives the edge: messages that the cloud has not taken yet, and what safety must remember."""
+
+    path: StatePath | None = Field(
+        None,
+        description="Folder, for this edge alone. Left out: fleet/<edge id> in XDG_STATE_HOME, "
+        "else in ~/.local/state.",
+    )
+    size: int = Field(
+        256,
+        ge=16,
+        le=65536,
+        description="Most MiB on disk; beyond it the least important and oldest is dropped, and told.",
+    )
+    ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by what they are.")
 
 
 class EdgeConfig(Model):
     """The computer that this file is for."""
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
+    spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
 
 
-class CloudConfig(Model):
+class CloudConfig(Topics):
     """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
 
     host: Host = Field(
@@ -111,6 +144,21 @@ class CloudConfig(Model):
     )
     keepalive: int = Field(
         5, ge=1, le=600, description="Seconds; a dead way is noticed after about one and a half of them."
+    )
+
+    profile: Literal["lan", "lte", "satellite"] = Field(
+        "lan", description="How much the way to the cloud carries; docs/topics.md has the rates of each."
+    )
+    channels: dict[ChannelName, ChannelRule] = Field(
+        {}, description="Bus channels besides those in docs/topics.md that cross, by name; no other does."
+    )
+    environments: frozenset[UUID] = Field(
+        frozenset(), description="Environments whose updates cross between the cloud and the bus."
+    )
+    ignore_edges: frozenset[str] = Field(
+        frozenset(),
+        description="Edges whose edge_health claims no twin, by edge_id: a Cyberwave Edge Core that serves "
+        "the same twins.",
     )
 
     @model_validator(mode="after")
@@ -173,12 +221,29 @@ class BusConfig(Model):
         return self
 
 
+class MetricsConfig(Model):
+    """Figures for Prometheus, at ``/metrics``."""
+
+    port: int = Field(9464, ge=0, le=65535, description="0 takes any that is free, and logs it.")
+    host: Host = Field("127.0.0.1", description="Where it listens.")
+    insecure: bool = Field(False, description="Allow other computers to read it; it has no password.")
+
+    @model_validator(mode="after")
+    def _here(self) -> Self:
+        if not (self.insecure or is_local(self.host)):
+            raise wrong("host", "other computers could read it without a password; set insecure: true")
+        return self
+
+
 class Sections(Model):
     """Everything in fleet.yaml but the robots themselves."""
 
     edge: EdgeConfig = Field(description="The computer that this file is for.")
     cloud: CloudConfig | None = Field(None, description="Left out: no cloud.")
     bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
+    metrics: MetricsConfig | None = Field(
+        None, description="Figures for Prometheus. Left out: none, and no port is opened."
+    )
     plugins: tuple[ExistingFolder, ...] = Field(
         (), description="Folders of drop-in adapters; their code runs with all rights of this program."
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 
 NAME = "fleet-aside"
 
@@ -21,3 +22,22 @@ def aside(call: Callable[[], None], *, wait: float = 0.0) -> None:
         return
     if wait:
         thread.join(wait)
+
+
+def in_turn(calls: Iterable[Callable[[], None]], *, wait: float) -> None:
+    """Make calls one after another on a thread beside; one that is held up keeps the next at most ``wait`` s.
+
+    A thread for each call would be late on a busy interpreter: each start waits for it several times.
+    """
+    left = deque(calls)
+
+    def make() -> None:
+        while True:
+            try:
+                call = left.popleft()
+            except IndexError:
+                return
+            call()
+
+    while left:
+        aside(make, wait=wait)

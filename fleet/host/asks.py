@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
 
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.navigation import Navigate
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
+from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
+from fleet.wire.rules import Kind
 
-Kind = Literal["command", "navigate", "motion", "mission"]
 Ask = Command | Setpoint | Navigate
 
 VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude
@@ -51,6 +51,7 @@ class Decoder:
             "command": self._command,
             "navigate": self._navigate,
             "motion": self._motion,
+            "joints": self._joints,
             "mission": self._mission,
         }
 
@@ -78,6 +79,10 @@ class Decoder:
     def _motion(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
         """Decode the ``motion/command`` topic's messages."""
         return decode_motion(payload, way=way, request_id=request_id)
+
+    def _joints(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
+        """Decode the joints' messages."""
+        return decode_joints(payload, way=way, request_id=request_id)
 
     def _mission(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
         """Decode the ``mission/command`` topic's messages."""

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
-from fleet.host.wheel import OWNER
+from fleet.event_loop import OwnedCall, OwnedTask
 
 
 class LoopThread:
-    """The thread of an event loop; ``ident`` is its ``threading.get_ident()``."""
+    """The thread that runs ``loop``; made on it."""
 
-    def __init__(self, ident: int) -> None:
-        self._ident = ident
-        self.cpu = _cpu_of(ident)
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._ident = threading.get_ident()
+        self.cpu = _cpu_of(self._ident)
 
     def frame(self) -> FrameType | None:
         """Return where the thread is."""
@@ -27,14 +29,15 @@ class LoopThread:
     def owner(self) -> str:
         """Return the robot on whose behalf the loop runs what it is in, empty when it is nobody's.
 
-        Tasks, callbacks of links and timers are all run by a handle, with the context they were made in.
+        Tasks, timers and the callbacks of links know their owners; other callbacks are nobody's.
         """
+        task = asyncio.current_task(self._loop)
+        if isinstance(task, OwnedTask):
+            return task.owner
         frame = self.frame()
-        while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:  # noqa: SLF001
+        while frame is not None and frame.f_code is not OwnedCall.__call__.__code__:
             frame = frame.f_back
-        if frame is None:
-            return ""
-        return str(frame.f_locals["self"]._context.get(OWNER, ""))  # noqa: SLF001
+        return "" if frame is None else str(frame.f_locals["self"].owner)
 
     def place(self) -> str:
         """Return the innermost place outside the standard library, as file:line in function."""

@@ -20,12 +20,13 @@ from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
 from fleet.host.guard import Guard
+from fleet.host.journal import RobotJournal
+from fleet.host.last import Last
 from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.latch import RELEASE
+from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
-from fleet.host.safety.repeats import Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -43,7 +44,8 @@ RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the ru
 class Desk:
     """One robot's asks.
 
-    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew.
+    ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
+    ``journal`` knows what was asked before this process began.
     """
 
     def __init__(
@@ -54,30 +56,33 @@ class Desk:
         publish: Callable[[Report], None],
         crashed: Callable[[Exception], None],
         restart: Callable[[], None],
+        journal: RobotJournal,
         clock: Clock,
     ) -> None:
         self.name = config.name
-        self.last_command = ""
-        self.last_outcome = ""
+        self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        self.guard = Guard(config, limits, clock, end=self.end, ask=self._ask, publish=publish)
-        lease = config.setpoint_lease
-        self._driving = Driving(limits, clock, lease=lease, combines=combines, guard=self.guard)
+        ours = partial(getattr, self, "in_control")
+        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, ours=ours, publish=publish)
+        self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
         self.deadman = self._driving.deadman
         self._publish = publish
         self._crashed = crashed
         self._clock = clock
-        self._admission = Admission(config, clock)
-        self._repeats: Repeats[Ticket] = Repeats()
+        self._journal = journal
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
-        self._offline = "it has not been reached yet"
+        self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
-        self._executor = Executor(crashed=crashed)
+        self._executor = Executor(crashed=crashed, journal=journal)
+        ready = self._executor.standing
         self._navigator = Navigator(
-            publish=publish, hold=self._settle, crashed=crashed, clock=clock, ready=self._executor.standing
+            publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
+        self.recall = self._navigator.recall  # says how the actions of an earlier process ended
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -106,16 +111,25 @@ class Desk:
 
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
-        self._offline = ""
+        self.offline = self._admission.fault = ""
+
+    def faulted(self, why: str) -> None:
+        """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
+        before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        if before or self._executor.safe:
+            return
+        if self.in_control:
+            self.halt()
+        self._end_motion(why)
 
     def lost(self, why: str) -> None:
         """Note that the robot does not answer; what was under way has failed and is never taken up again.
 
         A robot that somebody else moves is not touched.
         """
-        if not self._offline and self.in_control:
+        if not self.offline and self.in_control:
             self.halt()
-        self._offline = why
+        self.offline, self._admission.fault = why, ""
         self._end_motion(why)
 
     def detach(self, why: str) -> None:
@@ -140,25 +154,23 @@ class Desk:
 
     def end(self, why: str) -> None:
         """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
-        mover = self._can.commands.get(self._executor.moving)
-        if self.in_control and self.in_motion and not (mover is not None and mover.safe):
+        if self.in_control and self.in_motion and not self._executor.safe:
             self._end_motion(why)
             self._executor.stop(self._settle(why), "stop")
 
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch and write the halt at once; from any thread. ``receive`` does the rest."""
+        """Latch and write the emergency halt at once; from any thread. ``receive`` does the rest."""
         self._admission.latch.pull(why)
-        self.halt()
+        self.halt(emergency=True)
 
-    def halt(self) -> None:
+    def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
         adapter = self._adapter
-        if adapter is None:
-            return
         try:
-            adapter.halt()
+            if adapter is not None:
+                adapter.emergency_halt() if emergency else adapter.halt()
         except Exception:
             log.exception("%s: its halt failed", self.name)
 
@@ -190,18 +202,12 @@ class Desk:
 
     def receive(self, ask: Command | Setpoint | Navigate, ticket: Ticket) -> None:
         """Take an ask; its ticket gets exactly one receipt."""
-        match ask:
-            case Setpoint():
-                self._setpoint(ask, ticket)
-            case Command():
-                self._command(ask, ticket)
-            case Navigate():
-                self._navigate(ask, ticket)
-
-    def _ask(self, ask: Command) -> None:
-        """Take a command of the host's own, unless somebody else has the robot."""
-        if self.in_control:
-            self._command(ask, Ticket(ask.name, lambda _: None))
+        if isinstance(ask, Setpoint):
+            self._setpoint(ask, ticket)
+        elif isinstance(ask, Command):
+            self._command(ask, ticket)
+        else:
+            self._navigate(ask, ticket)
 
     def _command(self, ask: Command, ticket: Ticket) -> None:
         """Take a discrete command."""
@@ -223,15 +229,16 @@ class Desk:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            self._journal.note(ask.id, ask.name)
             own()
             ticket.done()
         elif spec is not None:
             self._execute(spec, ask, ticket)
-        self._answered(ask.name, ticket)
+        self.last.follow(ask.name, ticket)
 
     def _execute(self, spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
         """Hand a command to the adapter."""
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
         superseding = self.in_motion
@@ -254,12 +261,12 @@ class Desk:
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
         self._admission.lease.let_go(ask.origin.session)
-        if self._adapter is None or self._offline:
+        if self._adapter is None or self.offline:
             self.halt()
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
             self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
-        self._answered(ask.name, ticket)
+        self.last.follow(ask.name, ticket)
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""
@@ -286,7 +293,7 @@ class Desk:
         refusal = refusal or self._admission.setpoint(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
-        if refusal is not None or self._adapter is None or self._offline:
+        if refusal is not None or self._adapter is None or self.offline:
             ticket.reject(refusal or self._absence())
             return
         superseding, self.in_control = self.in_motion, True
@@ -306,12 +313,12 @@ class Desk:
             self._crashed(error)
         else:
             ticket.done()
-            self.last_command, self.last_outcome = ask.name, "accepted"
+            self.last.accepted(ask.name)
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
-        refusal = self._admission.latch.refusal()
-        if refusal is not None or self._adapter is None or self._offline:
+        refusal = self._admission.motion()
+        if refusal is not None or self._adapter is None or self.offline:
             raise Refused(refusal or self._absence())
         self._driving.hold(self._adapter, velocity, LEASE)
 
@@ -322,7 +329,7 @@ class Desk:
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
         if isinstance(ask.ask, Control):
-            ticket.watch(partial(self._navigator.controlled, ask.action_id))
+            ticket.watch(partial(self._navigator.controlled, ask))
             self._control(ask, ask.ask, ticket)
             return
         if self._navigator.repeated(ask.action_id, ticket):
@@ -331,9 +338,9 @@ class Desk:
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
-        if refusal is None and who is None and not self._offline:
+        if refusal is None and who is None and not self.offline:
             refusal = f"{self.name} does not navigate" + ": it has told no pose" * self._can.drives
-        if refusal is not None or self._adapter is None or self._offline or who is None:
+        if refusal is not None or self._adapter is None or self.offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
             self._navigator.refuse(ask, refusal, ticket)
@@ -341,15 +348,14 @@ class Desk:
         self._end_driving(self._adapter)
         self.in_control = True
         ticket.accept()
-        self._answered("navigate", ticket)
+        self.last.follow(ask.name, ticket)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is being held, before something else moves the robot."""
-        if not self.deadman.armed:
-            return
-        self._driving.let_go()
-        self._zero(adapter)
+        if self.deadman.armed:
+            self._driving.let_go()
+            self._zero(adapter)
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
@@ -382,7 +388,7 @@ class Desk:
                 ticket.follow(first)
                 return
         refusal, who = self._admission.navigate(ask), self._pilot()
-        if refusal is not None or who is None or self._offline:
+        if refusal is not None or who is None or self.offline:
             ticket.reject(refusal or self._absence())
         elif self._navigator.resume(who):
             ticket.done()
@@ -391,9 +397,4 @@ class Desk:
 
     def _absence(self) -> str:
         """Return why the robot cannot be asked."""
-        return f"{self.name} is offline: {self._offline or 'its adapter is being restarted'}"
-
-    def _answered(self, name: str, ticket: Ticket) -> None:
-        """Note for people what was asked, and how it stands."""
-        self.last_command, self.last_outcome = name, "under way"
-        ticket.watch(lambda reply: setattr(self, "last_outcome", reply.outcome))
+        return f"{self.name} is offline: {self.offline or 'its adapter is being restarted'}"

@@ -25,10 +25,10 @@ class Driving:
         self,
         limits: Limits,
         clock: Clock,
-        *,
         lease: float,
-        combines: bool,
         guard: Guard,
+        *,
+        combines: bool,
     ) -> None:
         self.deadman = DeadMan()
         self._limits = limits

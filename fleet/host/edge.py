@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
+from fleet.bridge.answers import Port
 from fleet.bridge.bridge import Bridge
-from fleet.bridge.downlink import Port
 from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import open_edge
@@ -20,15 +21,31 @@ from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
+from fleet.host.begun import begun_file
+from fleet.host.journal import Journal
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
-from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.settings import (
+    bridge_rules,
+    bus_settings,
+    cloud_settings,
+    settle_time,
+    spool_settings,
+    topics,
+    worker_of,
+)
 from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
+from fleet.robot_config import AdapterConfig
+from fleet.spool.place import state_folder
+from fleet.spool.spool import Spool
 from fleet.version import __version__
+
+if TYPE_CHECKING:
+    from fleet.host.metrics import Metrics
 
 log = logging.getLogger(__name__)
 
@@ -50,14 +67,28 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            self.process = RobotProcess(config.edge.id, self.bus, _here(loaded), clock=clock)
+            folder = state_folder(config.edge.id, config.edge.spool.path)
+            journal = Journal(folder, clock, begun_file(directory, config.edge.id))
+            undo.callback(journal.close)
+            self.process = RobotProcess(
+                config.edge.id,
+                self.bus,
+                _here(loaded),
+                journal=journal,
+                clock=clock,
+                settle=settle_time(config),
+            )
             self.remote = self._remote(loaded)
+            self.process.claims.add(robot.twin for robot in self.remote.values())
             self._workers = [
                 self._worker(name, path, directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
-            self.bridge = self._bridge()
+            self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            if self.bridge is not None:
+                self.process.on_holder = self.bridge.hold
+            self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
 
@@ -95,6 +126,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
+            if self.metrics is not None and self._config.metrics is not None:
+                self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
             self._declare()
             self.process.start()
             if self.bridge is not None:
@@ -110,10 +143,21 @@ class Edge:
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
-                self.bridge.turn()
+                for _ in self.bridge.turn():
+                    pass
                 await asyncio.to_thread(self.bridge.close)
+            if self.metrics is not None:
+                self.metrics.close()
             stop_logs()
             self.bus.close()
+
+    def _make_metrics(self) -> Metrics | None:
+        """Build what serves the edge's figures, where fleet.yaml asks for it."""
+        if self._config.metrics is None:
+            return None
+        from fleet.host.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
+
+        return Metrics(self)
 
     def states(self) -> list[RobotState]:
         """Return the state of every robot of this edge."""
@@ -123,9 +167,11 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        health = edge_health(states, [cloud])
+        problems = (self.bus.problem, self.process.journal.problem)
+        health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
-        stats = self.bridge.client.stats if self.bridge else None
+        bridge = self.bridge
+        stats = bridge.client.stats if bridge else None
         return EdgeState(
             edge=self._config.edge.id,
             version=__version__,
@@ -134,9 +180,14 @@ class Edge:
             health=health.level.word,
             cause=health.cause,
             robots=robots_by_health(states),
+            bus="alone" if problems[0] else "ok",
             cloud=self.bridge.client.state.value if self.bridge else "none",
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
+            queued_bytes=stats.queued_bytes if stats else 0,
+            waiting=bridge.uplink.waiting if bridge else 0,
+            refused=bridge.refusals.total if bridge else 0,
+            round_trip=bridge.round_trip.seconds if bridge else None,
             dropped=self._dropped(),
             load=load.load,
             memory_percent=load.memory_percent,
@@ -148,14 +199,14 @@ class Edge:
         """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
         bridge = self.bridge
         return self.process.outbox.dropped + (
-            bridge.uplink.dropped + bridge.client.stats.dropped if bridge else 0
+            bridge.uplink.dropped.total + bridge.client.stats.dropped if bridge else 0
         )
 
     def _soon(self, call: Callable[[], None]) -> None:
         """Run a call on the event loop; from any thread."""
         self.process.loop.call_soon_threadsafe(call)
 
-    def _bridge(self) -> Bridge | None:
+    def _bridge(self, robots: Iterable[AdapterConfig]) -> Bridge | None:
         """Build the bridge, where fleet.yaml has a cloud."""
         cloud = self._config.cloud
         if cloud is None:
@@ -171,9 +222,13 @@ class Edge:
             topics(cloud),
             ports,
             edge=self._config.edge.id,
+            rules=bridge_rules(cloud, robots),
+            put=self.bus.reports.put,
             soon=self._soon,
             alive=self._alive,
+            claimed=self.process.held_in_the_cloud,
             clock=self._clock,
+            spool=Spool(spool_settings(self._config), self._clock),
         )
 
     def _declare(self) -> None:
@@ -181,7 +236,8 @@ class Edge:
         edge = self._config.edge.id
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived)
+            self.process.outbox.bridge = self.bridge.uplink.arrived
+            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
@@ -216,7 +272,8 @@ class Edge:
     def _cloud_health(self) -> Health:
         """Return how the cloud's connection is."""
         if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
-            return Health()
+            problem = self.bridge.client.spool.problem if self.bridge else ""
+            return Health(Level.DEGRADED, problem) if problem else Health()
         client = self.bridge.client
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
@@ -224,7 +281,7 @@ class Edge:
     def _alive(self, name: str) -> bool:
         """Return True while a robot answers."""
         robot = self.process.robots.get(name) or self.remote.get(name)
-        return robot is not None and robot.state().health in (Level.OK.word, Level.DEGRADED.word)
+        return robot is not None and robot.state().reachable
 
     def _worker_is(self, worker: str, cause: str) -> None:
         """Pass on what is wrong with a worker to its robots."""
@@ -233,10 +290,13 @@ class Edge:
                 robot.worker_is(cause)
 
     def _halt_worker(self, worker: str) -> None:
-        """Stop the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
-        names = [robot.name for robot in self.remote.values() if robot.worker == worker]
-        stop = keys.stop(self._config.edge.id)
-        self.bus.control.put(stop, msgspec.json.encode(names), urgent=True)
+        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
+
+
+def _degraded(problem: str) -> Health:
+    """Return the health of something that works with a problem, or without."""
+    return Health(Level.DEGRADED, problem) if problem else Health()
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:

@@ -11,6 +11,7 @@ from fleet.adapter import Adapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, TimedOut
 from fleet.host.bounded import closing, insist, walled, was_cancelled
+from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
@@ -24,16 +25,19 @@ class Executor:
     """The running commands of one robot.
 
     The asker is told at once when a command is ended or runs out of time; what its method does with its
-    cancellation is not waited for. A command that moves waits until the stops before it have ended.
+    cancellation is not waited for. Each is in the ``journal`` before its method is called; one that
+    moves waits until the stops before it have ended.
     """
 
-    def __init__(self, *, crashed: Callable[[Exception], None]) -> None:
+    def __init__(self, *, crashed: Callable[[Exception], None], journal: RobotJournal) -> None:
         self._crashed = crashed
+        self._journal = journal
         self._tasks: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
         self._mover: asyncio.Task[None] | None = None
         self._ticket: Ticket | None = None  # the mover's
         self.moving = ""
+        self.safe = False  # what moves it only makes things safer
 
     def start(
         self,
@@ -56,6 +60,7 @@ class Executor:
         task = self.spawn(self._run(adapter, spec, ask, ticket, failed), name=ask.name)
         if spec.moves:
             self._mover, self._ticket, self.moving = task, ticket, ask.name
+            self.safe = spec.safe
 
         def give_up() -> None:
             self._moved(task)
@@ -96,7 +101,7 @@ class Executor:
     def _moved(self, task: asyncio.Task[None]) -> None:
         """Note that the moving command has ended."""
         if self._mover is task:
-            self._mover, self._ticket, self.moving = None, None, ""
+            self._mover, self._ticket, self.moving, self.safe = None, None, "", False
 
     async def _run(
         self,
@@ -108,6 +113,8 @@ class Executor:
     ) -> None:
         """Run one command to its end and answer."""
         try:
+            self._journal.note(ask.id, ask.name)
+            self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()
             await walled(lambda: self._call(adapter, spec, ask, ticket))

@@ -1,32 +1,29 @@
-"""The shell that runs a FrameAdapter as an Adapter: link, cutting, hello, tick, repeat, silence, stop.
+"""The shell that runs a FrameAdapter as an Adapter: link, cutting, hello, tick, motion, silence.
 
-A FrameAdapter only translates. Here its frames are written and what arrives is handed to it. ``halt`` may
-come from another thread while the loop is inside the translation, so each write asks first whether a halt
-came in between: nothing that was decided before a halt is written after it.
+A FrameAdapter only translates. Here its frames are written and what arrives is handed to it.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import struct
-import threading
 from collections.abc import Iterable
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import Fault, LinkLost, NotReady, Refused
-from fleet.link.base import Address, Link
+from fleet.link.base import Address
 from fleet.link.framing import Cutter
+from fleet.link.motion import LOOK, Motion
+from fleet.link.slot import Frames, MotionSlot
 from fleet.link.url import open_link, parse
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
 from fleet.model.report import Report
 
-_STOP_REPEATS = 5  # times that a stop or a zero velocity is repeated, in case the line lost it
 _BAD_DATA = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
 _log = logging.getLogger(__name__)
 
@@ -42,41 +39,40 @@ class Framed(Adapter[Any]):
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
         # One that listens does not know whom to greet until the robot speaks.
         self._robot_speaks_first = parse(inner.config.link).scheme == "udpin"
-        self._lock = threading.Lock()  # held for sends only, which never block
-        self._turn = 0  # counts drives, stops and halts
-        self._wanted: Velocity | None = None  # None: stopped
-        self._repeats = 0  # left of what is not motion
-        self._link: Link | None = None
+        self._slot: MotionSlot | None = None
+        self._motion: Motion | None = None
         self._peer: Address = None
-        self._session: _Session | None = None
 
     async def run(self, robot: Robot) -> None:
         """Open the link and serve it; raises LinkLost, LinkRefused, or what the translation raised."""
         session = _Session(self, robot)
         link = await open_link(self.config.link, session.arrived)
+        slot = MotionSlot(link, robot.clock, baud=parse(self.config.link).baud)
+        motion = Motion(
+            slot, robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
+        )
         try:
-            self._link = link
-            if not self._robot_speaks_first:
+            slot.peer, self._slot, self._motion = self._peer, slot, motion
+            if self._peer is not None or not self._robot_speaks_first:
                 self.write(self.inner.hello())
-            session.begin()
+            session.begin(motion)
             await _first_failure(link.lost(), session.failure)
         finally:
-            self.halt()
-            self._link = None
+            motion.halt()
+            self._slot = self._motion = None
             await link.close()
 
     def write(self, frames: Iterable[bytes]) -> None:
         """Write frames that are not motion; raises LinkLost when the link is gone."""
         ready = tuple(frames)
-        with self._lock:
-            self._send(ready)
-
-    def _send(self, frames: tuple[bytes, ...]) -> None:
-        """Write with the lock held."""
-        if self._link is None:
+        if self._slot is None:
             raise LinkLost(f"{self.config.link}: not open")
-        for frame in frames:
-            self._link.send(frame, self._peer)
+        self._slot.send(*ready)
+
+    @property
+    def held_back(self) -> int:
+        """How many motions a newer one replaced, because the line was not free."""
+        return self._slot.held_back if self._slot else 0
 
     def greet(self, address: Address) -> bool:
         """Return True for what comes from the robot; the first to speak on the link is the robot."""
@@ -85,26 +81,37 @@ class Framed(Adapter[Any]):
         if self._peer is not None:
             return False
         self._peer = address
-        if self._robot_speaks_first:
-            self.write(self.inner.hello())
+        if self._slot is not None:
+            self._slot.peer = address
+            if self._robot_speaks_first:
+                self.write(self.inner.hello())
         return True
 
     def drive(self, velocity: Velocity) -> None:
         """Write this velocity and go on repeating it; raises NotReady without a link."""
-        turn = self._turn
-        frames = tuple(self.inner.encode(velocity))
-        self._write_motion(turn, frames, velocity, _STOP_REPEATS if velocity.is_zero else 0)
+        self._open_motion().drive(velocity)
+
+    def _encode(self, velocity: Velocity) -> Frames:
+        """Translate a velocity."""
+        return tuple(self.inner.encode(velocity))
+
+    def _open_motion(self) -> Motion:
+        """Return what moves the robot; raises NotReady without a link."""
+        if self._motion is None:
+            raise NotReady(f"{self.config.link}: not open", hint="the link is being opened again")
+        return self._motion
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
         """Write the frames of a declared command; raises Refused, Unsupported or NotReady."""
-        turn = self._turn
+        motion = self._open_motion()
+        turn = motion.turn
         frames = self._frames_of(spec, command)
         if spec.moves:
-            self._write_motion(turn, frames, None, 0)
+            motion.carry_out(frames, turn)
         else:
             self._ready(frames)
 
-    def _frames_of(self, spec: CommandSpec, command: Command) -> tuple[bytes, ...]:
+    def _frames_of(self, spec: CommandSpec, command: Command) -> Frames:
         """Translate a command; what its data makes the translation raise is the asker's fault."""
         try:
             if spec.method == "encode":
@@ -114,39 +121,12 @@ class Framed(Adapter[Any]):
             _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
             raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
 
-    def _ready(self, frames: tuple[bytes, ...]) -> None:
+    def _ready(self, frames: Frames) -> None:
         """Write frames of a command that moves nothing."""
         try:
             self.write(frames)
         except LinkLost as error:
             raise NotReady(str(error), hint="the link is being opened again") from error
-
-    def _write_motion(
-        self, turn: int, frames: tuple[bytes, ...], wanted: Velocity | None, repeats: int
-    ) -> None:
-        """Write what was translated in ``turn``, unless a halt or a newer velocity came in between."""
-        with self._lock:
-            if turn != self._turn:
-                raise NotReady("the robot was stopped meanwhile")
-            try:
-                self._send(frames)
-            except LinkLost as error:
-                raise NotReady(str(error), hint="the link is being opened again") from error
-            self._turn += 1
-            self._wanted = wanted
-            self._repeats = repeats
-
-    def repeat(self) -> None:
-        """Write the last velocity again, or a stop for a few times; raises LinkLost."""
-        turn, wanted = self._turn, self._wanted
-        moving = wanted is not None and not wanted.is_zero
-        if not moving and self._repeats == 0:
-            return
-        frames = self._halt_frames() if wanted is None else tuple(self.inner.encode(wanted))
-        with self._lock:
-            if turn == self._turn:
-                self._send(frames)
-                self._repeats -= 0 if moving else 1
 
     async def stop(self, reason: str) -> None:
         """Write the safe-stop frames, now and a few times more."""
@@ -155,15 +135,11 @@ class Framed(Adapter[Any]):
 
     def halt(self) -> None:
         """Write the safe-stop frames at once and forget the velocity; from any thread."""
-        frames = self._halt_frames()
-        with self._lock:
-            self._turn += 1
-            self._wanted = None
-            self._repeats = _STOP_REPEATS
-            with contextlib.suppress(LinkLost):  # then the robot's own fail-safe stops it
-                self._send(frames)
+        motion = self._motion
+        if motion is not None:
+            motion.halt()
 
-    def _halt_frames(self) -> tuple[bytes, ...]:
+    def _halt_frames(self) -> Frames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
         try:
             return tuple(self.inner.halt()) or self._last_resort
@@ -183,12 +159,12 @@ class _Session:
         self._cutter: Cutter = framed.inner.framing.cutter()
         self._heard = robot.clock.monotonic()
         self._understood = False
+        self._slow = False
 
-    def begin(self) -> None:
+    def begin(self, motion: Motion) -> None:
         """Ask the host's wheel for what is due from time to time."""
         inner = self._inner
-        if inner.drives:
-            self._robot.every(inner.repeat, self._framed.repeat)
+        self._robot.every(LOOK, motion.look)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:
             self._robot.every(inner.silence / 4, self._listen)
@@ -197,8 +173,11 @@ class _Session:
             self._robot.health(Health())
 
     def _tick(self) -> None:
-        """Write keep-alives and polls."""
+        """Write keep-alives and polls; say once when the line is too slow for what is asked."""
         self._framed.write(self._inner.tick())
+        if self._framed.held_back and not self._slow:
+            self._slow = True
+            self._robot.log.warning("the line is slow: of several motions only the newest is written")
 
     def _listen(self) -> None:
         """Notice a robot that has gone silent; raises LinkLost."""

@@ -16,6 +16,7 @@ from fleet.clock import Clock
 from fleet.errors import Refused
 from fleet.host.safety.fence import Fence
 from fleet.host.safety.reserve import Reserve
+from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Way
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
@@ -34,7 +35,8 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 class Guard:
     """One robot's fence and battery.
 
-    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours.
+    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``ours``
+    tells whether nobody else has it.
     ``held`` is the body velocity that is being held.
     """
 
@@ -45,7 +47,8 @@ class Guard:
         clock: Clock,
         *,
         end: Callable[[str], None],
-        ask: Callable[[Command], None],
+        ask: Callable[[Command, Ticket], None],
+        ours: Callable[[], bool],
         publish: Callable[[Report], None],
     ) -> None:
         self._name = config.name
@@ -54,6 +57,7 @@ class Guard:
         self._clock = clock
         self._end = end
         self._ask = ask
+        self._ours = ours
         self._publish = publish
         self.held = ZERO_VELOCITY
         policy = config.battery_policy
@@ -106,8 +110,9 @@ class Guard:
         low = self._reserve.is_low(self._percent)
         if low and not self._told_low:
             self._tell("battery_low", percent=self._percent, action=self._action)
-            if self._action != "tell":
-                self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")))
+            if self._action != "tell" and self._ours():
+                ask = Command(self._action, origin=Origin(Way.MISSION, session="battery"))
+                self._ask(ask, Ticket(ask.name, lambda _: None))
         self._told_low = low
 
     def _tell(self, kind: str, **fields: object) -> None:

@@ -9,9 +9,12 @@ from collections.abc import Callable
 
 from fleet.clock import Clock
 from fleet.errors import WireError
-from fleet.host.asks import Decoder, Kind
+from fleet.event_loop import OWNER
+from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY, Desk
+from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
+from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
@@ -19,14 +22,15 @@ from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
-from fleet.host.wheel import OWNER, Wheel
+from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
-from fleet.model.health import Level
 from fleet.model.navigation import ActionState
 from fleet.model.report import NavigationReport, Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.tally import Tally
+from fleet.wire.rules import Kind
 
 
 def source_type(config: AdapterConfig) -> str:
@@ -49,6 +53,7 @@ class LocalRobot:
         wheel: Wheel,
         shared: Shared,
         outbox: Outbox,
+        journal: RobotJournal,
         changed: Callable[[str], None],
     ) -> None:
         self.config = config
@@ -69,15 +74,23 @@ class LocalRobot:
         self._context.run(OWNER.set, config.name)
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
-        can = capabilities(plugin)
+        self._refusals = Tally(self._log, clock)
+        self._can = can = capabilities(plugin)
+        self._limits = config.limits.over(can.limits)
         self._decoder = Decoder(
             config,
-            config.limits.over(can.limits),
+            self._limits,
             planar=can.limits.vertical_speed is None,
             home_altitude=lambda: self._seen.home_altitude,
         )
         self.desk = Desk(
-            config, can, publish=self.publish, crashed=self._crashed, restart=self._restart, clock=clock
+            config,
+            can,
+            publish=self.publish,
+            crashed=self._crashed,
+            restart=self._restart,
+            journal=journal,
+            clock=clock,
         )
         self._changed = changed
         self.runner = Runner(
@@ -102,14 +115,15 @@ class LocalRobot:
         """Take a message. Its answers: the receipt, and the end when the asker waits; none to a reply."""
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+            ask = goal_of(ask, self._can, self._limits)
         except WireError as error:
-            self._log.warning("refused a %s message: %s", kind, error)
+            self._refusals.add(kind, "refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
             self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
             return
         if ask is None:
             return
-        ticket = Ticket(getattr(ask, "name", "navigate"), answer, waits=waits)
+        ticket = Ticket(ask.name, answer, waits=waits)
         self._context.run(self.desk.receive, ask, ticket)
 
     def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
@@ -121,6 +135,7 @@ class LocalRobot:
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
+        self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
     def look_for_emergency(self, payload: bytes) -> None:
@@ -164,6 +179,7 @@ class LocalRobot:
             stamp=self._clock.time(),
             health=health.level.word,
             cause=health.cause,
+            reachable=not self.desk.offline,
             simulated=self.config.simulated,
             worker=self._worker,
             mode=self._seen.mode,
@@ -172,8 +188,8 @@ class LocalRobot:
             position=self._seen.position,
             activity=self.desk.activity,
             emergency_stop=self.desk.latched,
-            last_command=self.desk.last_command,
-            last_outcome=self.desk.last_outcome,
+            last_command=self.desk.last.command,
+            last_outcome=self.desk.last.outcome,
         )
 
     def _new_handle(self, runner: Runner) -> Handle:
@@ -209,7 +225,7 @@ class LocalRobot:
 
     def _health_changed(self) -> None:
         """Say on the telemetry channel when the robot comes and goes."""
-        online = self.runner.health.level < Level.OFFLINE
+        online = not self.desk.offline
         if online != self._online:
             self._online = online
             kind = "connected" if online else "disconnected"

@@ -13,9 +13,10 @@ from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
 from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
 from fleet.host.follow.leader import Navigates
+from fleet.host.journal import Past, RobotJournal, answer_to
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, FlyMission, Navigate, RelativeMove, Task
+from fleet.model.navigation import ActionState, Navigate, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
@@ -34,7 +35,8 @@ class Navigator:
     """The actions of one robot.
 
     ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
-    what it may not; ``ready`` waits until stops that were asked before have ended.
+    what it may not; ``ready`` waits until stops that were asked before have ended. Each action is in the
+    ``journal`` before it begins.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class Navigator:
         hold: Callable[[str], Awaitable[None]],
         crashed: Callable[[Exception], None],
         clock: Clock,
+        journal: RobotJournal,
         ready: Callable[[], Awaitable[None]] = at_once,
     ) -> None:
         self._ready = ready
@@ -53,7 +56,8 @@ class Navigator:
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
-        self._known: dict[str, _Known] = {}
+        self._journal = journal
+        self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
         self.action: Action | None = None
 
     @property
@@ -67,6 +71,12 @@ class Navigator:
         if self.action is None or self.action.over:
             return ""
         return f"navigating {self.action.status.progress:.0f} %"
+
+    def recall(self) -> None:
+        """Say how the actions ended that an earlier process did not see to their end; once, at the start."""
+        for past in self._journal.past:
+            if past.action and not past.outcome:
+                self._publish(self._known[past.identity].status)
 
     def knows(self, action_id: str) -> bool:
         """Return True for the id of an action that was asked before."""
@@ -96,18 +106,20 @@ class Navigator:
 
     def refuse(self, ask: Navigate, reason: str, ticket: Ticket) -> None:
         """Say that an action failed before it began; a repeat of it is refused like it."""
-        step = 0 if isinstance(ask.ask, FlyMission) else None
-        now = self._clock.time()
+        step, now = 0 if ask.of_mission else None, self._clock.time()
         status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
         self._tell(status)
         self._remember(status, ticket)
 
-    def controlled(self, action_id: str, reply: Reply) -> None:
+    def controlled(self, ask: Navigate, reply: Reply) -> None:
         """Say how a control message ended, when it has an action id of its own and has ended."""
-        if reply.done is None or not action_id or self.knows(action_id):
+        if reply.done is None or not ask.action_id or self.knows(ask.action_id):
             return
         state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
-        self._tell(NavigationReport(self._clock.time(), action_id, state, percent, reply.reason))
+        step = 0 if ask.of_mission else None
+        if ask.of_mission and reply.done:
+            state = ActionState.CANCELLED
+        self._tell(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
 
     def cancel(self, why: str) -> None:
         """End what is under way with ``cancelled``; the robot is not stopped here."""
@@ -159,6 +171,7 @@ class Navigator:
         """Drive the iteration of who leads and turn its end into the terminal status."""
         action.move(ActionState.RUNNING)
         try:
+            self._journal.note(action.id, "navigate", action=True)
             await self._ready()
             await walled(lambda: self._follow(who, action))
             if self._is_current():
@@ -198,6 +211,8 @@ class Navigator:
         known = self._known.get(status.action_id)
         if known is not None:
             known.status = status
+        if status.state.terminal:
+            self._journal.end(status.action_id, status.state.value)
         self._tell(status)
 
     def _remember(self, status: NavigationReport, ticket: Ticket) -> None:
@@ -207,6 +222,13 @@ class Navigator:
         self._known[status.action_id] = _Known(ticket, status)
         while len(self._known) > KEPT:
             del self._known[next(iter(self._known))]
+
+
+def _known_of(past: Past, now: float) -> _Known:
+    """Return what is known of an action of an earlier process; one that was cut off has failed."""
+    state = ActionState(past.outcome) if past.outcome else ActionState.FAILED
+    progress = 100.0 if state is ActionState.COMPLETED else 0.0
+    return _Known(answer_to(past), NavigationReport(now, past.identity, state, progress, past.verdict))
 
 
 def _answer(ticket: Ticket, status: NavigationReport) -> None:

@@ -1,14 +1,19 @@
-"""Reports on their way to the bus: the newest of each state, every event, put once a turn of the wheel."""
+"""Reports on their way to the bus: the newest of each state, every event, put once a turn of the wheel.
+
+What nobody on the bus listens to is not put: that costs more than all the rest. The bridge of this process
+gets the reports themselves.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import logging
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 
-from fleet.bus.lane import Lane, Publisher, Question, keys_meet
+from fleet.bus.lane import Lane, Question, keys_meet
+from fleet.errors import WireError
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
-from fleet.wire.databus import encode_report
+from fleet.wire.databus import check_report, encode_report
 from fleet.wire.topics import data_key
 
 log = logging.getLogger(__name__)
@@ -17,25 +22,40 @@ EVENTS = (NavigationReport, TelemetryReport, LogReport)
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
 
+class _Channel:
+    """One channel of one twin: how many samples were put, and the last report."""
+
+    def __init__(self, lane: Lane, key: str) -> None:
+        self.key = key
+        self.publisher = lane.publisher(key)
+        self.sequence = 0
+        self.last: Report | None = None
+        self.refused = False
+
+    def put(self, report: Report) -> None:
+        """Put a report, numbered, where anybody listens."""
+        if self.publisher.wanted:
+            self.publisher.put(encode_report(report, self.sequence))
+            self.sequence += 1
+        self.last = report
+
+
 class Outbox:
     """All reports of one process."""
 
     def __init__(self, lane: Lane) -> None:
         self._lane = lane
-        self._publishers: dict[str, Publisher] = {}
-        self._sequences: dict[str, int] = {}
-        self._latest: dict[tuple[str, str], Report] = {}
+        self._channels: dict[tuple[str, str, str], _Channel] = {}
+        self._latest: dict[tuple[str, str, str], Report] = {}
         self._events: dict[str, list[Report]] = {}
-        self._refused: set[str] = set()
-        self._last: dict[str, bytes] = {}
-        self._lock = threading.Lock()  # the last samples are read on the bus's thread
+        self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
         lane.answer("cw/*/data/**", self._asked)
 
     def put(self, twin: str, report: Report) -> None:
         """Take a report; it leaves with the next ``flush``."""
         if not isinstance(report, EVENTS):
-            self._latest[(twin, report.channel)] = report
+            self._latest[_place(twin, report)] = report
             return
         events = self._events.setdefault(twin, [])
         if len(events) < WAITING:
@@ -53,40 +73,60 @@ class Outbox:
 
     def flush(self) -> None:
         """Put everything that waits."""
+        for _ in self.flushing():
+            pass
+
+    def flushing(self) -> Iterator[None]:
+        """Put everything that waits, one report a step; what comes meanwhile waits for the next time."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():
             for report in reports:
                 self._send(twin, report)
-        for (twin, _), report in latest.items():
+                yield
+        for (twin, *_), report in latest.items():
             self._send(twin, report)
+            yield
 
     def _send(self, twin: str, report: Report) -> None:
-        """Encode and put one report; what cannot be said is dropped and counted, the first of a row told."""
-        key = data_key(twin, report.channel)
-        sequence = self._sequences.get(key, 0)
+        """Put one report; what cannot be said is dropped and counted, the first of a row told."""
+        channel = self._channels.get(_place(twin, report)) or self._open(twin, report)
+        if channel is None:
+            self.dropped += 1
+            return
         try:
-            sample = encode_report(report, sequence)
+            check_report(report)
+            channel.put(report)
         except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
-            if key not in self._refused:
-                self._refused.add(key)
+            if not channel.refused:
+                channel.refused = True
                 log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
             return
-        self._refused.discard(key)
-        publisher = self._publishers.get(key)
-        if publisher is None:
-            publisher = self._publishers[key] = self._lane.publisher(key)
-        self._sequences[key] = sequence + 1
-        with self._lock:
-            self._last[key] = sample
-        publisher.put(sample)
+        channel.refused = False
+        if self.bridge is not None:
+            self.bridge(channel.key, report)
+
+    def _open(self, twin: str, report: Report) -> _Channel | None:
+        """Begin a channel; None for a sensor that cannot be part of a key."""
+        place = _place(twin, report)
+        try:
+            key = data_key(twin, report.channel, place[2] or None)
+        except (WireError, TypeError) as error:
+            log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+            return None
+        channel = self._channels[place] = _Channel(self._lane, key)
+        return channel
 
     def _asked(self, question: Question) -> None:
-        """Answer with the last sample of each channel that was asked for; on the bus's thread."""
-        with self._lock:
-            last: Mapping[str, bytes] = dict(self._last)
-        for key, sample in last.items():
-            if keys_meet(question.asked, key):
-                question.reply(sample, key)
+        """Answer with the last report of each channel that was asked for; on the bus's thread."""
+        for channel in list(self._channels.values()):
+            if channel.last is not None and keys_meet(question.asked, channel.key):
+                with contextlib.suppress(WireError):
+                    question.reply(encode_report(channel.last, channel.sequence), channel.key)
         question.close()
+
+
+def _place(twin: str, report: Report) -> tuple[str, str, str]:
+    """Return whose report it is: twin, channel, and the sensor where a robot has several of a kind."""
+    return twin, report.channel, getattr(report, "sensor", "")

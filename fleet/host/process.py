@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
+import contextlib
+import gc
 import logging
 import os
 import sys
-import threading
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import msgspec
 
@@ -18,9 +18,10 @@ from fleet.bus import keys
 from fleet.bus.lane import Publisher, Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
-from fleet.host.aside import aside
-from fleet.host.asks import Kind
+from fleet.host.aside import aside, in_turn
 from fleet.host.blame import LoopThread
+from fleet.host.claims import Claims
+from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
@@ -30,13 +31,15 @@ from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 
+SETTLED = 5.0  # s after which most of what lives long is there
 STATE_EVERY = 1.0  # s between states of a robot that does not change
 SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
 LAST_WORDS = 1.0  # s for the log line of a process that ends itself
-KINDS: tuple[Kind, ...] = ("command", "navigate", "motion")
+KINDS = get_args(Kind)
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
@@ -48,23 +51,35 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process."""
+    """The robots of one process; it closes the journal when it stops.
+
+    ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
+    """
 
     def __init__(
-        self, edge: str, bus: Bus, specs: Iterable[RobotSpec], *, clock: Clock, worker: str = ""
+        self,
+        edge: str,
+        bus: Bus,
+        specs: Iterable[RobotSpec],
+        *,
+        journal: Journal,
+        clock: Clock,
+        worker: str = "",
+        settle: float = 0.0,
     ) -> None:
         self.edge = edge
         self.bus = bus
         self.clock = clock
         self.worker = worker
+        self.journal = journal
         self.loop = asyncio.get_running_loop()
-        self.wheel = Wheel(self.loop)
+        self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
-        self._thread = LoopThread(threading.get_ident())
+        self._thread = LoopThread(self.loop)
         self._shared = Shared()
-        self._requests = itertools.count(1)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states: dict[str, Publisher] = {}
+        self._settling: asyncio.TimerHandle | None = None
         self.watchdog = Watchdog(
             clock,
             LoopWatch(
@@ -78,6 +93,17 @@ class RobotProcess:
         self.robots: dict[str, LocalRobot] = {
             spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
         }
+        self.claims = Claims(
+            edge,
+            [robot.twin for robot in self.robots.values()],
+            bus.control,
+            settle=settle,
+            changed=self.held_on_the_bus,
+            clock=clock,
+        )
+        self._holders: dict[str, dict[str, str]] = {}
+        self._ending = False
+        self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
 
     def _make(self, config: AdapterConfig, plugin: AdapterClass, adapter: str) -> LocalRobot:
         """Build one robot."""
@@ -91,6 +117,7 @@ class RobotProcess:
             wheel=self.wheel,
             shared=self._shared,
             outbox=self.outbox,
+            journal=self.journal.robot(config.name),
             changed=self.publish_state,
         )
 
@@ -98,17 +125,69 @@ class RobotProcess:
         """Start every robot; those that fail are tried again by their own runners."""
         # A thread that wants to stop a robot must not wait long for the interpreter.
         sys.setswitchinterval(0.0005)
+        # The garbage collector stops every thread while it looks at all there is: a quarter of a second with
+        # a thousand robots, in which no dead-man runs. What lives as long as the process is kept out of its
+        # sight: what is there now, and once more what the robots have made since.
+        gc.collect()
+        gc.freeze()
+        self._settling = self.loop.call_later(SETTLED, gc.freeze)
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            self._tasks[robot.name] = robot.start()
-        self.wheel.every(STATE_EVERY, self._publish_states, owner="", failed=_never)
-        self.wheel.at_end(self.outbox.flush)
+            tell = partial(self.publish_state, robot.name)
+            self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+        self.claims.start()
+        self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
         self.watchdog.start()
 
+    def held_on_the_bus(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the tokens on the bus."""
+        self._held(twin, "bus", holder)
+
+    def held_in_the_cloud(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the heartbeats in the cloud."""
+        self._held(twin, "cloud", holder)
+
+    def _held(self, twin: str, where: str, holder: str) -> None:
+        """Run the robot of a twin that is ours; let go of one that another edge has."""
+        holders = self._holders.setdefault(twin, {})
+        holders[where] = holder
+        first = next(filter(None, holders.values()), "")
+        self.on_holder(twin, first)
+        for robot in self.robots.values():
+            if robot.twin == twin and not first:
+                self._run(robot)
+            elif robot.twin == twin:
+                self._keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
+
+    def _run(self, robot: LocalRobot) -> None:
+        """Run a robot, once an earlier run of it has ended."""
+        task = self._tasks.get(robot.name)
+        if self._ending:
+            return
+        if task is None:
+            self._tasks[robot.name] = robot.start()
+        elif task.cancelling():
+            task.add_done_callback(lambda _: self._held(robot.twin, "bus", self._holders[robot.twin]["bus"]))
+
+    def _keep_out(self, robot: LocalRobot, why: str) -> None:
+        """End a robot's run, if there is one, and say why there is none."""
+        task = self._tasks.get(robot.name)
+
+        def ended(_task: asyncio.Task[None]) -> None:
+            self._tasks.pop(robot.name, None)
+            robot.runner.stand_by(why)
+
+        if task is None:
+            robot.runner.stand_by(why)
+        elif not task.cancelling():
+            task.add_done_callback(ended)
+            task.cancel()
+
     async def stop(self) -> None:
         """Bring every robot that we were moving to a standstill, then let go of them."""
+        self._ending = True
         for task in self._tasks.values():
             task.cancel()
         if self._tasks:
@@ -117,6 +196,10 @@ class RobotProcess:
                 log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
         self.outbox.flush()
         self.wheel.stop()
+        if self._settling is not None:
+            self._settling.cancel()
+        gc.unfreeze()
+        await asyncio.to_thread(self.journal.close)
         if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
@@ -125,24 +208,24 @@ class RobotProcess:
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         stopped = [name for name in self.robots if not names or name in names]
-        for name in stopped:
-            # One whose halt is held up must not keep the next one moving.
-            aside(partial(self.robots[name].emergency, why), wait=HALT_WAIT)
+        # One whose halt is held up must not keep the next one moving.
+        in_turn((partial(self.robots[name].emergency, why) for name in stopped), wait=HALT_WAIT)
         return stopped
+
+    def halt_robots(self) -> None:
+        """Halt all robots of this process at once, from any thread; no stop is set that stays."""
+        for robot in self.robots.values():
+            aside(robot.desk.halt, wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
-        if name in self._states:
-            self._states[name].put(msgspec.json.encode(self.robots[name].state()))
+        publisher = self._states.get(name)
+        if publisher is not None and publisher.wanted:
+            publisher.put(msgspec.json.encode(self.robots[name].state()))
 
     def states(self) -> list[RobotState]:
         """Return the state of every robot here."""
         return [robot.state() for robot in self.robots.values()]
-
-    def _publish_states(self) -> None:
-        """Publish every state."""
-        for name in self._states:
-            self.publish_state(name)
 
     def _declare(self, robot: LocalRobot) -> None:
         """Show the robot on the bus and take what is asked of it there."""
@@ -205,7 +288,7 @@ class RobotProcess:
             way=Way.CLOUD if question.parameters.get("way") == "cloud" else Way.BUS,
             answer=answer,
             waits=waits,
-            request_id=question.parameters.get("id") or f"bus-{next(self._requests)}",
+            request_id=question.parameters.get("id", ""),
         )
 
     # -- who blocks the loop -------------------------------------------------------------------------
@@ -219,7 +302,8 @@ class RobotProcess:
         where = self._thread.place()
         robot = self.robots.get(name)
         if robot is not None:
-            self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
+            with contextlib.suppress(RuntimeError):  # the loop has just been closed
+                self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
         log.error("%s blocks the event loop at %s", name, where)
 
     def _stuck(self, name: str) -> None:

@@ -12,13 +12,14 @@ from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
-from fleet.host.asks import Decoder, Kind
+from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY
 from fleet.host.local import source_type
 from fleet.model.command import Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
 
@@ -126,7 +127,7 @@ class RemoteRobot:
             ask = self._decoder.decode(kind, payload, way=Way.BUS)
         except WireError as error:  # the worker refuses it, with the reason
             return getattr(error, "command", "") or kind
-        return None if ask is None else getattr(ask, "name", "navigate")
+        return None if ask is None else ask.name
 
     def worker_is(self, cause: str) -> None:
         """Note what is wrong with the worker; empty when it runs."""
@@ -139,7 +140,11 @@ class RemoteRobot:
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
             return self._state
         return msgspec.structs.replace(
-            self._state, health=Level.OFFLINE.word, cause=self._cause, stamp=self._clock.time()
+            self._state,
+            health=Level.OFFLINE.word,
+            cause=self._cause,
+            reachable=False,
+            stamp=self._clock.time(),
         )
 
     def _state_arrived(self, _key: str, payload: bytes) -> None:

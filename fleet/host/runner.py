@@ -122,6 +122,10 @@ class Runner:
         self._lifted.set()
         self.crashed(_Restart("it is being restarted, as somebody asked"))
 
+    def stand_by(self, cause: str) -> None:
+        """Note why the robot is not run at all."""
+        self._set(Health(Level.OFFLINE, cause))
+
     async def _once(self) -> _End:
         """Run the adapter once; return what its end means."""
         self._leaving = False
@@ -222,7 +226,9 @@ class Runner:
         """Take the adapter's own word of how the way to the robot is."""
         if self._leaving:
             return
-        if health.level >= Level.OFFLINE:
+        if health.level is Level.FAULT:
+            self.desk.faulted(health.cause)
+        elif health.level is Level.OFFLINE:
             self.desk.lost(health.cause)
         else:
             self.desk.found()

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from fleet.bridge.bridge import Rules
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
 from fleet.config.schema import CloudConfig, FleetConfig
+from fleet.host.claims import SETTLE
 from fleet.registry import Plugin
 from fleet.robot_config import AdapterConfig
+from fleet.spool.place import state_folder
+from fleet.spool.spool import SpoolSettings
+from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics, prefix_from
 
 MAIN = "main"
@@ -54,6 +60,29 @@ def bus_settings(config: FleetConfig) -> BusSettings:
     )
 
 
+def settle_time(config: FleetConfig) -> float:
+    """Return how long to listen for other edges' claims: not at all where no other edge can be."""
+    return SETTLE if config.bus.connect or config.bus.scouting else 0.0
+
+
+def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> Rules:
+    """Return what crosses: the table, changed by the profile, by the cloud's rules, and by a robot's own."""
+    channels = {name: rule.channel() for name, rule in cloud.channels.items()}
+    general = cloud.changes()
+    everyone = rulebook(cloud.profile, (general,), channels)
+    twins = {
+        str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
+        for robot in robots
+    }
+    any_run = of_any_run(everyone)
+    return Rules(
+        twins,
+        {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},
+        any_run if any_run.inward else None,
+        cloud.ignore_edges,
+    )
+
+
 def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
     """Return the cloud's settings, with the credentials as the SDK derives them."""
     login = credentials(
@@ -72,6 +101,19 @@ def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
         client_id=client_id("fleet", simulated=simulated),
         protocol=cloud.protocol,
         keepalive=cloud.keepalive,
+    )
+
+
+def spool_settings(config: FleetConfig) -> SpoolSettings:
+    """Return where and how much of what the cloud has not taken is kept."""
+    spool = config.edge.spool
+    ages = {
+        Traffic.REPLY: spool.ages.reply,
+        Traffic.STATUS: spool.ages.status,
+        Traffic.EVENT: spool.ages.event,
+    }
+    return SpoolSettings(
+        folder=state_folder(config.edge.id, spool.path), size=spool.size * 1024 * 1024, ages=ages
     )
 
 

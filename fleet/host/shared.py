@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, TypeVar
 
-from fleet.host.wheel import OWNER
+from fleet.event_loop import OWNER
 
 log = logging.getLogger(__name__)
 

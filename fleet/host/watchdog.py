@@ -1,27 +1,30 @@
 """The watchdog thread: ends velocities whose lease ran out, and names whoever blocks the event loop.
 
 It shares nothing with the loop but the leases, so it works while the loop is stuck. It waits for nothing
-for long: each halt, and what there is to tell, has a thread of its own, because a robot's halt or the log may
-be what the loop is stuck in.
+for long: halts, and what there is to tell, are made on threads beside it, because a robot's halt or the log
+may be what the loop is stuck in.
 """
 
 from __future__ import annotations
 
 import logging
+import math
+import operator
 import threading
 from collections.abc import Callable
 
 import msgspec
 
 from fleet.clock import Clock
-from fleet.host.aside import aside
+from fleet.host.aside import aside, in_turn
 from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
 
-PERIOD = 0.02  # s between looks; the most that a stop can be late
+PERIOD = 0.02  # s between looks, at most: a lease that runs out before is awaited to its end
+SHORTEST = 0.001  # s between looks, at least
 BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
-HALT_WAIT = 0.1  # s that one robot's halt may keep the watchdog from the next robot
+HALT_WAIT = 0.02  # s that one robot's halt may keep the watchdog from the next robot
 STUCK = 10.0  # s after which the process is given up
 
 
@@ -46,6 +49,9 @@ class LoopWatch(msgspec.Struct, frozen=True):
     running: Callable[[], str]
     blocked: Callable[[str, float], None]
     stuck: Callable[[str], None]
+
+
+_END = operator.attrgetter("deadman.until")
 
 
 class _Silence:
@@ -104,14 +110,22 @@ class Watchdog:
 
     def _run(self) -> None:
         """Look at everything until the end."""
-        while not self._ended.wait(PERIOD):
+        while not self._ended.wait(self.patience(self._clock.monotonic())):
             self.look(self._clock.monotonic())
+
+    def patience(self, now: float) -> float:
+        """Return how long to sleep: to the end of the first lease, at most ``PERIOD``."""
+        return max(SHORTEST, min(self._first_end() - now, PERIOD))
+
+    def _first_end(self) -> float:
+        """Return when the first lease ends (monotonic s)."""
+        return min(map(_END, self._robots.values()), default=math.inf)
 
     def look(self, now: float) -> None:
         """Look once, at the monotonic time ``now``; never raises."""
-        for watched in self._robots.values():
-            if watched.deadman.expire(now):
-                aside(_expiry(watched), wait=HALT_WAIT)
+        if self._first_end() <= now:
+            over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]
+            in_turn(map(_expiry, over), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
 
     def _look_at_loop(self, now: float) -> None:
@@ -124,8 +138,7 @@ class Watchdog:
             name = self._named = self._loop.running() or "the host"
             aside(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
-            for watched in self._robots.values():
-                aside(_halting(watched), wait=HALT_WAIT)
+            in_turn(map(_halting, self._robots.values()), wait=HALT_WAIT)
             self._loop.stuck(self._named)
 
 

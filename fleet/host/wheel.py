@@ -1,7 +1,8 @@
 """One timer for everything that is periodic in this process.
 
 A wake-up costs ten times the work it does, so robots do not own timers: they hang on this wheel, which
-turns every ``TICK`` seconds, and what they produced is flushed once at the end of a turn.
+turns every ``TICK`` seconds, and what they produced is flushed once at the end of a turn. A turn is done in
+slices: a command that arrives in the middle of it waits for a slice, not for fifty robots.
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ import contextvars
 import heapq
 import itertools
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from fleet.clock import Clock
 
 log = logging.getLogger(__name__)
 
 TICK = 0.02  # s
-
-OWNER: contextvars.ContextVar[str] = contextvars.ContextVar("owner", default="")
-"""The robot on whose behalf code runs; every task that is started on its way inherits it."""
+SLICE = 0.0003  # s of work after which whatever else waits for the loop has its turn
 
 
 class Spoke:
@@ -43,17 +45,20 @@ class Wheel:
     """The periodic calls of one event loop.
 
     ``owner`` names who is being called right now, so that whoever blocks the loop can be named; ``beat``
-    is the loop time of the last turn.
+    is when (monotonic) it last had the loop.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, clock: Clock) -> None:
         self._loop = loop
+        self._clock = clock
         self._due: list[tuple[float, int, Spoke]] = []
         self._order = itertools.count()
-        self._ends: list[Callable[[], None]] = []
-        self._handle: asyncio.TimerHandle | None = None
+        self._ends: list[Callable[[], Iterable[None]]] = []
+        self._handle: asyncio.Handle | None = None
+        self._work: Iterator[None] = iter(())
+        self._stopped = False
         self.owner = ""
-        self.beat = loop.time()
+        self.beat = clock.monotonic()
 
     def every(
         self, period: float, call: Callable[[], None], *, owner: str, failed: Callable[[Exception], None]
@@ -63,24 +68,45 @@ class Wheel:
         heapq.heappush(self._due, (self._loop.time() + spoke.period, next(self._order), spoke))
         return spoke
 
-    def at_end(self, call: Callable[[], None]) -> None:
-        """Call at the end of every turn (flushing); must not raise."""
+    def at_end(self, call: Callable[[], Iterable[None]]) -> None:
+        """Carry out at the end of every turn (flushing), step by step; must not raise."""
         self._ends.append(call)
 
     def start(self) -> None:
         """Begin to turn."""
-        self.beat = self._loop.time()
+        self.beat = self._clock.monotonic()
         self._handle = self._loop.call_later(TICK, self._turn)
 
     def stop(self) -> None:
         """Stop turning."""
+        self._stopped = True
         if self._handle is not None:
             self._handle.cancel()
 
     def _turn(self) -> None:
-        """Make the calls that are due, then flush."""
-        now = self.beat = self._loop.time()
-        self._handle = self._loop.call_at(now + TICK, self._turn)
+        """Begin a turn."""
+        now = self._loop.time()
+        self._work = self._calls(now)
+        self._go_on(now + TICK)
+
+    def _go_on(self, next_turn: float) -> None:
+        """Do a slice of the turn, then leave the loop to others."""
+        self.beat = self._clock.monotonic()
+        end = self.beat + SLICE
+        for _ in self._work:
+            if self._clock.monotonic() >= end:
+                self._schedule(self._loop.call_soon, self._go_on, next_turn)
+                return
+        self._schedule(self._loop.call_at, next_turn, self._turn)
+
+    def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: Any) -> None:
+        """Go on later, unless one of the calls stopped the wheel."""
+        self.owner = ""
+        if not self._stopped:
+            self._handle = how(*arguments)
+
+    def _calls(self, now: float) -> Iterator[None]:
+        """Make the calls that are due, then flush, one by one."""
         while self._due and self._due[0][0] <= now:
             due, _, spoke = heapq.heappop(self._due)
             if spoke.cancelled:
@@ -88,9 +114,10 @@ class Wheel:
             self._call(spoke)
             if not spoke.cancelled:
                 heapq.heappush(self._due, (_next_due(due, spoke.period, now), next(self._order), spoke))
+            yield
         self.owner = ""
         for end in self._ends:
-            _walled(end)
+            yield from _walled(end)
 
     def _call(self, spoke: Spoke) -> None:
         """Make one call, walled off."""
@@ -108,9 +135,9 @@ def _next_due(due: float, period: float, now: float) -> float:
     return after if after > now else after + period
 
 
-def _walled(end: Callable[[], None]) -> None:
-    """Make one call of a turn's end; the others are made whatever it raises."""
+def _walled(end: Callable[[], Iterable[None]]) -> Iterator[None]:
+    """Carry out one of a turn's ends; the others are carried out whatever it raises."""
     try:
-        end()
+        yield from end()
     except Exception:
         log.exception("the end of a turn failed")

@@ -15,16 +15,20 @@ import signal
 import sys
 from pathlib import Path
 
+from fleet import event_loop
 from fleet.bus import keys
 from fleet.bus.session import join
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.host.begun import begun_file
+from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.settings import bus_settings, worker_of
+from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.stops import take_stops
+from fleet.spool.place import state_folder
 
 log = logging.getLogger(__name__)
 
@@ -41,12 +45,17 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         if worker_of(robot, plugin) == name
     ]
     edge = loaded.config.edge.id
-    process = RobotProcess(edge, bus, specs, clock=SystemClock(), worker=name)
+    clock = SystemClock()
+    folder = state_folder(edge, loaded.config.edge.spool.path)
+    journal = Journal(folder, clock, begun_file(directory, edge, name))
+    settle = settle_time(loaded.config)
+    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
     ended = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     stop_logs = publish_robot_logs(process)
     take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
+    bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))
@@ -77,7 +86,7 @@ def main() -> int:
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        asyncio.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        event_loop.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

@@ -11,57 +11,62 @@ import threading
 
 from fleet.clock import Clock
 from fleet.errors import LinkLost
-from fleet.link.base import Link
+from fleet.link.base import Address, Link
 
 BITS_A_BYTE = 10  # start, eight, stop
+Frames = tuple[bytes, ...]  # what belongs together; each is written by itself
 
 
 class MotionSlot:
-    """What is written to one link. ``frame``: bytes of the longest motion frame; ``baud``: 0 for no pace.
+    """What is written to one link. ``baud``: 0 for no pace; ``peer``: to whom (datagrams).
 
     ``held_back`` counts motion that a newer one replaced before the line was free.
     """
 
-    def __init__(self, link: Link, clock: Clock, *, frame: int, baud: int = 0) -> None:
-        self._link = link
-        self._clock = clock
-        self._frame = frame
-        self._byte_time = BITS_A_BYTE / baud if baud else 0.0
-        self._free_at = 0.0  # monotonic s at which the line has carried all that was written
-        self._waiting: bytes | None = None
-        self._lock = threading.Lock()  # held for sends only, which never block
+    def __init__(self, link: Link, clock: Clock, *, baud: int = 0) -> None:
+        self.peer: Address = None
         self.turn = 0
         self.held_back = 0
+        self._link = link
+        self._clock = clock
+        self._byte_time = BITS_A_BYTE / baud if baud else 0.0
+        self._free_at = 0.0  # monotonic s at which the line has carried all that was written
+        self._waiting: Frames = ()
+        self._lock = threading.Lock()  # held for sends only, which never block
 
-    def put(self, motion: bytes, turn: int) -> bool:
+    def put(self, motion: Frames, turn: int, *, at_once: bool = False) -> bool:
         """Write motion, or keep it until the line is free; from now on it is the newest.
 
         ``turn`` is the slot's when the motion was decided. False: a stop came in between, it is forgotten.
-        Raises LinkLost.
+        ``at_once``: it must not be replaced by newer motion, so it does not wait. Raises LinkLost.
         """
         with self._lock:
             if turn != self.turn:
                 return False
-            self.held_back += self._waiting is not None
-            self._waiting = motion
-            self._write_waiting()
+            self.held_back += bool(self._waiting)
+            self._waiting = () if at_once else motion
+            if at_once:
+                self._write(motion)
+            else:
+                self._write_waiting()
             return True
 
     def flush(self) -> None:
         """Write what waits if the line is free now; call it often. Raises LinkLost."""
-        with self._lock:
-            self._write_waiting()
+        if self._waiting:
+            with self._lock:
+                self._write_waiting()
 
-    def send(self, data: bytes) -> None:
+    def send(self, *frames: bytes) -> None:
         """Write what is not motion; raises LinkLost."""
         with self._lock:
-            self._write(data)
+            self._write(frames)
 
-    def halt(self, stop: bytes) -> bool:
+    def halt(self, stop: Frames) -> bool:
         """Forget all motion and write the stop at once; from any thread. False: the link is gone."""
         with self._lock:
             self.turn += 1
-            self._waiting = None
+            self._waiting = ()
             try:
                 self._write(stop)
             except LinkLost:  # then the robot's own fail-safe stops it
@@ -69,23 +74,25 @@ class MotionSlot:
             return True
 
     def _write_waiting(self) -> None:
-        """Write the newest motion unless more than a frame is still under way."""
-        if self._waiting is None or self._under_way() > self._frame:
+        """Write the newest motion unless more than its own length is still under way."""
+        if not self._waiting or self._under_way() > sum(map(len, self._waiting)):
             return
-        motion, self._waiting = self._waiting, None
+        motion, self._waiting = self._waiting, ()
         self._write(motion)
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, frames: Frames) -> None:
         """Write, and note how long the line is busy with it."""
-        if not data:
-            return
-        self._link.send(data)
-        self._free_at = max(self._free_at, self._clock.monotonic()) + len(data) * self._byte_time
+        for frame in frames:
+            if frame:
+                self._link.send(frame, self.peer)
+        if self._byte_time:
+            busy = sum(map(len, frames)) * self._byte_time
+            self._free_at = max(self._free_at, self._clock.monotonic()) + busy
 
-    def _under_way(self) -> float:
+    def _under_way(self) -> int:
         """Return the bytes that have not left: those in the kernel, or by the line's own speed if more."""
         unsent = getattr(self._link, "unsent", None)  # only streams can tell
-        in_kernel = unsent() if unsent is not None else 0
+        in_kernel: int = unsent() if unsent is not None else 0
         if not self._byte_time:
             return in_kernel
-        return max(in_kernel, (self._free_at - self._clock.monotonic()) / self._byte_time)
+        return max(in_kernel, round((self._free_at - self._clock.monotonic()) / self._byte_time))

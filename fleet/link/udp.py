@@ -15,7 +15,7 @@ from fleet.link.ending import Ending
 from fleet.link.resolve import addresses_of
 
 _LARGEST = 65535  # bytes, the largest datagram
-_BATCH = 64  # datagrams taken per wake-up, so that a flood cannot hold the loop
+_BATCH = 8  # datagrams taken per wake-up: a flood, or fifty robots at once, must not hold the loop
 
 
 class UdpLink:

@@ -102,13 +102,22 @@ class Control(enum.StrEnum):
     RESUME = "resume"
 
 
+MISSION = "mission"
+
+
 class Navigate(msgspec.Struct, frozen=True):
-    """A navigation message: a new task, or a control of the running one."""
+    """A navigation message: a new task, or a control of the running one; ``name``: how it is called."""
 
     ask: Task | Control
     action_id: str = ""
     origin: Origin = Origin(Way.BUS)
     stamp: float | None = None
+    name: str = "navigate"
+
+    @property
+    def of_mission(self) -> bool:
+        """True for a mission, and for a control of one."""
+        return self.name == MISSION
 
 
 class ActionState(enum.StrEnum):

@@ -6,7 +6,7 @@ never a zero in place of silence.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import msgspec
 
@@ -22,6 +22,14 @@ class PoseReport(msgspec.Struct, frozen=True):
     stamp: float
     position: Vector3
     rotation: Quaternion
+
+
+class ScaleReport(msgspec.Struct, frozen=True):
+    """How large the twin is drawn, by axis; 1 is as it was modelled."""
+
+    channel: ClassVar[str] = "scale"
+    stamp: float
+    scale: Vector3
 
 
 class JointReport(msgspec.Struct, frozen=True):
@@ -153,6 +161,34 @@ class PhotoReport(msgspec.Struct, frozen=True):
     height: int
 
 
+class DepthReport(msgspec.Struct, frozen=True):
+    """One depth image: rows of little-endian values, ``uint16`` in mm or ``float32`` in m; 0 is no reading.
+
+    ``sensor`` names the camera where a robot has several, in lower-case letters, digits and underscores.
+    """
+
+    channel: ClassVar[str] = "depth"
+    stamp: float
+    image: bytes
+    width: int
+    height: int
+    dtype: Literal["uint16", "float32"]
+    sensor: str = ""
+
+
+class PointCloudReport(msgspec.Struct, frozen=True):
+    """Points around a sensor: little-endian ``float32``, x y z in metres.
+
+    With ``stride`` 6 each has r g b (0 to 255) besides. ``sensor`` is as in ``DepthReport``.
+    """
+
+    channel: ClassVar[str] = "pointcloud"
+    stamp: float
+    points: bytes
+    stride: Literal[3, 6]
+    sensor: str = ""
+
+
 class LogReport(msgspec.Struct, frozen=True):
     """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL."""
 
@@ -164,6 +200,7 @@ class LogReport(msgspec.Struct, frozen=True):
 
 Report = (
     PoseReport
+    | ScaleReport
     | JointReport
     | BatteryReport
     | GpsReport
@@ -174,5 +211,7 @@ Report = (
     | NavigationReport
     | TelemetryReport
     | PhotoReport
+    | DepthReport
+    | PointCloudReport
     | LogReport
 )

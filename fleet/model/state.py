@@ -8,7 +8,11 @@ from fleet.model.geometry import Vector3
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``."""
+    """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
+
+    ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
+    from it.
+    """
 
     name: str
     twin: str
@@ -17,6 +21,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     stamp: float
     health: str = "offline"
     cause: str = ""
+    reachable: bool = False
     simulated: bool = False
     worker: str = ""
     mode: str = ""
@@ -30,7 +35,12 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health."""
+    """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health.
+
+    On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages
+    (``queued_bytes``) to be sent; ``refused`` were refused in either direction, ``dropped`` lost.
+    ``round_trip`` is seconds to the cloud and back.
+    """
 
     edge: str
     version: str
@@ -43,6 +53,10 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     cloud: str = "none"
     cloud_cause: str = ""
     queued: int = 0
+    queued_bytes: int = 0
+    waiting: int = 0
+    refused: int = 0
+    round_trip: float | None = None
     dropped: int = 0
     load: float | None = None
     memory_percent: float | None = None

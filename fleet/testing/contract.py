@@ -97,8 +97,9 @@ class AdapterContract:
 
     async def test_halt_works_on_another_thread_while_the_loop_is_stuck(self) -> None:
         adapter = self.make()
-        in_time(adapter.halt)
-        in_time(adapter.halt)
+        for halt in (adapter.halt, adapter.emergency_halt):
+            in_time(halt)
+            in_time(halt)
 
     async def test_a_velocity_without_a_link_raises_nothing_but_a_refusal(self) -> None:
         adapter = self.make()

@@ -17,8 +17,8 @@ import msgspec
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.databus import json_payload
 from fleet.wire.envelope import BadCommand, name_of, origin_and_stamp, tolerant
+from fleet.wire.samples import json_payload
 from fleet.wire.strict import child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 

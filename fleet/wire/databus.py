@@ -1,14 +1,12 @@
 """Reports on the bus, in Cyberwave's own format, which its SDK reads and writes.
 
-A sample is: u32 length of the header (16 + JSON), f64 Unix seconds, i64 sequence per channel, header JSON
-(all little-endian), payload. Where the SDK documents a payload (position, joint_states, battery, imu) it has
-that shape; gps has the names of its MQTT topic; every other channel has the fields of its report, with
-``ts`` for the stamp.
+Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps has the
+names of its MQTT topic; depth and pointcloud are arrays; every other channel has the fields of its report,
+with ``ts`` for the stamp. The framing is that of ``fleet.wire.samples``.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar, get_args
@@ -20,23 +18,17 @@ from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import (
     BatteryReport,
+    DepthReport,
     GpsReport,
     ImuReport,
     JointReport,
+    PointCloudReport,
     PoseReport,
     Report,
 )
+from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
-from fleet.wire.strict import parse_object, text
-
-LARGEST_HEADER = 64 * 1024
-
-_FIXED = struct.Struct("<Idq")
-_STAMP_AND_SEQUENCE = 16  # bytes of the fixed part that the length covers
-_JSON_TYPE = "application/json"
-_JSON_HEADER = b'{"content_type":"application/json"}'
-_JSON_LENGTH = _STAMP_AND_SEQUENCE + len(_JSON_HEADER)
-_JSON_START = _FIXED.size + len(_JSON_HEADER)
+from fleet.wire.samples import json_payload, json_sample
 
 ReportT = TypeVar("ReportT", bound=Report)
 
@@ -232,54 +224,54 @@ _SHAPES: Mapping[type[Any], type[Any]] = {
     GpsReport: _Gps,
 }
 
+_ARRAYS: Mapping[str, tuple[Callable[[Any, int], bytes], Callable[[bytes], Report]]] = MappingProxyType(
+    {
+        DepthReport.channel: (encode_depth, decode_depth),
+        PointCloudReport.channel: (encode_pointcloud, decode_pointcloud),
+    }
+)
+
 _CODECS: Mapping[str, _Codec[Any]] = MappingProxyType(
     {
         kind.channel: _shaped(_SHAPES[kind]) if kind in _SHAPES else _as_it_is(kind)
         for kind in get_args(Report)
+        if kind.channel not in _ARRAYS
     }
 )
 
 
 def encode_report(report: Report, sequence: int) -> bytes:
-    """Return a report as a sample of its channel; raises WireError for a number that is not finite."""
+    """Return a report as a sample of its channel.
+
+    Raises WireError for a number that is not finite, and for an array whose bytes are not its size.
+    """
+    if report.channel in _ARRAYS:
+        return _ARRAYS[report.channel][0](report, sequence)
     payload = encode_finite(_CODECS[report.channel].to_wire(report))
-    return b"".join((_FIXED.pack(_JSON_LENGTH, report.stamp, sequence), _JSON_HEADER, payload))
+    return json_sample(payload, stamp=report.stamp, sequence=sequence)
+
+
+def check_report(report: Report) -> None:
+    """Raise WireError for a report whose fields are not of their types: Python itself does not look."""
+    try:
+        msgspec.convert(msgspec.to_builtins(report), type(report))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise WireError(str(error), where=report.channel) from None
 
 
 def decode_report(channel: str, sample: bytes) -> Report:
     """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
     codec = _CODECS.get(channel)
     if codec is None:
-        raise WireError(f"no report has the channel {channel[:60]!a}")
+        return _decode_array(channel, sample)
     try:
         return codec.from_wire(codec.decoder.decode(json_payload(sample)))
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise WireError(str(error), where=channel) from None
 
 
-def json_payload(sample: bytes) -> bytes:
-    """Return the JSON in a sample: behind the header, or the whole of it when it has none.
-
-    Raises WireError when it is neither, or when the header says that it is something else.
-    """
-    if len(sample) >= _JSON_START and sample[_FIXED.size : _JSON_START] == _JSON_HEADER:
-        return sample[_JSON_START:]
-    end = _header_end(sample)
-    if end is not None:
-        content_type = text(parse_object(sample[_FIXED.size : end]), "content_type", "header")
-        if content_type != _JSON_TYPE:
-            raise WireError(f"{content_type[:40]!a} is not JSON", where="header.content_type")
-        return sample[end:]
-    if not sample.startswith(b"{"):
-        raise WireError("neither a Cyberwave sample nor a JSON object")
-    return sample
-
-
-def _header_end(sample: bytes) -> int | None:
-    """Return where the header ends, None when the bytes cannot begin with one."""
-    if len(sample) < _FIXED.size:
-        return None
-    length: int = _FIXED.unpack_from(sample)[0]
-    if not _STAMP_AND_SEQUENCE <= length <= min(LARGEST_HEADER, len(sample) - 4):
-        return None
-    return 4 + length
+def _decode_array(channel: str, sample: bytes) -> Report:
+    """Return the report in a binary sample."""
+    if channel not in _ARRAYS:
+        raise WireError(f"no report has the channel {channel[:60]!a}")
+    return _ARRAYS[channel][1](sample)

@@ -44,9 +44,15 @@ def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> t
 
     Raises WireError for what is malformed; when not ``strict`` (a stop) that counts as not given.
     """
-    source_type = tolerant(optional_word, message, "source_type", strict=strict)
-    session = tolerant(optional_word, message, "session_id", strict=strict)
-    return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=strict)
+    try:
+        source_type, session = optional_word(message, "source_type"), optional_word(message, "session_id")
+        return Origin(way, source_type, session or ""), stamp_of(message)
+    except WireError:
+        if strict:
+            raise
+    source_type = tolerant(optional_word, message, "source_type", strict=False)
+    session = tolerant(optional_word, message, "session_id", strict=False)
+    return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=False)
 
 
 def tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:

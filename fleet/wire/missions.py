@@ -14,7 +14,7 @@ from typing import Any
 from fleet.errors import WireError
 from fleet.model.command import Way
 from fleet.model.geodesy import GeoPoint
-from fleet.model.navigation import Constraints, Control, FlyMission, Navigate, PlanItem
+from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
 from fleet.wire.strict import child, kind, optional_number, parse_object, path, text, whole
 from fleet.wire.strict import without_nulls as given
@@ -46,7 +46,7 @@ def decode_mission(payload: bytes, *, way: Way) -> Navigate:
         ask = control or _started(name, message, execution)
     except WireError as error:
         raise BadCommand(error, command=name or "mission", action_id=execution) from None
-    return Navigate(ask, execution, origin, stamp)
+    return Navigate(ask, execution, origin, stamp, MISSION)
 
 
 def _started(name: str, message: Mapping[str, Any], execution: str) -> FlyMission:

@@ -6,7 +6,7 @@ does not copy. Nothing is sent for what is unknown, and no number that is not fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +16,7 @@ from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
+    DepthReport,
     FlightControllerReport,
     FlightStateReport,
     GpsReport,
@@ -26,37 +27,53 @@ from fleet.model.report import (
     MissionProgress,
     NavigationReport,
     PhotoReport,
+    PointCloudReport,
     PoseReport,
     Report,
+    ScaleReport,
     TelemetryReport,
 )
+from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.strict import without_nulls
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
+ORIGIN, UNTURNED = Vector3(), Quaternion()
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 
 Body = dict[str, Any]
 Leaves = list[tuple[str, Body]]
 
 
-def to_mqtt(report: Report, *, source_type: str, session: str) -> list[tuple[str, bytes]]:
+def to_mqtt(
+    report: Report,
+    *,
+    source_type: str,
+    session: str,
+    sensor: str | None = None,
+    off: Container[str] = frozenset(),
+) -> list[tuple[str, bytes]]:
     """Return what to publish for a report: (leaf of the twin's topic, JSON), often one, at times none.
 
     The joints' leaf is ``joint:update``, which ``Topics.twin`` resolves. ``session`` is the edge's client
-    id, left out when empty. Raises WireError for a number that is not finite or out of its range.
+    id, left out when empty; ``sensor`` the one that measured it, where the bus key names one; ``off`` holds
+    the leaves that are not wanted. Raises WireError for a number that is not finite or out of its range.
     """
     envelope: Body = {"source_type": source_type, "timestamp": report.stamp}
     if session:
         envelope["session_id"] = session
+    if sensor:
+        envelope["sensor_id"] = sensor
     leaves = _FORMS[type(report)](report)
-    return [(leaf, encode_finite(_enveloped(leaf, body, envelope))) for leaf, body in leaves]
+    return [
+        (leaf, encode_finite(_enveloped(leaf, body, envelope))) for leaf, body in leaves if leaf not in off
+    ]
 
 
 def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
     """Return a body with what all messages carry; nothing in the body can replace that."""
-    message = {**body, **envelope}
+    message = body | envelope
     if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
         del message["source_type"]
     return message
@@ -72,15 +89,22 @@ def _pose(report: PoseReport) -> Leaves:
 def _seen_vector(vector: Vector3) -> Body:
     """Return a position that the SDK's readers do not take for a missing one."""
     seen = _vector(vector)
-    if vector == Vector3():
+    if vector == ORIGIN:
         seen["x"] = NUDGE
     return seen
 
 
 def _seen_rotation(turn: Quaternion) -> Body:
     """Return a rotation that the SDK's readers do not take for a missing one."""
-    z = NUDGE if turn == Quaternion() else turn.z
+    z = NUDGE if turn == UNTURNED else turn.z
     return {"w": turn.w, "x": turn.x, "y": turn.y, "z": z}
+
+
+def _scale(report: ScaleReport) -> Leaves:
+    """Scale in object form."""
+    if min(report.scale.x, report.scale.y, report.scale.z) <= 0:
+        raise WireError("every axis needs more than 0", where="scale")
+    return [("scale", {"type": "scale", "scale": _vector(report.scale)})]
 
 
 def _vector(vector: Vector3) -> Body:
@@ -97,7 +121,7 @@ def _joints(report: JointReport) -> Leaves:
         body["velocities"] = report.velocities
     if report.efforts:
         body["efforts"] = report.efforts
-    return [(JOINT_UPDATE, body)]
+    return [(JOINT_UPDATE, body), ("joint_states", body)]
 
 
 def _battery(report: BatteryReport) -> Leaves:
@@ -229,6 +253,32 @@ def _photo(report: PhotoReport) -> Leaves:
     return [("camera/photo", body)]
 
 
+def _depth(report: DepthReport) -> Leaves:
+    """One depth image in the object form, its bytes in base64 (the encoder does that)."""
+    check_depth(report)
+    data: Body = {
+        "depth_binary": report.image,
+        "width": report.width,
+        "height": report.height,
+        "dtype": report.dtype,
+    }
+    return [("depth", {"type": "depth_data", "data": data})]
+
+
+def _pointcloud(report: PointCloudReport) -> Leaves:
+    """Points, with all three fields by which readers learn how they are laid out."""
+    check_pointcloud(report)
+    body: Body = {
+        "type": "pointcloud",
+        "data": report.points,
+        "rows": len(report.points) // (4 * report.stride),
+        "cols": report.stride,
+        "point_stride": report.stride,
+        "timestamp_us": int(report.stamp * 1e6),
+    }
+    return [("pointcloud", body)]
+
+
 def _log(report: LogReport) -> Leaves:
     """Say a line to the log store, which reads upper-case levels."""
     body = {
@@ -243,6 +293,7 @@ def _log(report: LogReport) -> Leaves:
 _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
     {
         PoseReport: _pose,
+        ScaleReport: _scale,
         JointReport: _joints,
         BatteryReport: _battery,
         GpsReport: _gps,
@@ -253,6 +304,8 @@ _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
         NavigationReport: _navigation,
         TelemetryReport: _telemetry,
         PhotoReport: _photo,
+        DepthReport: _depth,
+        PointCloudReport: _pointcloud,
         LogReport: _log,
     }
 )

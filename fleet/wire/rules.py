@@ -1,7 +1,8 @@
-"""How each topic is carried: its traffic class, QoS and rates.
+"""How each topic is carried: the one table that the bridge runs on, and that docs/topics.md is made from.
 
 The class decides what happens when the cloud is slow or away: replies, status and events are kept in
-order on disk, latest-value state keeps only the newest, streams are dropped first.
+order on disk, latest-value state keeps only the newest, streams are dropped first. What fleet.yaml may
+change of a row is in ``fleet.wire.rulebook``.
 """
 
 from __future__ import annotations
@@ -9,12 +10,17 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal
 
 import msgspec
 
 from fleet.wire.topics import JOINT_UPDATE
 
 REPLY_INBOX = "command/+/response"  # the + stands for the requester's client id
+ENVIRONMENT = "environment:+"  # the + stands for the type of update
+LARGEST = 32 * 1024 * 1024  # bytes; what Cyberwave's broker takes
+KIB = 1024
+MIB = 1024 * KIB
 
 
 class Traffic(enum.IntEnum):
@@ -31,13 +37,28 @@ class Traffic(enum.IntEnum):
         """True when it is spooled and delivered at least once."""
         return self <= Traffic.EVENT
 
+    @property
+    def word(self) -> str:
+        """The class in lower case, as fleet.yaml and the metrics say it."""
+        return self.name.lower()
+
+
+class Form(enum.Enum):
+    """What a topic is made from."""
+
+    SAID = "said by the edge itself"
+    REPORT = "a report of a robot"
+    DOCUMENT = "a JSON object, checked and passed on"
+
 
 class Rule(msgspec.Struct, frozen=True):
-    """How one topic is carried.
+    """How one topic is carried from the edge to the cloud.
 
-    ``channel`` is the bus channel it is made from, empty for what the bridge says itself. ``max_rate`` is
+    ``channel`` is the bus channel it is made from, empty for what the edge says itself. ``max_rate`` is
     messages a second that are sent at most (0: no limit), ``repeat`` how often the last one is sent again
-    although nothing changed (Hz, 0: never), ``about`` what is on it.
+    although nothing changed (Hz, 0: never), ``about`` what is on it. ``max_age`` is how many seconds a
+    message is worth sending (0: always), ``size`` its largest payload in bytes. ``sensors``: samples of
+    one sensor (the last part of the key) cross too. A topic that is not ``on`` must be asked for.
     """
 
     leaf: str
@@ -47,26 +68,102 @@ class Rule(msgspec.Struct, frozen=True):
     max_rate: float
     repeat: float
     about: str
+    form: Form = Form.REPORT
+    max_age: float = 0.0
+    size: int = 64 * KIB
+    sensors: bool = False
+    on: bool = True
 
+
+Kind = Literal["command", "navigate", "motion", "joints", "mission"]
+"""What may be asked of a robot, by the topic that it comes on."""
+
+
+class Taker(enum.StrEnum):
+    """Who takes a message from the cloud."""
+
+    COMMAND = "command"  # a robot: something discrete, or a velocity verb
+    NAVIGATE = "navigate"  # a robot: a goal
+    MOTION = "motion"  # a robot: a velocity
+    JOINTS = "joints"  # a robot: joint targets
+    MISSION = "mission"  # a robot: a mission
+    RELAY = "relay"  # the bus: for a program there
+    EDGE = "edge"  # the bridge itself
+
+    @property
+    def asks(self) -> bool:
+        """True when a robot is asked something."""
+        return self not in (Taker.RELAY, Taker.EDGE)
+
+
+class Inward(msgspec.Struct, frozen=True):
+    """How one topic is carried from the cloud to the edge.
+
+    ``channel`` is the bus channel that a relayed message is put on. ``max_rate`` bounds what is relayed, in
+    messages a second of one twin; what a robot is asked is never thinned, so that a stop is never lost.
+    """
+
+    leaf: str
+    taker: Taker
+    qos: int
+    about: str
+    channel: str = ""
+    max_rate: float = 0.0
+    size: int = MIB
+    on: bool = True
+
+
+_K, _M = KIB, MIB
+_S, _E, _L, _X = Traffic.STATUS, Traffic.EVENT, Traffic.LATEST, Traffic.STREAM
+_SAID, _DOC = Form.SAID, Form.DOCUMENT
+_BUS = Taker.RELAY
 
 _TABLE = (
-    Rule(REPLY_INBOX, "", Traffic.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request"),
-    Rule("command", "", Traffic.REPLY, 1, 0, 0, "legacy status of a command without Response Topic"),
-    Rule("navigate/status", "navigate_status", Traffic.STATUS, 1, 0, 0, "status of an action"),
-    Rule("mission/status", "navigate_status", Traffic.STATUS, 1, 0, 0, "status of a mission"),
-    Rule("telemetry", "telemetry", Traffic.EVENT, 1, 0, 0, "connected, vehicle_state, authority_lost"),
-    Rule("driverlog", "driverlog", Traffic.EVENT, 1, 10, 0, "log lines"),
-    Rule("flight_controller", "flight_controller", Traffic.LATEST, 0, 5, 0.2, "the autopilot's state"),
-    Rule("flight_state", "flight_state", Traffic.LATEST, 0, 2, 1, "whether an aircraft flies"),
-    Rule("battery/status", "battery", Traffic.LATEST, 0, 1, 0.1, "the main battery"),
-    Rule("gps", "gps", Traffic.LATEST, 0, 2, 0, "a satellite fix"),
-    Rule("metrics", "metrics", Traffic.LATEST, 0, 1, 0, "power, navigation and errors in numbers"),
-    Rule("edge_health", "", Traffic.LATEST, 0, 0.2, 0, "the edge's heartbeat for a twin"),
-    Rule("position", "position", Traffic.LATEST, 0, 20, 1, "where the robot is"),
-    Rule("rotation", "position", Traffic.LATEST, 0, 20, 1, "how the robot is turned"),
-    Rule(JOINT_UPDATE, "joint_states", Traffic.LATEST, 0, 20, 1, "measured joints"),
-    Rule("camera/photo", "photo", Traffic.LATEST, 0, 0, 0, "the newest picture that was asked for"),
-    Rule("imu", "imu", Traffic.STREAM, 0, 10, 0, "body rates and accelerations"),
+    Rule(REPLY_INBOX, "", Traffic.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    Rule(
+        "command", "", Traffic.REPLY, 1, 0, 0, "legacy status of a command without Response Topic", _SAID, 30
+    ),
+    Rule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
+    Rule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
+    Rule("webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K),
+    Rule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
+    Rule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
+    Rule("telemetry", "telemetry", _E, 1, 0, 0, "connected, vehicle_state, authority_lost"),
+    Rule("event", "event", _E, 1, 20, 0, "something that happened, for workflows", _DOC, 0, 256 * _K),
+    Rule("map_update", "map_update", _E, 1, 1, 0, "a piece of a map", _DOC, 60, 4 * _M),
+    Rule("driverlog", "driverlog", _E, 1, 10, 0, "log lines"),
+    Rule(
+        ENVIRONMENT,
+        "environment",
+        _E,
+        1,
+        10,
+        0,
+        "a local program's update of an environment",
+        _DOC,
+        300,
+        MIB,
+        sensors=True,
+    ),
+    Rule("pong:response", "", _L, 0, 0, 0, "the answer to a ping at one of our twins", _SAID),
+    Rule("ping:request", "", _L, 0, 0.1, 0, "asks how long the way to the cloud and back is", _SAID),
+    Rule("edge_health", "", _L, 0, 0.2, 0, "the edge's heartbeat for a twin", _SAID),
+    Rule("flight_controller", "flight_controller", _L, 0, 5, 0.2, "the autopilot's state"),
+    Rule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft flies"),
+    Rule("battery/status", "battery", _L, 0, 1, 0.1, "the main battery"),
+    Rule("gps", "gps", _L, 0, 2, 0, "a satellite fix", sensors=True),
+    Rule("metrics", "metrics", _L, 0, 1, 0, "power, navigation and errors in numbers"),
+    Rule("position", "position", _L, 0, 20, 1, "where the robot is"),
+    Rule("rotation", "position", _L, 0, 20, 1, "how the robot is turned"),
+    Rule("scale", "scale", _L, 0, 2, 1, "how large the twin is drawn"),
+    Rule(JOINT_UPDATE, "joint_states", _L, 0, 20, 1, "measured joints"),
+    Rule("joint_states", "joint_states", _L, 0, 20, 1, "measured joints, the older topic", on=False),
+    Rule("camera/photo", "photo", _L, 0, 0, 0, "the newest picture that was asked for", size=8 * _M),
+    Rule("model_output", "model_output", _L, 0, 10, 0, "what a local model found", _DOC, 0, 256 * _K),
+    Rule("model_health", "model_health", _L, 0, 1, 0, "how a local model is", _DOC),
+    Rule("imu", "imu", _X, 0, 10, 0, "body rates and accelerations", sensors=True),
+    Rule("pointcloud", "pointcloud", _X, 0, 2, 0, "points around the robot", size=8 * _M, sensors=True),
+    Rule("depth", "depth", _X, 0, 5, 0, "a depth image", size=8 * _M, sensors=True),
 )
 
 RULES: Mapping[str, Rule] = MappingProxyType({rule.leaf: rule for rule in _TABLE})
@@ -79,15 +176,62 @@ CHANNEL_LEAVES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+_INWARD_TABLE = (
+    Inward("command", Taker.COMMAND, 1, "commands, and velocities by verb"),
+    Inward("navigate/command", Taker.NAVIGATE, 1, "goals, and controls of the running action"),
+    Inward("motion/command", Taker.MOTION, 0, "a signed velocity"),
+    Inward(JOINT_UPDATE, Taker.JOINTS, 0, "joint targets; measured joints are left alone"),
+    Inward("mission/command", Taker.MISSION, 1, "missions, and controls of the one that is flown"),
+    Inward(
+        "webrtc-offer",
+        _BUS,
+        2,
+        "an offer to a local video program",
+        "cloud/webrtc_offer",
+        5,
+        256 * _K,
+    ),
+    Inward("webrtc-answer", _BUS, 1, "the answer to its offer", "cloud/webrtc_answer", 5, 256 * _K),
+    Inward("webrtc-candidate", _BUS, 1, "ICE candidates for it", "cloud/webrtc_candidate", 50, 64 * _K),
+    Inward("alert", _BUS, 1, "an alert that was raised or changed", "alert", 20, 64 * _K),
+    Inward("commands/sync_workflows", _BUS, 1, "for local workers", "commands_sync_workflows", 5, _M),
+    Inward("edge_health", Taker.EDGE, 0, "another edge that says that the twin is its own", size=64 * _K),
+    Inward("ping:request", Taker.EDGE, 0, "somebody asks whether the twin's edge is there", size=4 * _K),
+    Inward("pong:response", Taker.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),
+    Inward(ENVIRONMENT, _BUS, 1, "an update of an environment", "cloud", 20, _M),
+    Inward(
+        "workflow-run:status",
+        _BUS,
+        1,
+        "how a workflow's run is",
+        "cloud/workflow_run",
+        20,
+        64 * _K,
+        on=False,
+    ),
+)
+
+INWARD: Mapping[str, Inward] = MappingProxyType({rule.leaf: rule for rule in _INWARD_TABLE})
+
+NOT_OF_A_TWIN = frozenset({ENVIRONMENT, "workflow-run:status"})
+"""Topics whose uuid is not that of a twin; environments are named in fleet.yaml, runs are any."""
+
 
 def rule_of(leaf: str) -> Rule | None:
     """Return the rule of a leaf that this project sends, None for any other."""
     if leaf.startswith("command/") and leaf.endswith("/response"):
         return RULES[REPLY_INBOX]
+    if leaf.startswith("environment:"):
+        return RULES[ENVIRONMENT]
     return RULES.get(leaf)
 
 
 def rule_of_channel(channel: str) -> Rule | None:
-    """Return the rule of a report's channel; where it feeds several topics, they share one."""
+    """Return the rule of a channel; where it feeds several topics, they share that of the first."""
     leaves = CHANNEL_LEAVES.get(channel)
     return RULES[leaves[0]] if leaves else None
+
+
+def inward_of(leaf: str) -> Inward | None:
+    """Return the rule of a leaf that this project listens to, None for any other."""
+    return INWARD.get(ENVIRONMENT if leaf.startswith("environment:") else leaf)

@@ -1,39 +1,36 @@
 """MQTT topics and bus keys of a twin: made and taken apart in one place.
 
-Topics are ``{prefix}cyberwave/twin/{twin}/{leaf}``, with joints in a namespace of their own,
-``{prefix}cyberwave/joint/{twin}/update``; that topic goes by the leaf ``joint:update``. The prefix is
-put in front as it is, without a separator. Bus keys are ``cw/{twin}/data/{channel}[/{sensor}]``.
+Topics are ``{prefix}cyberwave/twin/{twin}/{leaf}``. Those of other namespaces,
+``{prefix}cyberwave/{namespace}/{uuid}/{rest}``, go by the leaf ``namespace:rest``: ``joint:update``,
+``ping:request``, ``environment:update``. The prefix is put in front as it is, without a separator.
+Bus keys are ``cw/{twin}/data/{channel}[/{sensor}]``.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Literal
 
 import msgspec
 
 from fleet.errors import ConfigError, WireError
 
 JOINT_UPDATE = "joint:update"
-INBOUND: Mapping[str, int] = MappingProxyType(
-    {"command": 1, "navigate/command": 1, "mission/command": 1, "motion/command": 0}
-)
+NAMESPACES = frozenset({"joint", "environment", "ping", "pong", "workflow-run"})
+"""What stands in a topic in the place of ``twin``."""
 
 _TWIN = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
-_LEAF = re.compile(r"[^/+#\0\s]+(?:/[^/+#\0\s]+)*")
+_LEAF = re.compile(r"[^/+#\0\s:]+(?:/[^/+#\0\s:]+)*")
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 _CHANNEL = re.compile(r"[a-z][a-z0-9_]*(?:/[a-z][a-z0-9_]*)?")
 _SEGMENT = re.compile(r"[^/+#\0]+")
 
 
 class Topic(msgspec.Struct, frozen=True):
-    """A topic taken apart; ``kind`` is its namespace."""
+    """A topic taken apart; ``twin`` is the uuid of whatever the namespace is about."""
 
     twin: str
     leaf: str
-    kind: Literal["twin", "joint"] = "twin"
 
 
 class DataKey(msgspec.Struct, frozen=True):
@@ -73,34 +70,39 @@ class Topics:
         if re.search(r"[+#\0\s]", prefix):
             raise ConfigError(f"topic prefix {prefix!a}: no +, # or white space may stand in it")
         self.prefix = prefix
-        self._twin_root = f"{prefix}cyberwave/twin/"
-        self._joint_root = f"{prefix}cyberwave/joint/"
+        self._root = f"{prefix}cyberwave/"
 
     def twin(self, twin_uuid: str, leaf: str) -> str:
-        """Return the topic of a leaf, joints included; raises WireError for a wildcard in either."""
-        if leaf == JOINT_UPDATE:
-            return self.joint(twin_uuid)
-        if not _LEAF.fullmatch(leaf):
+        """Return the topic of a leaf in any namespace; raises WireError for a wildcard in either."""
+        namespace, rest = _split(leaf)
+        if not _LEAF.fullmatch(rest):
             raise WireError(f"{leaf[:60]!a} cannot be a topic")
-        return f"{self._twin_root}{_checked_twin(twin_uuid)}/{leaf}"
+        return f"{self._root}{namespace}/{_checked_twin(twin_uuid)}/{rest}"
 
     def joint(self, twin_uuid: str) -> str:
         """Return the topic on which the joints of a twin are told and commanded."""
-        return f"{self._joint_root}{_checked_twin(twin_uuid)}/update"
+        return self.twin(twin_uuid, JOINT_UPDATE)
 
-    def inbound(self, twin_uuid: str) -> Mapping[str, int]:
-        """Return what to subscribe to for a twin: filter to QoS; no two of them overlap."""
-        return {self.twin(twin_uuid, leaf): qos for leaf, qos in INBOUND.items()}
+    def filter(self, leaf: str, twin_uuid: str | None = None) -> str:
+        """Return what to subscribe to for a leaf of our own, of one twin or of whatever there is.
+
+        The leaf may end in ``+``, for one level.
+        """
+        namespace, rest = _split(leaf)
+        place = "+" if twin_uuid is None else _checked_twin(twin_uuid)
+        return f"{self._root}{namespace}/{place}/{rest}"
 
     def parse(self, topic: str) -> Topic | None:
         """Take a topic apart; None for another prefix, another namespace, or a malformed one."""
-        if topic.startswith(self._twin_root):
-            twin, _, leaf = topic[len(self._twin_root) :].partition("/")
-            return Topic(twin, leaf) if _TWIN.fullmatch(twin) and _LEAF.fullmatch(leaf) else None
-        if topic.startswith(self._joint_root):
-            twin, _, leaf = topic[len(self._joint_root) :].partition("/")
-            return Topic(twin, JOINT_UPDATE, "joint") if _TWIN.fullmatch(twin) and leaf == "update" else None
-        return None
+        if not topic.startswith(self._root):
+            return None
+        namespace, _, tail = topic[len(self._root) :].partition("/")
+        twin, _, rest = tail.partition("/")
+        if not (_TWIN.fullmatch(twin) and _LEAF.fullmatch(rest)):
+            return None
+        if namespace == "twin":
+            return Topic(twin, rest)
+        return Topic(twin, f"{namespace}:{rest}") if namespace in NAMESPACES else None
 
     def is_own_inbox(self, response_topic: str, twin_uuid: str) -> bool:
         """Return True when a Response Topic is a reply inbox of that very twin.
@@ -112,6 +114,12 @@ class Topics:
         if not (response_topic.startswith(head) and response_topic.endswith(tail)):
             return False
         return bool(_SEGMENT.fullmatch(response_topic[len(head) : -len(tail)]))
+
+
+def _split(leaf: str) -> tuple[str, str]:
+    """Return the namespace of a leaf, and what stands behind the uuid."""
+    namespace, colon, rest = leaf.partition(":")
+    return (namespace, rest) if colon and namespace in NAMESPACES else ("twin", leaf)
 
 
 def data_key(twin: str, channel: str, sensor: str | None = None) -> str:

@@ -5,7 +5,8 @@ import runpy
 
 import pytest
 
-from fleet.wire.rules import CHANNEL_LEAVES, RULES
+from fleet.wire.rulebook import PROFILES
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, RULES
 
 DOCS = pathlib.Path(__file__).parents[2] / "docs"
 
@@ -22,11 +23,24 @@ def test_the_map_of_topics_is_up_to_date(text):
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
 def test_every_topic_is_on_the_map_with_its_qos(text, rule):
-    rows = [line for line in text.splitlines() if rule.about in line]
+    rows = [line for line in text.splitlines() if f"| {rule.about}{' (off)' * (not rule.on)} |" in line]
     assert len(rows) == 1
-    assert f"| {rule.traffic.name.lower()} | {rule.qos} |" in rows[0]
+    assert f"| {rule.traffic.word} | {rule.qos} | {rule.max_rate or '-'} |" in rows[0]
+
+
+@pytest.mark.parametrize("rule", INWARD.values(), ids=lambda rule: rule.leaf)
+def test_every_topic_from_the_cloud_is_on_the_map_with_where_it_goes(text, rule):
+    rows = [line for line in text.splitlines() if f"| {rule.about}{' (off)' * (not rule.on)} |" in line]
+    assert len(rows) == 1
+    assert f"| {rule.qos} | {rule.max_rate or '-'} |" in rows[0]
+    assert rule.channel in rows[0]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_every_profile_is_a_column(text, profile):
+    assert f" `{profile}` |" in text
 
 
 @pytest.mark.parametrize("channel", CHANNEL_LEAVES)
 def test_every_channel_of_the_bus_is_on_the_map(text, channel):
-    assert f"| `cw/{{twin}}/data/{channel}` |" in text
+    assert f"| `cw/{{twin}}/data/{channel}" in text

@@ -1,5 +1,6 @@
 """A fleet as a user starts it: a real process, a real broker, real clients on the other side."""
 
+import asyncio
 import contextlib
 import json
 import os
@@ -14,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import paho.mqtt.client as mqtt
 import pytest
@@ -22,8 +23,11 @@ import pytest
 from fleet.cli.demo import twin_of
 from fleet.testing.waiting import DEADLINE, wait_until
 from fleet.wire.topics import Topics
+from fleet_ugv.sim.port import SimPort
+from fleet_ugv.sim.server import Bases
+from fleet_ugv.sim.spec import SimSpec
 
-REAL_TIME = ("test_dog.py", "test_ugv.py", "test_sdk.py")
+REAL_TIME = ("test_dog.py", "test_ugv.py", "test_wheels.py", "test_sdk.py")
 """Robots whose simulation needs the processor in time: never two of them at once on two cores."""
 
 
@@ -149,6 +153,10 @@ class Ears:
             lambda: next((payload for payload in self.of(leaf) if holds(payload)), None),
         )
 
+    def pilot(self, twin: str) -> "Pilot":
+        """Make a pilot for a twin that is heard."""
+        return Pilot(self, twin)
+
     def close(self) -> None:
         self.client.disconnect()
         self.client.loop_stop()
@@ -209,15 +217,59 @@ class Pilot:
         except AssertionError as error:
             raise AssertionError(f"{error}; at {self.position()}, {self.of('driverlog')[-5:]}") from None
 
-    def drive(self, verb: str, *, until: Callable[[], Any], **data: Any) -> None:
-        """Hold a verb at about 20 Hz until something is seen, then stop."""
+    def hold(self, verb: str, *, until: Callable[[], Any], **data: Any) -> None:
+        """Hold a verb, many times a second, until something is seen."""
 
         def again() -> Any:
             self.say("command", command=verb, data=data)
             return until()
 
         wait_until(f"{verb} to be seen", again)
+
+    def drive(self, verb: str, *, until: Callable[[], Any], **data: Any) -> None:
+        """Hold a verb until something is seen, then stop."""
+        self.hold(verb, until=until, **data)
         self.say("command", command="stop", data={})
+
+
+class BasesThread:
+    """Simulated bases on real device files, on a thread: a test sees what they truly do."""
+
+    def __init__(self, folder: Path) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._bases = Bases(folder)
+        self._life: asyncio.Task[None] | None = None
+        self._thread = threading.Thread(target=self._live, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._life.cancel)
+        self._thread.join()
+        self._loop.close()
+
+    def _live(self) -> None:
+        self._life = self._loop.create_task(self._bases.run())
+        with contextlib.suppress(asyncio.CancelledError):
+            self._loop.run_until_complete(self._life)
+
+    def add(self, profile: str) -> SimPort:
+        """Add a base; returns its device and all that is behind it."""
+        adding = self._bases.add(SimSpec(profile))
+        return asyncio.run_coroutine_threadsafe(adding, self._loop).result(DEADLINE)
+
+    def call(self, what: Callable[[], None]) -> None:
+        """Do something to a base on the thread where it lives."""
+        self._loop.call_soon_threadsafe(what)
+
+
+@pytest.fixture
+def bases(tmp_path: Path) -> Iterator[BasesThread]:
+    """Make simulated bases that know nothing of the fleet, until the test ends."""
+    with BasesThread(tmp_path) as bases:
+        yield bases
 
 
 @pytest.fixture
@@ -273,4 +325,4 @@ def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
 @pytest.fixture(params=["px4", "ardupilot"])
 def pilot(request: Any, flying: tuple[Running, Ears]) -> Pilot:
     """Make a pilot for one of the two drones."""
-    return Pilot(flying[1], twin_of({"px4": "drone-1", "ardupilot": "drone-2"}[request.param]))
+    return flying[1].pilot(twin_of({"px4": "drone-1", "ardupilot": "drone-2"}[request.param]))

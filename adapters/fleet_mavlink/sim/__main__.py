@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
-import signal
 import sys
 from collections.abc import Sequence
 
-import msgspec
-
 from fleet.sim.faults import parse_faults
-from fleet_mavlink.sim.control import answer
 from fleet_mavlink.sim.faults import FAULTS
-from fleet_mavlink.sim.server import Address, SimServer, Station
+from fleet_mavlink.sim.server import Address, Vehicles
 from fleet_mavlink.sim.spec import ZURICH, SimSpec, parse_home, parse_ready, spec_of
 
 
@@ -29,7 +24,7 @@ def _address(text: str) -> Address:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m fleet_mavlink.sim", description=__doc__)
     parser.add_argument("--flavour", choices=("ardupilot", "px4"), default="ardupilot")
-    parser.add_argument("--vehicles", type=int, default=1, help="how many; 0 with --stdin to add them later")
+    parser.add_argument("--vehicles", type=int, help="how many; left out: 1, with --stdin none")
     parser.add_argument("--system-id", type=int, default=1, help="of the first; the rest count on")
     way = parser.add_mutually_exclusive_group()
     way.add_argument("--to", help="HOST:PORT to speak to, for all vehicles")
@@ -42,7 +37,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--fault", default="", help=f"NAME:VALUE,... of {', '.join(sorted(FAULTS))}")
     parser.add_argument("--with", dest="accessories", default="", help="gimbal,adsb: more components")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--stdin", action="store_true", help="take JSON lines; end when stdin closes")
+    parser.add_argument(
+        "--stdin", action="store_true", help="take JSON lines (fleet.sim.server); end with stdin"
+    )
     return parser
 
 
@@ -68,58 +65,20 @@ def _specs(options: argparse.Namespace) -> list[SimSpec]:
                 "accessories": tuple(filter(None, options.accessories.split(","))),
             }
         )
-        for place in range(options.vehicles)
+        for place in range(not options.stdin if options.vehicles is None else options.vehicles)
     ]
 
 
-async def _add_all(server: SimServer, options: argparse.Namespace) -> None:
-    """Open the sockets and say on stdout where the vehicles are."""
+async def _serve(options: argparse.Namespace) -> None:
+    """Open the sockets and run the vehicles; raises ValueError or OSError."""
+    server = Vehicles()
     target = _address(options.to) if options.to else None
     for place, spec in enumerate(_specs(options)):
         if options.tcp is not None:
-            station: Station = await server.add_tcp(spec, options.tcp + place if options.tcp else 0)
+            await server.add_tcp(spec, options.tcp + place if options.tcp else 0)
         else:
-            station = await server.add_udp(spec, target, options.port + place if options.port else 0)
-        _tell(msgspec.json.encode({"added": {"system_id": spec.system_id, "port": station.port}}) + b"\n")
-
-
-def _tell(line: bytes) -> None:
-    sys.stdout.buffer.write(line)
-    sys.stdout.buffer.flush()
-
-
-async def _obey_stdin(server: SimServer) -> None:
-    """Carry out the lines of stdin until it closes."""
-    loop = asyncio.get_running_loop()
-    reader = asyncio.StreamReader()
-    transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    try:
-        while line := await reader.readline():
-            _tell(await answer(server, line))
-    finally:
-        transport.close()
-
-
-async def _serve(options: argparse.Namespace) -> None:
-    """Run until a signal, or until stdin closes when it is obeyed."""
-    loop = asyncio.get_running_loop()
-    ended = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ended.set)
-    server = SimServer()
-    await _add_all(server, options)
-    tasks = [loop.create_task(server.run()), loop.create_task(ended.wait())]
-    if options.stdin:
-        tasks.append(loop.create_task(_obey_stdin(server)))
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+            await server.add_udp(spec, target, options.port + place if options.port else 0)
+    await server.serve(obeys=options.stdin)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

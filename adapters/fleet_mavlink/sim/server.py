@@ -1,4 +1,4 @@
-"""Simulated vehicles on real sockets: one process, one wheel, a socket for each vehicle."""
+"""The simulated vehicles of one process, each on a socket of its own."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import logging
 import time
 from typing import Any
 
+from fleet.sim.server import SimServer
 from fleet_mavlink.sim.spec import SimSpec
 from fleet_mavlink.sim.vehicle import SimVehicle
 from fleet_mavlink.sim.wire import Wire
 
 _log = logging.getLogger(__name__)
-_TICK = 0.02  # seconds between two steps of all vehicles
 _ANSWER = 0.005  # seconds after a message at which answers that take a moment are sent
 Address = tuple[str, int]
 
@@ -39,7 +39,7 @@ class Station(asyncio.DatagramProtocol):
             epoch=time.time(),
         )
         self.wire = Wire(vehicle, spec.accessories)
-        self.port = 0
+        self.url = ""
         self._transport: Any = None
 
     def now(self) -> float:
@@ -49,7 +49,7 @@ class Station(asyncio.DatagramProtocol):
     def connection_made(self, transport: Any) -> None:
         """Keep the socket."""
         self._transport = transport
-        self.port = transport.get_extra_info("sockname")[1]
+        self.url = f"udpout:127.0.0.1:{transport.get_extra_info('sockname')[1]}"
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Answer a station at once."""
@@ -70,6 +70,15 @@ class Station(asyncio.DatagramProtocol):
     def step(self) -> None:
         """Move the vehicle on and send what is due."""
         self.write(self.wire.step(self.now()))
+
+    def fault(self, name: str, value: float | None) -> None:
+        """Begin a fault, or end it; raises ValueError."""
+        self.wire.vehicle.set_fault(name, value)
+
+    def look(self) -> dict[str, float]:
+        """Return where the vehicle truly is, m east, north and up of where it began."""
+        body = self.wire.vehicle.body
+        return {"x": body.east, "y": body.north, "z": body.height}
 
     def write(self, frames: list[bytes]) -> None:
         """Send frames, each in a datagram; while nobody was heard they are lost."""
@@ -97,7 +106,7 @@ class TcpStation(Station):
     async def listen(self, host: str, port: int) -> None:
         """Open the port; raises OSError."""
         self._server = await asyncio.start_server(self._serve, host, port)
-        self.port = self._server.sockets[0].getsockname()[1]
+        self.url = f"tcp:{host}:{self._server.sockets[0].getsockname()[1]}"
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Speak with one client until it goes."""
@@ -125,40 +134,31 @@ class TcpStation(Station):
             self._server.close()
 
 
-class SimServer:
-    """All vehicles of this process, moved by one wheel."""
+class Vehicles(SimServer[SimSpec, Station]):
+    """The vehicles of this process."""
 
-    def __init__(self) -> None:
-        self.stations: list[Station] = []
+    Spec = SimSpec
+
+    async def make(self, spec: SimSpec) -> Station:
+        """Make a vehicle that waits on a UDP port of its own to be heard."""
+        return await self._on_udp(spec, None, 0)
 
     async def add_udp(self, spec: SimSpec, target: Address | None = None, port: int = 0) -> Station:
         """Add a vehicle; without a target it waits on 127.0.0.1:``port`` (0: a free one).
 
         Raises OSError when the port is taken.
         """
+        return self.keep(await self._on_udp(spec, target, port))
+
+    async def _on_udp(self, spec: SimSpec, target: Address | None, port: int) -> Station:
+        """Open a vehicle's UDP socket."""
         loop = asyncio.get_running_loop()
         local = ("127.0.0.1", port) if target is None else ("0.0.0.0", 0)  # noqa: S104 - speaks to target
         _, station = await loop.create_datagram_endpoint(lambda: Station(spec, target), local_addr=local)
-        self.stations.append(station)
         return station
 
-    async def add_tcp(self, spec: SimSpec, port: int) -> TcpStation:
+    async def add_tcp(self, spec: SimSpec, port: int) -> Station:
         """Add a vehicle that waits for a client on 127.0.0.1:``port``; raises OSError."""
         station = TcpStation(spec)
         await station.listen("127.0.0.1", port)
-        self.stations.append(station)
-        return station
-
-    async def run(self) -> None:
-        """Turn the wheel until cancelled; then close every socket."""
-        loop = asyncio.get_running_loop()
-        due = loop.time()
-        try:
-            while True:
-                for station in self.stations:
-                    station.step()
-                due = max(due + _TICK, loop.time())
-                await asyncio.sleep(due - loop.time())
-        finally:
-            for station in self.stations:
-                station.close()
+        return self.keep(station)

@@ -26,12 +26,7 @@ class Leg(NamedTuple):
 
     def foot(self, angles: Angles) -> Point:
         """Return where the centre of the foot is."""
-        abad, hip, knee = angles
-        x = -self.thigh * math.sin(hip) - self.calf * math.sin(hip + knee)
-        down = self.thigh * math.cos(hip) + self.calf * math.cos(hip + knee)
-        out = self.side * self.offset
-        cos, sin = math.cos(abad), math.sin(abad)
-        return x, out * cos + down * sin, out * sin - down * cos
+        return self.reach(angles)[0]
 
     def angles(self, foot: Point) -> Angles:
         """Return the angles that put the foot there, or as near as the leg reaches in that direction."""
@@ -47,13 +42,17 @@ class Leg(NamedTuple):
 
     def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
         """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
+        return self.reach(angles)[1]
+
+    def reach(self, angles: Angles) -> tuple[Point, tuple[Point, Point, Point]]:
+        """Return where the centre of the foot is, and its jacobian."""
         abad, hip, knee = angles
-        x, y, z = self.foot(angles)
         cos, sin = math.cos(abad), math.sin(abad)
-        down = self.thigh * math.cos(hip) + self.calf * math.cos(hip + knee)
-        low = self.calf * math.cos(hip + knee)
-        low_x = -self.calf * math.sin(hip + knee)
-        return (0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos)
+        low, low_x = self.calf * math.cos(hip + knee), -self.calf * math.sin(hip + knee)
+        down, x = self.thigh * math.cos(hip) + low, low_x - self.thigh * math.sin(hip)
+        out = self.side * self.offset
+        y, z = out * cos + down * sin, out * sin - down * cos
+        return (x, y, z), ((0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos))
 
     def reaches(self, foot: Point) -> bool:
         """Return True when the leg can put its foot there."""

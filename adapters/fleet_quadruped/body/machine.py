@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
@@ -116,6 +117,8 @@ class Body:
     def _height(self, value: float, _sense: Sense) -> str:
         if self.mode not in _STANDS:
             return f"it is {self.mode.value}; stand up first"
+        if not math.isfinite(value):
+            return f"{value} is no height"
         gait = self._dog.gait
         self.walker.wanted_height = max(gait.lowest, min(gait.highest, self.walker.wanted_height + value))
         return ""

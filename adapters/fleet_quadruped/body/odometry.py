@@ -63,13 +63,12 @@ class Odometry:
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)
         rates = leg_angles(sense.speeds, number)
-        columns = leg.jacobian(angles)
-        moved_x = sum(column[0] * rate for column, rate in zip(columns, rates, strict=True))
-        moved_y = sum(column[1] * rate for column, rate in zip(columns, rates, strict=True))
+        (x, y, z), (abad, hip, knee) = leg.reach(angles)
+        moved_x = abad[0] * rates[0] + hip[0] * rates[1] + knee[0] * rates[2]
+        moved_y = abad[1] * rates[0] + hip[1] * rates[1] + knee[1] * rates[2]
         bend = rates[1] + rates[2]
         about_x = rates[0] + (gyro.x if gyro else 0.0)
         about_y = bend * math.cos(angles[0]) + (gyro.y if gyro else 0.0)
-        x, y, z = leg.foot(angles)
         if gyro is not None:
             moved_x += gyro.y * z
             moved_y -= gyro.x * z

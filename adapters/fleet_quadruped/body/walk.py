@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fleet_quadruped.body.gait import Trot, Twist
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.odometry import Odometry
@@ -55,8 +57,10 @@ class Walker:
         return self._targets(dt, self._trot.step(dt, given, error, self.height, tilt), sense)
 
     def _limited(self, wanted: Twist) -> Twist:
-        """Return a velocity that the dog can hold."""
+        """Return a velocity that the dog can hold; zero for what is no velocity."""
         gait = self._dog.gait
+        if not all(map(math.isfinite, wanted)):
+            return Twist()
         return Twist(
             _within(wanted.x, gait.speed * self.speed_share),
             _within(wanted.y, gait.strafe * self.speed_share),
@@ -104,8 +108,11 @@ class Walker:
         weight = self._dog.robot.mass * GRAVITY / standing
         torques: list[float] = []
         for number, leg in enumerate(self._dog.legs):
-            carried = weight if self._trot.stance[number] else 0.0
-            torques += (-carried * column[2] for column in leg.jacobian(leg_angles(sense.angles, number)))
+            if self._trot.stance[number]:
+                abad, hip, knee = leg.jacobian(leg_angles(sense.angles, number))
+                torques += (-weight * abad[2], -weight * hip[2], -weight * knee[2])
+            else:
+                torques += (0.0, 0.0, 0.0)
         return tuple(torques)
 
 

@@ -15,14 +15,19 @@ import contextlib
 import errno
 import logging
 import re
+import socket
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, NamedTuple
 
 import can
+from can.interfaces.socketcan import SocketcanBus
 from pydantic import AfterValidator
 
 from fleet.clock import Clock
 from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.can import raw
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.raw import Packet
 
 log = logging.getLogger(__name__)
 
@@ -75,15 +80,18 @@ class Bus:
         self._full_since: float | None = None
         self._dead = ""
         self._bus: can.BusABC | None = _open(url, bitrate)
+        self._socket = _socket_of(self._bus)
 
     def send(self, frame: Frame) -> None:
         """Send a frame, or drop and count it. A dead bus takes nothing more."""
         bus = self._bus
         if bus is None or self._dead:
             return
-        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.id > 0x7FF)
         try:
-            bus.send(message, timeout=0)
+            if self._socket is not None:
+                raw.write(self._socket, frame)
+            else:
+                bus.send(_message(frame), timeout=0)
         except (can.CanError, OSError) as error:
             self.dropped += 1
             self._failed(error)
@@ -93,15 +101,13 @@ class Bus:
     def receive(self, wait: float) -> list[Frame]:
         """Return what has arrived, waiting up to ``wait`` s for the first; raises LinkLost."""
         frames: list[Frame] = []
-        while self._bus is not None and not self._dead and len(frames) < _BATCH:
-            try:
-                message = self._bus.recv(0.0 if frames else wait)
-            except (can.CanError, OSError) as error:
-                self._dead = f"reading failed: {error}"
-                break
-            if message is None:
-                break
-            self._sort(message, frames)
+        try:
+            for packet in self._packets(wait):
+                self._sort(packet, frames)
+                if self._dead:
+                    break
+        except (can.CanError, OSError) as error:
+            self._dead = f"reading failed: {error}"
         if self._dead or self._bus is None:
             raise LinkLost(f"bus {self.name!r} ({self.url}): {self._dead or 'it is closed'}")
         return frames
@@ -116,14 +122,22 @@ class Bus:
         with contextlib.suppress(can.CanError, OSError):
             bus.shutdown()
 
-    def _sort(self, message: can.Message, frames: list[Frame]) -> None:
+    def _packets(self, wait: float) -> Iterable[Packet]:
+        """Return what has arrived, by the shortest way that the interface has."""
+        if self._bus is None or self._dead:
+            return ()
+        if self._socket is not None:
+            return raw.read(self._socket, wait, _BATCH)
+        return _received(self._bus, wait)
+
+    def _sort(self, packet: Packet, frames: list[Frame]) -> None:
         """Keep data frames; count error frames and look for bus-off in them."""
-        if message.is_error_frame:
+        if packet.error:
             self.errors += 1
-            if message.arbitration_id & _BUS_OFF:
+            if packet.frame.id & _BUS_OFF:
                 self._dead = "bus-off: the controller has left the bus; check termination, bitrate and wiring"
-        elif not message.is_remote_frame:
-            frames.append(Frame(message.arbitration_id, bytes(message.data)))
+        elif not packet.remote:
+            frames.append(packet.frame)
 
     def _failed(self, error: Exception) -> None:
         """Decide whether a failed send means a full queue or a dead bus."""
@@ -140,6 +154,27 @@ class Bus:
                 "its transmit queue stays full, nobody acknowledges: are the drives powered? It may hold old "
                 f"targets: before power comes back run  ip link set {channel} down; ip link set {channel} up"
             )
+
+
+def _message(frame: Frame) -> can.Message:
+    """Return a frame as python-can has it."""
+    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.id > 0x7FF, check=False)
+
+
+def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
+    """Yield what python-can has received, waiting up to ``wait`` s for the first."""
+    for _ in range(_BATCH):
+        message = bus.recv(wait)
+        if message is None:
+            return
+        frame = Frame(message.arbitration_id, bytes(message.data))
+        yield Packet(frame, message.is_error_frame, message.is_remote_frame)
+        wait = 0.0
+
+
+def _socket_of(bus: can.BusABC) -> socket.socket | None:
+    """Return the kernel's CAN socket, where the interface is one."""
+    return bus.socket if isinstance(bus, SocketcanBus) else None
 
 
 def _open(url: str, bitrate: int) -> can.BusABC:

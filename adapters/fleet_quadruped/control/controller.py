@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from fleet.errors import LinkLost
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
 from fleet_quadruped.body.sense import ZEROS, Imu, Sense
@@ -15,9 +16,10 @@ from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.safety.limits import limit
 from fleet_quadruped.safety.monitor import Monitor, Observed
-from fleet_quadruped.safety.stages import Mode, Stage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode, Stage, Trip
 
-_STOP_TRIP = Trip(Stage.DAMP, "emergency stop")
+_GONE = 1.0  # s of silence after which the drives of a dog at rest are configured again
+_STOP_TRIP = Trip(Stage.DAMP, EMERGENCY_STOP)
 
 
 class Controller:
@@ -32,9 +34,17 @@ class Controller:
         self._monitor = Monitor(dog)
         self._imu = Values(dog.imu) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
+        self._sensors = {
+            place: sensor
+            for sensor in (self._imu, self._battery)
+            if sensor is not None
+            for place in sensor.frames
+        }
         self._last = ZEROS
         self._joints: tuple[JointFeedback, ...] = (JointFeedback(),) * 12
         self._seen_imu: Imu | None = None
+        self._begun: float | None = None
+        self._trip: Trip | None = None
         self._errand = 0
         self._refusal = ""
         self._stops = 0
@@ -47,19 +57,24 @@ class Controller:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        self.drives.take(bus, frame, now)
-        for sensor in (self._imu, self._battery):
-            if sensor is not None:
-                sensor.take(bus, frame, now)
+        sensor = self._sensors.get((bus, frame.id))
+        if sensor is not None:
+            sensor.take(frame, now)
+        else:
+            self.drives.take(bus, frame, now)
 
     def finish(self, now: float, dt: float, order: Order) -> None:
-        """End a cycle: decide by what was heard, and write to the drives."""
+        """End a cycle: decide by what was heard, and write to the drives.
+
+        Raises LinkLost for a dog that is off and has a drive that must be configured again.
+        """
         self._joints = self.drives.feedback(now)
+        self._check_link(now)
         self._seen_imu = self._fresh_imu(now)
         sense = self._sense()
-        trip = self._monitor.check(self._observed(now, dt))
-        if trip is not None:
-            self.body.trip(trip)
+        self._trip = self._monitor.check(self._observed(now, dt))
+        if self._trip is not None:
+            self.body.trip(self._trip)
         self._obey(order, now, sense)
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
         moving = now < order.until and now - order.alive < self.dog.safety.deadman
@@ -75,7 +90,7 @@ class Controller:
         return State(
             stamp=now,
             mode=self.body.mode.value,
-            fault=self.body.fault,
+            fault=self.body.fault or self._failed(),
             warning=self._warning(),
             answered=self._errand,
             refusal=self._refusal,
@@ -125,18 +140,18 @@ class Controller:
         )
 
     def _obey(self, order: Order, now: float, sense: Sense) -> None:
-        """Take stops first, then what is asked, then the absence of whoever asks."""
-        if order.stop > self._stops:
-            self._stops = order.stop
-            self.body.trip(_STOP_TRIP)
-            if self.body.mode is Mode.OFF:
-                self.body.fault = self.body.fault or _STOP_TRIP.cause
+        """Take what is asked, then stops, which so have the last word, then the absence of whoever asks."""
         if order.errand.number > self._errand:
             self._errand = order.errand.number
             self._release(order.errand.ask)
             self._refusal = self._start_refusal(order.errand.ask) or self.body.ask(
                 order.errand.ask, order.errand.value, sense
             )
+        if order.stop > self._stops:
+            self._stops = order.stop
+            self.body.trip(_STOP_TRIP)
+            if self.body.mode is Mode.OFF:
+                self.body.fault = self.body.fault or _STOP_TRIP.cause
         if order.leave or now - order.alive > self.dog.safety.abandoned:
             why = (
                 "told to leave"
@@ -147,25 +162,49 @@ class Controller:
 
     def _release(self, ask: Ask) -> None:
         """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
-        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == _STOP_TRIP.cause:
+        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == EMERGENCY_STOP:
             self.body.fault = ""
 
     def _start_refusal(self, ask: Ask) -> str:
         """Return why the drives cannot be powered now, naming one; empty when they can."""
-        if ask not in {Ask.STAND, Ask.RECOVER} or self.body.mode is not Mode.OFF:
-            return ""
+        if ask not in {Ask.STAND, Ask.RECOVER} or self.body.mode is not Mode.OFF or self.body.fault:
+            return ""  # the body has its own words for that
+        failed = self._failed()
+        if failed:
+            return f"{failed}; look at the dog, then send reset_faults"
+        if self._trip is not None:
+            return self._trip.cause
         for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
-            if told.power is Power.FAULT:
-                return f"{joint.name}: {told.fault}; look at the dog, then send reset_faults"
             if told.age > self.dog.safety.stale_cycles * self.dog.dt:
                 return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"
         return ""
+
+    def _failed(self) -> str:
+        """Return which drive has a fault, empty when none has."""
+        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
+            if told.power is Power.FAULT:
+                return f"{joint.name}: {told.fault or 'its drive reports a fault'}"
+        return ""
+
+    def _check_link(self, now: float) -> None:
+        """Give up the link of a dog at rest whose drives went away or forgot how they were configured.
+
+        While it moves that is the monitor's matter, and a latched fault first waits for its reset.
+        """
+        self._begun = now if self._begun is None else self._begun
+        if self.body.mode is not Mode.OFF or self.body.fault:
+            return
+        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
+            if told.restarted:
+                raise LinkLost(f"{joint.name}: {told.fault}")
+            if min(told.age, now - self._begun) > _GONE:
+                raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check its power")
 
     def _waiting(self) -> str:
         """Return which drive is not enabled yet."""
         for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
             if told.power is not Power.ENABLED:
-                return f"{joint.name}: wanted enabled, the drive is {told.power.value}"
+                return f"{joint.name}: {told.fault or f'wanted enabled, the drive is {told.power.value}'}"
         return ""
 
     def _write(self, wanted: Wanted, sense: Sense, dt: float) -> None:

@@ -15,16 +15,13 @@ class Values:
     """The newest values of one sensor, by name."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
+        self.frames = frozenset((sensor.bus, frame.id) for frame in sensor.frames)
         self._decoder = Decoder(sensor.frames)
-        self._wanted = {frame.id for frame in sensor.frames}
         self._times: dict[int, float] = {}
         self.values: dict[str, float] = {}
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
-        """Take a frame that was received at ``now``."""
-        if bus != self._sensor.bus or frame.id not in self._wanted:
-            return
+    def take(self, frame: Frame, now: float) -> None:
+        """Take one of ``frames`` (bus, id) that was received at ``now``."""
         found = self._decoder.decode(frame.id, frame.data)
         if found:
             self.values.update(found)
@@ -32,7 +29,7 @@ class Values:
 
     def age(self, now: float) -> float:
         """Return the age of the oldest frame; infinite while one has never come."""
-        if len(self._times) < len(self._wanted):
+        if len(self._times) < len(self.frames):
             return math.inf
         return now - min(self._times.values())
 

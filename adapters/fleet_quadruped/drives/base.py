@@ -27,6 +27,7 @@ class JointFeedback(NamedTuple):
     """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
 
     ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
+    ``restarted``: the drive has forgotten how it was configured.
     """
 
     angle: float = 0.0
@@ -36,6 +37,7 @@ class JointFeedback(NamedTuple):
     age: float = float("inf")
     temperature: float | None = None
     fault: str = ""
+    restarted: bool = False
 
 
 class JointDrive(Protocol):

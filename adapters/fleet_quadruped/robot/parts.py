@@ -54,6 +54,19 @@ class Bus(Section):
     bitrate: int = Field(1_000_000, gt=0, description="bit/s.")
 
 
+class Temperature(Section):
+    """The maker's object that tells a drive's temperature: 16 bits with a sign."""
+
+    index: int = Field(ge=0x2000, le=0x9FFF, description="Index, like 0x2031.")
+    sub: int = Field(0, ge=0, le=255, description="Subindex.")
+    scale: Positive = Field(1.0, description="Degrees C of one unit.")
+
+    @property
+    def entry(self) -> int:
+        """How it is mapped to a PDO."""
+        return self.index << 16 | self.sub << 8 | 16
+
+
 class Drive(Section):
     """How the joint drives are spoken to."""
 
@@ -62,6 +75,9 @@ class Drive(Section):
     eds: str = Field("", description="CiA 402: an EDS file; every object that is used must be in it.")
     vendor: int | None = Field(None, description="CiA 402: the vendor in object 1018h:1 that must be there.")
     product: int | None = Field(None, description="CiA 402: the product in 1018h:2 that must be there.")
+    temperature: Temperature | None = Field(
+        None, description="CiA 402: the maker's object with the temperature; without it heat slows nothing."
+    )
     cycle_hz: int = Field(100, ge=20, le=1000, description="Control cycles a second.")
     timeout: float = Field(0.1, gt=0, le=1, description="Silence after which a drive stops itself, s.")
     heartbeat: float = Field(0.05, gt=0, le=1, description="CiA 402: period of the heartbeats, s.")

@@ -11,6 +11,8 @@ from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Safety
 
+_SAME = 1e-9  # rad
+
 
 class Limited(NamedTuple):
     """Targets that are safe to write, and how many numbers had to be changed."""
@@ -28,17 +30,14 @@ def limit(
     """
     clamped = 0
     angles: list[float] = []
-    speeds: list[float] = []
-    torques: list[float] = []
-    for number, joint in enumerate(joints):
-        kind = joint.kind
-        angle = safe_angle(wanted.angles[number], last[number], measured[number], joint, safety, dt=dt)
-        speed = _within(wanted.speeds[number], kind.velocity)
-        torque = _within(wanted.torques[number], kind.torque)
-        clamped += not math.isclose(angle, wanted.angles[number], abs_tol=1e-9)
-        angles.append(angle)
-        speeds.append(speed)
-        torques.append(torque)
+    for angle, before, actual, joint in zip(wanted.angles, last, measured, joints, strict=True):
+        safe = safe_angle(angle, before, actual, joint, safety, dt=dt)
+        clamped += not -_SAME < safe - angle < _SAME
+        angles.append(safe)
+    speeds = [_within(speed, joint.kind.velocity) for speed, joint in zip(wanted.speeds, joints, strict=True)]
+    torques = [
+        _within(torque, joint.kind.torque) for torque, joint in zip(wanted.torques, joints, strict=True)
+    ]
     return Limited(Targets(tuple(angles), tuple(speeds), tuple(torques)), clamped)
 
 
@@ -48,11 +47,16 @@ def safe_angle(
     """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
     angle = wanted if math.isfinite(wanted) else last
     step = min(safety.step, joint.kind.velocity * dt)
-    angle = min(max(angle, last - step), last + step)
-    angle = min(max(angle, measured - safety.following), measured + safety.following)
-    return min(max(angle, joint.low + safety.margin), joint.high - safety.margin)
+    angle = _between(angle, last - step, last + step)
+    angle = _between(angle, measured - safety.following, measured + safety.following)
+    return _between(angle, joint.low + safety.margin, joint.high - safety.margin)
+
+
+def _between(value: float, low: float, high: float) -> float:
+    """Return the value, or the bound that it is beyond."""
+    return low if value < low else high if value > high else value  # noqa: FURB136 - thrice as fast as min, max
 
 
 def _within(value: float, most: float) -> float:
     """Return a finite value between -most and most; 0 for what is no number."""
-    return max(-most, min(most, value)) if math.isfinite(value) else 0.0
+    return _between(value, -most, most) if math.isfinite(value) else 0.0

@@ -40,8 +40,12 @@ class Monitor:
 
     def check(self, seen: Observed) -> Trip | None:
         """Return the hardest reason to stop; None when there is none."""
-        trips = [trip for rule in _RULES for trip in rule(self, seen)]
-        return max(trips, key=lambda trip: trip.stage, default=None)
+        hardest: Trip | None = None
+        for rule in _RULES:
+            for trip in rule(self, seen):
+                if hardest is None or trip.stage > hardest.stage:
+                    hardest = trip
+        return hardest
 
     def speed_share(self, joints: tuple[JointFeedback, ...]) -> float:
         """Return how much of its speed a warm dog may use: 1 when cool, 0.3 near its limit."""
@@ -60,13 +64,16 @@ class Monitor:
             if told.power is Power.FAULT:
                 yield Trip(Stage.DAMP, f"{joint.name}: {told.fault or 'the drive reports a fault'}")
             elif seen.mode in POSITIONED and told.power is not Power.ENABLED:
-                yield Trip(Stage.DAMP, f"{joint.name}: wanted enabled, the drive is {told.power.value}")
+                why = told.fault or f"wanted enabled, the drive is {told.power.value}"
+                yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
     def feedback(self, seen: Observed) -> Iterator[Trip]:
         """Stop when joints of two legs are silent, or one for longer."""
         if seen.mode is Mode.OFF:
             return
         most = self._dog.safety.stale_cycles * self._dog.dt
+        if max(told.age for told in seen.joints) <= most:
+            return
         ages = zip(self._dog.all_joints, (told.age for told in seen.joints), strict=True)
         silent = [(joint, age) for joint, age in ages if age > most]
         legs = {joint.name[:2] for joint, _ in silent}
@@ -83,11 +90,15 @@ class Monitor:
         if seen.mode not in POSITIONED:
             self._far = [0.0] * len(self._far)
             return
-        for number, joint in enumerate(self._dog.all_joints):
-            wanted, actual = seen.targets[number], seen.joints[number].angle
-            far = abs(wanted - actual) > safety.following * 0.98  # targets are kept within it
-            self._far[number] = self._far[number] + seen.dt if far else 0.0
+        most = safety.following * 0.98  # targets are kept within it
+        for number, (wanted, told) in enumerate(zip(seen.targets, seen.joints, strict=True)):
+            actual = told.angle
+            if -most <= wanted - actual <= most:
+                self._far[number] = 0.0
+                continue
+            self._far[number] += seen.dt
             if self._far[number] > safety.following_time:
+                joint = self._dog.all_joints[number]
                 yield Trip(
                     Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}"
                 )

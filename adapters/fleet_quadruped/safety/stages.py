@@ -34,6 +34,10 @@ class Mode(enum.StrEnum):
     DAMPED = "damped"  # stopped hard; off follows
 
 
+EMERGENCY_STOP = "emergency stop"
+"""The cause of the one latched stop that a new command to get up ends, once the host has released it."""
+
+
 class Trip(NamedTuple):
     """Why the dog is to be stopped, and how hard; the cause names joint, object, wanted and actual."""
 

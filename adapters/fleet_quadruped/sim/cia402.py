@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import mapping_objects
-from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.drives.cia402.setup import MODE_DISPLAY, mapping_objects
+from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.sdo import REQUEST, SdoServer
+from fleet_quadruped.sim.drive import COOL, WARMING
+from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
 from fleet_quadruped.sim.world import Motor
 
 _STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
@@ -40,30 +42,37 @@ _STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
     }
 )
 """(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
-_VOLTAGE = 48_000  # mV
+_VOLTAGE = 48.0  # V
+_SOON = 1e-6  # s beyond a time-out
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
 
 class SimDrive:
     """One drive at one joint; ``send`` puts its frames on the bus."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:  # noqa: ARG002 - all have the same
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
+        self._units = wire.Units(joint)
         self._send = send
-        self.sdo = SdoServer(joint.id, _dictionary(joint), send)
+        self._warm_since: float | None = None
+        self._scale = drive.temperature.scale if drive.temperature else None
+        self.sdo = SdoServer(joint.id, _dictionary(joint, drive), send)
+        self.sdo.objects[MODE_DISPLAY] = self.sdo.objects[0x6060, 0]
         self.state = State.SWITCH_ON_DISABLED
         self.nmt = 0x7F  # pre-operational
-        self._muted = False
+        self._muted = self._terse = self._deaf = False
         self._jump = 0.0  # rad that the encoder is off
         self._code = 0
         self._control = 0
         self._waiting: wire.Told | None = None
         self._from = self._to = motor.angle
         self._feed = 0.0
-        self._share = 1.0
+        self._begun = 0.0  # when the way from _from to _to began
         self._time = 0.0
-        self._next_beat = 0.0
+        self._look_at = 0.0
+        self._next_beat = self._beat = self._timeout = math.inf
+        self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
         self._syncs = 0
         self.boot()
@@ -88,6 +97,23 @@ class SimDrive:
         """Say and hear nothing any more."""
         self._muted = self.sdo.silent = True
 
+    def cut_short(self) -> None:
+        """Fail, and say so in an emergency of two bytes."""
+        self._terse = True
+        self.fail("overcurrent")
+
+    def ignore(self) -> None:
+        """Ignore targets, as a drive does that has its own reasons."""
+        self._deaf = True
+
+    def keep_mode(self) -> None:
+        """Stay in the mode it is in."""
+        self.sdo.objects[MODE_DISPLAY] = Entry(1, 1)
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warm_since = self._time
+
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
@@ -109,6 +135,8 @@ class SimDrive:
         elif frame.id == wire.RPDO1 + self.joint.id:
             self._waiting = wire.unpack_target(frame.data) if self.nmt == wire.OPERATIONAL else None
         elif frame.id == wire.HEARTBEAT + wire.MASTER:
+            if self._master_at is None:
+                self._look_at = self._time
             self._master_at = self._time
         elif frame.id == 0x000:
             self._command(frame.data)
@@ -118,39 +146,49 @@ class SimDrive:
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
         self._time += dt
-        self._watch()
-        if not self._muted and self._time >= self._next_beat:
-            period = self.sdo.objects[0x1017, 0].value / 1000
-            self._next_beat = self._time + (period or 1e9)
-            if period:
-                self._say(wire.HEARTBEAT, bytes([self.nmt]))
+        if self._time >= self._look_at or self.sdo.changed:
+            self._look()
         motor = self.motor
-        motor.kp, motor.kd, motor.feed, motor.target_speed = 0.0, 0.0, 0.0, 0.0
-        if self.state is State.ENABLED:
-            period = self._cycle()
-            self._share = min(1.0, self._share + dt / period)
-            motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-            motor.target = self._from + (self._to - self._from) * self._share
-            motor.target_speed = (self._to - self._from) / period if self._share < 1.0 else 0.0
-        elif self.state is State.QUICK_STOP:
-            motor.kd = _BRAKE
-
-    def _watch(self) -> None:
-        """Stop by ourselves when the master's heartbeat is missing (1016h, 6007h)."""
-        timeout = self.sdo.objects[0x1016, 1].value & 0xFFFF
-        if not timeout or self._master_at is None or self._time - self._master_at <= timeout / 1000:
+        if self.state is not State.ENABLED:
+            motor.kp = motor.feed = motor.target_speed = 0.0
+            motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
             return
+        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+        passed = self._time - self._begun
+        if passed < self._cycle:
+            motor.target_speed = (self._to - self._from) / self._cycle
+            motor.target = self._from + motor.target_speed * passed
+        else:
+            motor.target, motor.target_speed = self._to, 0.0
+
+    def _look(self) -> None:
+        """Look after the watchdog and the heartbeat, and what was configured."""
+        if self.sdo.changed:
+            self._configure()
+        if self._master_at is not None and self._time - self._master_at > self._timeout:
+            self._stop_alone()
+        if self._time >= self._next_beat:
+            self._next_beat = self._time + self._beat
+            self._say(wire.HEARTBEAT, bytes([self.nmt]))
+        silent = math.inf if self._master_at is None else self._master_at + self._timeout + _SOON
+        self._look_at = min(self._next_beat, silent)
+
+    def _configure(self) -> None:
+        """Take what was written into the object dictionary."""
+        self.sdo.changed = False
+        value = {place: entry.value for place, entry in self.sdo.objects.items()}
+        self._timeout = (value[0x1016, 1] & 0xFFFF) / 1000 or math.inf
+        self._beat = value[0x1017, 0] / 1000 or math.inf
+        self._next_beat = min(self._next_beat, self._time + self._beat)
+        exponent = value[0x60C2, 2]
+        self._cycle = value[0x60C2, 1] * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
+
+    def _stop_alone(self) -> None:
+        """Stop by ourselves because the master's heartbeat is missing (1016h, 6007h)."""
         self._master_at = None
         self._say(wire.EMERGENCY, struct.pack("<HB5x", 0x8130, 0x11))
         if self.state is State.ENABLED and self.sdo.objects[0x6007, 0].value == 3:
             self.state = State.QUICK_STOP
-
-    def _cycle(self) -> float:
-        """Return the interpolation period, s."""
-        exponent = self.sdo.objects[0x60C2, 2].value
-        return float(
-            self.sdo.objects[0x60C2, 1].value * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
-        )
 
     def _command(self, data: bytes) -> None:
         """Obey NMT."""
@@ -169,12 +207,15 @@ class SimDrive:
         if self._waiting is not None:
             self._obey(self._waiting)
             self._waiting = None
-        angle = wire.counts_of(self.joint, self.motor.angle + self._jump)
-        torque = wire.per_mille_of(self.joint, self.motor.torque)
-        self._say(wire.TPDO1, wire.pack_told(wire.Told(_STATUS[self.state], angle, torque)))
+        angle = self._units.counts(self.motor.angle + self._jump)
+        torque = self._units.per_mille(self.motor.torque)
+        status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
+        self._say(wire.TPDO1, wire.pack_told(wire.Told(status, angle, torque)))
         self._syncs += 1
         if self._syncs % 10 == 0:
-            self._say(wire.TPDO2, wire.pack_slow(_VOLTAGE, self._code))
+            warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
+            heat = None if self._scale is None else round(warm / self._scale)
+            self._say(wire.TPDO2, wire.pack_slow(wire.Slow(_VOLTAGE, self._code, heat)))
 
     def _obey(self, told: wire.Told) -> None:
         """Take a control word and a target."""
@@ -188,19 +229,20 @@ class SimDrive:
             self.state = State.SWITCH_ON_DISABLED
         else:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
-        if self.state is State.ENABLED:
+        if self.state is State.ENABLED and not self._deaf:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
-            self._to = wire.angle_of(self.joint, told.counts) - self._jump
-            self._feed = wire.torque_of(self.joint, told.per_mille)
-            self._share = 0.0
+            self._to = self._units.angle(told.counts) - self._jump
+            self._feed = self._units.torque(told.per_mille)
+            self._begun = self._time
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""
         if not self._muted:
-            self._send(Frame(base + self.joint.id, data))
+            short = self._terse and base == wire.EMERGENCY
+            self._send(Frame(base + self.joint.id, data[:2] if short else data))
 
 
-def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
+def _dictionary(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, int]]:
     """Return the drive's objects: (index, sub) to (bytes, value)."""
     objects = {
         (0x1000, 0): (4, 0x0002_0192),
@@ -216,5 +258,5 @@ def _dictionary(joint: Joint) -> dict[tuple[int, int], tuple[int, int]]:
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
     }
-    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(joint.id)})
+    objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(drive, joint.id)})
     return objects

@@ -11,12 +11,12 @@ from fleet.sim.faults import BadWire, check_fault
 from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.frames import encode
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive
-from fleet_quadruped.sim.faults import ALL_FAULTS, ON_DRIVE
+from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
 from fleet_quadruped.sim.mit import SimMitDrive
-from fleet_quadruped.sim.world import World
+from fleet_quadruped.sim.world import Motor, World
 
 STEP = 0.002  # s between two steps of the drives' own loops
 _HEAD = struct.Struct("<I")
@@ -43,29 +43,43 @@ class SimDog:
         chance = random.Random(seed)  # noqa: S311 - faults must be the same on every run
         self._in = {bus: BadWire(self._faults, chance) for bus in dog.buses}
         self._out = {bus: BadWire(self._faults, chance) for bus in dog.buses}
-        make = _MAKE[dog.drive.protocol]
-        self.drives: list[AnyDrive] = [
-            make(joint, motor, self._sender(joint.bus), dog.drive)
-            for joint, motor in zip(dog.all_joints, world.motors, strict=True)
-        ]
         self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
-        for drive, joint in zip(self.drives, dog.all_joints, strict=True):
-            for identifier in drive.hears:
-                self._listeners.setdefault((joint.bus, identifier), []).append(drive)
+        self.drives: list[AnyDrive] = []
+        for joint, motor in zip(dog.all_joints, world.motors, strict=True):
+            self._add(joint, motor)
 
     def fault(self, name: str, value: float = 1.0) -> None:
         """Begin a fault; raises ValueError for one that does not exist."""
         check_fault(name, value, ALL_FAULTS)
-        if name in ON_DRIVE:
-            if not 1 <= value <= len(self.drives):
+        if ALL_FAULTS[name].startswith("joint"):
+            if not 1 <= value <= len(self.dog.all_joints):
                 raise ValueError(f"fault {name}: {value:g} is no {ALL_FAULTS[name]}")
-            ON_DRIVE[name](self.drives[int(value) - 1])
+            self._fault_on(int(value) - 1, name)
         elif name == "imu":
             self._imu_silent = True
         elif name == "battery":
             self.percent = value
         else:
             self._faults[name] = value
+
+    def _fault_on(self, joint: int, name: str) -> None:
+        """Begin a fault of one drive."""
+        drive = self.drives[joint]
+        if name == "twin":
+            self._add(self.dog.all_joints[joint], Motor(angle=self.world.motors[joint].angle + 0.1))
+        elif name in ON_DRIVE:
+            ON_DRIVE[name](drive)
+        elif isinstance(drive, SimDrive):
+            ON_CIA402[name](drive)
+        else:
+            raise ValueError(f"fault {name} is one of CiA 402 drives")
+
+    def _add(self, joint: Joint, motor: Motor) -> None:
+        """Put a drive on its bus."""
+        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._sender(joint.bus), self.dog.drive)
+        self.drives.append(drive)
+        for identifier in drive.hears:
+            self._listeners.setdefault((joint.bus, identifier), []).append(drive)
 
     def clear(self, name: str) -> None:
         """End a fault of the wire, or of the IMU."""
@@ -85,14 +99,15 @@ class SimDog:
             for drive in self.drives:
                 drive.control(dt / steps)
             self.world.step(dt / steps)
+        self.world.measure()
         self.time += dt
-        for bus in self.dog.buses:
-            for frame in self._carried(self._in[bus], ()):
+        for bus, wire in self._in.items():
+            for frame in self._carried(wire, ()):
                 self._deliver(bus, frame)
         if sense:
             self._sense()
-        for bus in self.dog.buses:
-            for frame in self._carried(self._out[bus], ()):
+        for bus, wire in self._out.items():
+            for frame in self._carried(wire, ()):
                 self._heard(bus, frame)
 
     def _deliver(self, bus: str, frame: Frame) -> None:

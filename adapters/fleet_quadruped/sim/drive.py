@@ -6,6 +6,8 @@ from typing import Protocol
 
 from fleet_quadruped.can.frame import Frame
 
+COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
+
 
 class AnyDrive(Protocol):
     """One simulated drive."""
@@ -28,6 +30,12 @@ class AnyDrive(Protocol):
 
     def fail(self, why: str) -> None:
         """Go into fault: ``overcurrent`` or ``hot``."""
+
+    def cut_short(self) -> None:
+        """Send frames that are too short."""
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
 
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from fleet.sim.faults import WIRE_FAULTS
+from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive
 
 DOG_FAULTS: Mapping[str, str] = MappingProxyType(
@@ -14,6 +15,11 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "reboot": "joint 1 to 12 whose drive restarts",
         "overcurrent": "joint 1 to 12 whose drive fails",
         "hot": "joint 1 to 12 whose drive is too hot",
+        "warm": "joint 1 to 12 whose drive warms by 10 degrees a second",
+        "short": "joint 1 to 12 whose drive fails and sends frames of two bytes",
+        "deaf": "joint 1 to 12 whose drive (CiA 402) ignores its targets",
+        "mode": "joint 1 to 12 whose drive (CiA 402) does not take its mode",
+        "twin": "joint 1 to 12 at whose id there is a second drive",
         "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
         "stranger": "joint 1 to 12 at whose id another device is",
         "abort": "joint 1 to 12 whose drive refuses its PDO mapping",
@@ -29,9 +35,16 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
         "reboot": lambda drive: drive.boot(),
         "overcurrent": lambda drive: drive.fail("overcurrent"),
         "hot": lambda drive: drive.fail("hot"),
+        "warm": lambda drive: drive.warm(),
+        "short": lambda drive: drive.cut_short(),
         "jump": lambda drive: drive.shift(0.5),
         "stranger": lambda drive: drive.pretend(),
         "abort": lambda drive: drive.refuse(),
     }
 )
-"""What a fault does to one drive."""
+"""What a fault does to one drive, whatever its protocol."""
+
+ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
+    {"deaf": lambda drive: drive.ignore(), "mode": lambda drive: drive.keep_mode()}
+)
+"""What a fault does to one CiA 402 drive."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 
@@ -12,6 +13,7 @@ from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.drive import COOL, WARMING
 from fleet_quadruped.sim.world import Motor
 
 _STATUS = {"overcurrent": 0xA, "hot": 0xC}
@@ -37,7 +39,9 @@ class SimMitDrive:
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
         self._command = MitCommand()
-        self._muted = False
+        self._done: tuple[int, MitCommand] | None = None
+        self._temperature, self._warming = COOL, 0.0
+        self._muted = self._terse = False
         self._refusing = False
         self._jump = 0.0
         self._silence = 0.0
@@ -60,9 +64,18 @@ class SimMitDrive:
         """Go into fault; it is told in the next reply."""
         self.status = _STATUS[why]
 
+    def cut_short(self) -> None:
+        """Send no whole reply any more."""
+        self._terse = True
+
+    def warm(self) -> None:
+        """Become warmer, for good."""
+        self._warming = WARMING
+
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
+        self._done = None
 
     def pretend(self) -> None:
         """Be a motor with other ranges."""
@@ -85,14 +98,24 @@ class SimMitDrive:
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
-        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
-        if ticks and self.status == wire.ENABLED and self._silence > ticks * 50e-6:
+        self._temperature += self._warming * dt
+        if self.status == wire.ENABLED and self._silence > self._timeout():
             self.status = _LOST
-        motor = self.motor
+        if (self.status, self._command) != self._done:
+            self._done = self.status, self._command
+            self._apply()
+
+    def _timeout(self) -> float:
+        """Return the seconds of silence after which the motor lets go."""
+        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
+        return ticks * 50e-6 or math.inf
+
+    def _apply(self) -> None:
+        """Do what was commanded last, or nothing when not enabled."""
+        motor, joint, command = self.motor, self.joint, self._command
         motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
         if self.status != wire.ENABLED:
             return
-        joint, command = self.joint, self._command
         motor.kp = command.kp * joint.kind.ratio**2
         motor.kd = command.kd * joint.kind.ratio**2
         motor.target = joint.angle(command.angle) - self._jump
@@ -121,10 +144,11 @@ class SimMitDrive:
             joint.sign * motor.speed * joint.kind.ratio,
             joint.sign * motor.torque / joint.kind.ratio,
             self.status,
-            40.0,
+            self._temperature,
         )
         identifier = wire.MASTER + joint.id if self._profile.damiao else 0
-        self._send(Frame(identifier, wire.pack_reply(reply, self._profile)))
+        data = wire.pack_reply(reply, self._profile)
+        self._send(Frame(identifier, data[:2] if self._terse else data))
 
     def _register(self, data: bytes) -> None:
         """Answer a question for a register, or a change of one."""

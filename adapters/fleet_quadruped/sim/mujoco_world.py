@@ -88,8 +88,10 @@ class MujocoWorld:
         for address, angle in zip(self._addresses, fold, strict=True):
             self.data.qpos[address] = angle
         self._rest = 0.0
+        self._gains: list[tuple[float, float]] = []
         for _ in range(250):
             self.step(STEP)
+        self.measure()
 
     def put(self, rotation: Quaternion, height: float) -> None:
         """Put the body somewhere above the ground, turned, at rest."""
@@ -108,16 +110,18 @@ class MujocoWorld:
             self._rest -= STEP
             self._load()
             mujoco.mj_step(self._model, self.data)
-        self._store()
 
     def _load(self) -> None:
-        """Give the engine the motors' gains and targets."""
-        for number, motor in enumerate(self.motors):
-            self._model.actuator_biasprm[number, 1] = -motor.kp
-            self._model.actuator_biasprm[number, 2] = -motor.kd
-            self.data.ctrl[number] = motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed
+        """Give the engine the motors' targets, and their gains where they have changed."""
+        self.data.ctrl[:] = [
+            motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed for motor in self.motors
+        ]
+        gains = [(-motor.kp, -motor.kd) for motor in self.motors]
+        if gains != self._gains:
+            self._gains = gains
+            self._model.actuator_biasprm[:, 1:3] = gains
 
-    def _store(self) -> None:
+    def measure(self) -> None:
         """Take the measured joints out of the engine."""
         angles, speeds, forces = (
             self.data.qpos.tolist(),

@@ -25,10 +25,11 @@ class Rig:
     ) -> None:
         self.dog = dog
         self.sim, self.buses = lockstep(dog, world, real=real, seed=seed)
+        self.order = Order()
         self.controller = Controller(dog, self.buses)
         self.controller.drives.configure()
-        self.order = Order()
         self.alive = True
+        self.skew = 0.0  # s by which the controller's clock has jumped
         self.tilt = 0.0  # greatest since the last ``go`` began, rad
         self.watch: Callable[[], None] = lambda: None
 
@@ -44,11 +45,11 @@ class Rig:
 
     def state(self) -> State:
         """Return what the controller tells."""
-        return self.controller.state(self.sim.time, Timing())
+        return self.controller.state(self.sim.time + self.skew, Timing())
 
     def cycle(self) -> None:
         """Run one control cycle."""
-        now, dt = self.sim.time, self.dog.dt
+        now, dt = self.sim.time + self.skew, self.dog.dt
         self.controller.begin(now)
         for name, bus in self.buses.items():
             for frame in bus.receive(0.0):
@@ -59,6 +60,12 @@ class Rig:
         self.sim.advance(dt)
         self.tilt = max(self.tilt, math.acos(max(-1.0, min(1.0, self.sim.world.imu().up))))
         self.watch()
+
+    def reconnect(self) -> None:
+        """Begin anew with the same dog, as after a lost link."""
+        self.order = Order()
+        self.controller = Controller(self.dog, self.buses)
+        self.controller.drives.configure()
 
     def go(self, seconds: float, twist: Twist = Twist()) -> None:  # noqa: B008 - a tuple does not change
         """Let time pass with a velocity."""

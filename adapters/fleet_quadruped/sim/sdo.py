@@ -33,6 +33,7 @@ class SdoServer:
         self.objects = {place: Entry(size, value) for place, (size, value) in objects.items()}
         self.refusals: dict[tuple[int, int], int] = {}
         self.silent = False
+        self.changed = True  # since the owner looked last
 
     def take(self, frame: Frame) -> None:
         """Take a frame; anything but a request to this node is ignored."""
@@ -64,6 +65,7 @@ class SdoServer:
             self._abort(place, problem)
             return
         entry.value = int.from_bytes(data[4 : 4 + size], "little")
+        self.changed = True
         self._answer(0x60, place, b"")
 
     def _refusal(self, place: tuple[int, int], entry: Entry, size: int) -> int:

@@ -38,6 +38,7 @@ def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
     world.put(turn, 0.5)
     for _ in range(round(seconds / _STEP)):
         world.step(_STEP)
+    world.measure()
 
 
 def follow(world: MujocoWorld, motion: Motion) -> None:
@@ -46,6 +47,7 @@ def follow(world: MujocoWorld, motion: Motion) -> None:
         for motor, angle in zip(world.motors, motion.step(_STEP).angles, strict=True):
             motor.kp, motor.kd, motor.target, motor.target_speed = _STIFF, _DAMPING, angle, 0.0
         world.step(_STEP)
+    world.measure()
 
 
 def tries_needed(dog: Description, turn: Quaternion, most: int = 3) -> int | None:

@@ -46,7 +46,10 @@ class World(Protocol):
         """The motors in the order of ``JOINTS``."""
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass."""
+        """Let ``dt`` seconds pass; called more often than what it leads to is looked at."""
+
+    def measure(self) -> None:
+        """Bring the measured half of the motors, and the body, up to date."""
 
     def imu(self) -> Imu:
         """Return what an ideal IMU in the body measures."""
@@ -62,11 +65,12 @@ class KinematicWorld:
         self._dog = dog
         self.motors = [Motor(angle=angle, target=angle) for angle in dog.posture(dog.poses.fold)]
         self._x = self._y = self._yaw = 0.0
-        self._turn = 0.0
+        self._turn = self._passed = 0.0
         self._feet = self._all_feet()
 
     def step(self, dt: float) -> None:
-        """Move the joints, then the body over its standing feet."""
+        """Move the joints."""
+        self._passed += dt
         for motor, joint in zip(self.motors, self._dog.all_joints, strict=True):
             before = motor.angle
             if motor.kp > 0:
@@ -74,6 +78,12 @@ class KinematicWorld:
                 motor.angle += max(-most, min(most, (motor.target - motor.angle) * min(1.0, dt / _LAG)))
             motor.speed = (motor.angle - before) / dt
             motor.torque = motor.feed if motor.kp > 0 else 0.0
+
+    def measure(self) -> None:
+        """Move the body over the feet that stood since the last time."""
+        dt, self._passed = self._passed, 0.0
+        if dt == 0.0:
+            return
         old, self._feet = self._feet, self._all_feet()
         lowest = min(foot[2] for foot in self._feet)
         standing = [

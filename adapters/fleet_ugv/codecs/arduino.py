@@ -36,7 +36,6 @@ class ArduinoCodec(Codec):
     """One board; ``ticks``: encoder ticks a metre; ``servo`` for a robot that steers."""
 
     stop: ClassVar[bytes] = b"\rm 0 0\r"
-    longest: ClassVar[int] = 32
 
     def __init__(self, *, ticks: float, servo: Servo | None = None) -> None:
         self.garbage = 0
@@ -50,14 +49,15 @@ class ArduinoCodec(Codec):
         return [event for event in events if event is not None]
 
     def _event(self, line: bytes) -> Event | None:
-        """Return what one answer says."""
-        counters = _COUNTERS.fullmatch(line.strip())
+        """Return what one answer says; before it may stand an echo of what was asked."""
+        line = line.rpartition(b"\r")[2].strip()
+        counters = _COUNTERS.fullmatch(line)
         if counters is not None:
             left, right = int(counters[1]), int(counters[2])
             return Feedback(distances=(left / self._ticks, right / self._ticks))
         if line.startswith(b"Invalid Command"):
             return Trouble("the board does not know a command; is it ros_arduino_bridge?")
-        if line.strip() != b"OK":
+        if line != b"OK":
             self.garbage += 1
         return None
 

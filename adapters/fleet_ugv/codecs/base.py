@@ -14,11 +14,10 @@ class Codec(ABC):
     """Translates for one open line; a fresh one for each. Nothing in it waits, reads a clock or does I/O.
 
     ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread).
-    ``longest``: bytes of the longest motion frame. ``garbage`` counts pieces that made no sense.
+    ``garbage`` counts pieces that made no sense.
     """
 
     stop: ClassVar[bytes]
-    longest: ClassVar[int]
     garbage: int = 0
 
     @abstractmethod
@@ -30,7 +29,7 @@ class Codec(ABC):
         """Return the frame that holds these speeds."""
 
     def hello(self) -> bytes:
-        """Return what ends half a line that another program may have left behind."""
+        """Return what is said until the base speaks: the end of half a line, and a question."""
         return b""
 
     def setup(self) -> bytes:

@@ -40,7 +40,6 @@ class HoverboardCodec(Codec):
     """One mainboard; ``diameter`` of its wheels, m."""
 
     stop: ClassVar[bytes] = frame_of(0, 0)
-    longest: ClassVar[int] = _DOWN.size
 
     def __init__(self, *, diameter: float) -> None:
         self.garbage = 0

@@ -38,7 +38,6 @@ class WaveshareCodec(Codec):
     """One board. ``main`` and ``module`` are the numbers of T 900; ``timeout``: of its dead-man, s."""
 
     stop: ClassVar[bytes] = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
-    longest: ClassVar[int] = 40
 
     def __init__(self, *, main: int, module: int, timeout: float) -> None:
         self.garbage = 0
@@ -112,8 +111,8 @@ class WaveshareCodec(Codec):
         return b'{"T":1,"L":%.4f,"R":%.4f}\n' % (left, right)
 
     def hello(self) -> bytes:
-        """Return the end of a line that may be half there."""
-        return b"\n"
+        """Return the end of half a line, and ask once: the general firmware streams nothing yet."""
+        return b'\n{"T":130}\n'
 
     def setup(self) -> bytes:
         """Return the geometry, the dead-man (echoed, so that it is seen to be taken) and the stream."""

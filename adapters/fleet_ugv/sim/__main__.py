@@ -1,24 +1,20 @@
 """``python -m fleet_ugv.sim``: simulated bases on pseudo-terminals.
 
-With ``--stdin`` it takes the JSON lines of ``fleet_ugv.sim.server`` and ends when stdin closes.
+With ``--stdin`` it takes the JSON lines of ``fleet.sim.server`` and ends when stdin closes.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
-import signal
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
-
 from fleet.sim.faults import parse_faults
 from fleet_ugv.sim.faults import FAULTS
-from fleet_ugv.sim.server import SimServer
+from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import BOARDS, SimSpec
 
 
@@ -32,46 +28,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _tell(line: bytes) -> None:
-    """Write one line to stdout."""
-    sys.stdout.buffer.write(line)
-    sys.stdout.buffer.flush()
-
-
-async def _obey_stdin(server: SimServer) -> None:
-    """Carry out the lines of stdin until it closes."""
-    reader = asyncio.StreamReader()
-    loop = asyncio.get_running_loop()
-    transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    try:
-        while line := await reader.readline():
-            _tell(server.answer(line))
-    finally:
-        transport.close()
-
-
 async def _serve(options: argparse.Namespace, folder: Path) -> None:
-    """Run until a signal, or until stdin closes when it is obeyed."""
-    server = SimServer(folder)
+    """Run the bases; raises ValueError for what cannot be."""
+    server = Bases(folder)
     if options.profile:
-        spec = SimSpec(options.profile, options.seed, parse_faults(options.fault, FAULTS))
-        _tell(msgspec.json.encode({"url": server.add(spec).url}) + b"\n")
-    loop = asyncio.get_running_loop()
-    ended = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ended.set)
-    tasks = [loop.create_task(server.run()), loop.create_task(ended.wait())]
-    if options.stdin:
-        tasks.append(loop.create_task(_obey_stdin(server)))
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+        await server.add(SimSpec(options.profile, options.seed, parse_faults(options.fault, FAULTS)))
+    await server.serve(obeys=options.stdin)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -64,6 +64,12 @@ class SimPort:
         else:
             self.board.set_fault(name, value)
 
+    def look(self) -> dict[str, float]:
+        """Return where the base truly is (m, rad) and the speeds of its sides (m/s)."""
+        physics = self.board.physics
+        left, right = physics.speeds
+        return {"x": physics.x, "y": physics.y, "yaw": physics.yaw, "left": left, "right": right}
+
     def step(self) -> None:
         """Let the board live on."""
         if not self.plugged and self.now() >= self._back_at:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import Literal
 
 import msgspec
 
@@ -20,33 +21,41 @@ SKID = 1.3  # an assumption: how much wider a track that slips in turns seems
 
 
 class SimSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One simulated base: its profile, its faults from the start; ticks a metre and wheels (m), 0: usual."""
+    """One simulated base: its profile, its faults from the start; ticks a metre and wheels (m), 0: usual.
+
+    ``firmware``: of Waveshare's boards, ugv_base_ros or ugv_base_general.
+    """
 
     profile: str
     seed: int = 1
     faults: dict[str, float] = {}
     ticks: float = 0.0
     diameter: float = 0.0
+    firmware: Literal["ros", "general"] = "ros"
 
 
 def spec_of(link: str, *, ticks: float, diameter: float) -> SimSpec:
-    """Return what ``sim:PROFILE?fault=NAME:VALUE,...&seed=N`` asks for; raises ValueError."""
+    """Return what ``sim:PROFILE?fault=NAME:VALUE,...&seed=N&firmware=general`` asks; raises ValueError."""
     profile, _, query = link.removeprefix("sim:").partition("?")
     fields = dict(part.partition("=")[::2] for part in query.split("&") if part)
-    if unknown := fields.keys() - {"fault", "seed"}:
-        raise ValueError(f"{link!r}: {min(unknown)!r} is not known; there are fault and seed")
+    if unknown := fields.keys() - {"fault", "seed", "firmware"}:
+        raise ValueError(f"{link!r}: {min(unknown)!r} is not known; there are fault, seed and firmware")
     seed = fields.get("seed", "1")
     if not seed.isdigit():
         raise ValueError(f"{link!r}: the seed {seed!r} is no whole number")
+    firmware = fields.get("firmware", "ros")
+    if firmware not in {"ros", "general"}:
+        raise ValueError(f"{link!r}: the firmware {firmware!r} is not known; there are ros and general")
     faults = parse_faults(fields.get("fault", ""), FAULTS)
-    return SimSpec(profile, int(seed), faults, ticks, diameter)
+    return SimSpec(profile, int(seed), faults, ticks, diameter, "general" if firmware == "general" else "ros")
 
 
 def _waveshare(spec: SimSpec) -> SimBoard:
     """Return one of Waveshare's boards."""
     profile = PROFILES[spec.profile]
     tracked = SKID if spec.profile != "waveshare-rasprover" else 1.15
-    return WaveshareBoard(Body(profile.track, tracked, fastest=profile.fastest), seed=spec.seed)
+    body = Body(profile.track, tracked, fastest=profile.fastest)
+    return WaveshareBoard(body, general=spec.firmware == "general", seed=spec.seed)
 
 
 def _arduino(spec: SimSpec) -> SimBoard:

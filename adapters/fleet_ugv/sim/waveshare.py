@@ -1,7 +1,8 @@
-"""A simulated Waveshare board (ugv_base_ros): JSON lines, boot text, T 1001 every 50 ms; pure.
+"""A simulated Waveshare board (ugv_base_ros or ugv_base_general): JSON lines, boot text, T 1001; pure.
 
-It does what the real one does wrong as well: T 13 does not feed its dead-man, a wheel speed beyond 2 m/s is
-dropped after it fed it, and a line of more than 256 bytes vanishes.
+It does what the real one does wrong as well: T 13 does not feed its dead-man (ros), a wheel speed beyond
+2 m/s is dropped after it fed it, a line of more than 256 bytes vanishes, and with the general firmware it
+says nothing until it is asked, and repeats what it is told.
 """
 
 from __future__ import annotations
@@ -26,9 +27,10 @@ _BOOT_TEXT = (
 
 
 class WaveshareBoard(SimBoard):
-    """The board of a Beast, a Rover or a RaspRover, by its ``body``."""
+    """The board of a Beast, a Rover or a RaspRover, by its ``body``; ``general``: which firmware."""
 
-    def __init__(self, body: Body, *, seed: int = 1) -> None:
+    def __init__(self, body: Body, *, general: bool = False, seed: int = 1) -> None:
+        self._general = general
         super().__init__(body, timeout=DEFAULT_TIMEOUT, voltage=11.9, seed=seed)
         self.display: dict[int, str] = {}
         self.lamps = (0, 0)
@@ -43,8 +45,8 @@ class WaveshareBoard(SimBoard):
         self._cutter = Lines(b"\n", LARGEST).cutter()
         self._booted = now + BOOT
         self._boot_text = _BOOT_TEXT
-        self._streams = True
-        self._echoes = False
+        self._streams = not self._general
+        self._echoes = self._general
         self._module = 0
         self._next = 0.0
 
@@ -64,7 +66,10 @@ class WaveshareBoard(SimBoard):
             return b""
         echo = line + b"\n" if self._echoes and "no_confirm" not in self.faults else b""
         try:
-            self._do(int(said.get("T", 0)), said, now)
+            kind = int(said.get("T", 0))
+            if kind == 130:
+                return echo + self._feedback()
+            self._do(kind, said, now)
         except (TypeError, ValueError, OverflowError):
             return echo
         return echo
@@ -72,7 +77,7 @@ class WaveshareBoard(SimBoard):
     def _do(self, kind: int, said: dict[str, Any], now: float) -> None:
         """Carry out one command."""
         match kind:
-            case 0:
+            case 0 if not self._general:
                 self.physics.wanted = [0.0, 0.0]
             case 1:
                 self._told = now
@@ -81,6 +86,7 @@ class WaveshareBoard(SimBoard):
                     self.hold(left, right, now)
             case 13:
                 turn = float(said["Z"]) * self.physics.body.track / 2
+                self._told = now if self._general else self._told
                 self.physics.wanted = [float(said["X"]) - turn, float(said["X"]) + turn]
             case 3:
                 self.display[int(said["lineNum"])] = str(said["Text"])
@@ -116,15 +122,24 @@ class WaveshareBoard(SimBoard):
         if not self._streams or now < self._next:
             return b""
         self._next = now + 0.05
-        return msgspec.json.encode(self._feedback()) + b"\n"
+        return self._feedback()
 
-    def _feedback(self) -> dict[str, Any]:
-        """Return T 1001 in its own units: centimetres, centivolts, raw steps."""
+    def _feedback(self) -> bytes:
+        """Return T 1001."""
+        left, right = (round(round(speed / PULSE) * PULSE, 4) for speed in self.physics.speeds)
+        measured = self._general_fields() if self._general else self._ros_fields()
+        return msgspec.json.encode({"T": 1001, "L": left, "R": right} | measured) + b"\n"
+
+    def _general_fields(self) -> dict[str, Any]:
+        """Return what ugv_base_general measures: degrees and volts."""
+        yaw = round(math.degrees(self.physics.yaw), 2)
+        return {"r": 0.1, "p": -0.2, "y": yaw, "temp": 31.0, "v": self.voltage}
+
+    def _ros_fields(self) -> dict[str, Any]:
+        """Return what ugv_base_ros measures, in its own units: centimetres, centivolts, raw steps."""
         physics = self.physics
-        left, right = (round(speed / PULSE) * PULSE for speed in physics.speeds)
-        said: dict[str, Any] = {"T": 1001, "L": round(left, 4), "R": round(right, 4)}
         gravity = 8192 / 9.80665
-        said |= {
+        said: dict[str, Any] = {
             "ax": round((physics.acceleration + physics.shake(0.05)) * gravity),
             "ay": round((physics.speed * physics.yaw_rate + physics.shake(0.05)) * gravity),
             "az": round((9.80665 + physics.shake(0.05)) * gravity),

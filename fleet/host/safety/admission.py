@@ -15,12 +15,13 @@ from fleet.robot_config import AdapterConfig
 class Admission:
     """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
 
-    def __init__(self, config: AdapterConfig, clock: Clock) -> None:
+    def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch) -> None:
         self._config = config
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
-        self.latch = Latch()
+        self.latch = latch
+        self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
 
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
@@ -32,14 +33,16 @@ class Admission:
         )
         if refusal or ask.name == RELEASE or safe:
             return refusal
-        return self.latch.refusal() or (self._turn(ask.origin) if moves else None)
+        if not moves:
+            return self.latch.refusal()
+        return self.motion() or self._turn(ask.origin)
 
     def setpoint(self, ask: Setpoint) -> str | None:
         """Judge a velocity."""
         return (
             self._policy.refusal(ask.origin)
             or self._age(ask.origin, ask.stamp, self._config.max_age, ordered=True)
-            or self.latch.refusal()
+            or self.motion()
             or self._turn(ask.origin)
         )
 
@@ -50,9 +53,13 @@ class Admission:
         return (
             self._policy.refusal(ask.origin, navigation=True)
             or self._age(ask.origin, ask.stamp, self._config.command_max_age)
-            or self.latch.refusal()
+            or self.motion()
             or self.lease.refusal(ask.origin.session, self._clock.monotonic())
         )
+
+    def motion(self) -> str | None:
+        """Return why nothing may move the robot, whoever asks; None when it may be moved."""
+        return self.latch.refusal() or (f"it has a fault: {self.fault}" if self.fault else None)
 
     def _age(
         self, origin: Origin, stamp: float | None, max_age: float, *, ordered: bool = False

@@ -11,33 +11,33 @@ import threading
 
 
 class DeadMan:
-    """One robot's running lease."""
+    """One robot's running lease; ``until``: when it runs out (monotonic s), infinity without one."""
 
     def __init__(self) -> None:
-        self._until = math.inf
+        self.until = math.inf
         self._lock = threading.Lock()
         self.expired = 0
 
     @property
     def armed(self) -> bool:
         """True while a velocity is being held."""
-        return self._until != math.inf
+        return self.until != math.inf
 
     def feed(self, now: float, lease: float) -> None:
         """Hold a fresh setpoint for ``lease`` seconds from ``now`` (monotonic)."""
         with self._lock:
-            self._until = now + lease
+            self.until = now + lease
 
     def clear(self) -> None:
         """Nothing is moving any more."""
         with self._lock:
-            self._until = math.inf
+            self.until = math.inf
 
     def expire(self, now: float) -> bool:
         """Return True, once, when the lease has run out."""
         with self._lock:
-            if now < self._until:
+            if now < self.until:
                 return False
-            self._until = math.inf
+            self.until = math.inf
             self.expired += 1
             return True

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 RELEASE = "release_emergency_stop"
 
 
 class Latch:
-    """One robot's emergency stop."""
+    """One robot's emergency stop, set from the beginning with a ``why`` of an earlier process.
 
-    def __init__(self) -> None:
-        self._why = ""
+    ``keep`` is told each change, on any thread: why it is set, or nothing for its release.
+    """
+
+    def __init__(self, why: str = "", keep: Callable[[str], None] = lambda _: None) -> None:
+        self._why = why
+        self._keep = keep
 
     @property
     def set(self) -> bool:
@@ -18,11 +24,14 @@ class Latch:
 
     def pull(self, why: str) -> None:
         """Stop; pulling again changes nothing."""
-        self._why = self._why or why
+        if not self._why:
+            self._why = why
+            self._keep(why)
 
     def release(self) -> None:
         """Allow motion again; the robot stays as it is until somebody asks for more."""
         self._why = ""
+        self._keep("")
 
     def refusal(self) -> str | None:
         """Return why nothing may move, None when it may."""

@@ -40,6 +40,25 @@ def test_it_moves_where_its_nose_points_and_holds_its_heading(fly, sky, flavour)
 
 
 @both
+def test_while_it_drives_a_new_velocity_leaves_at_once(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 2.0)
+            assert it.mode == EXTERNAL[flavour]
+            for climb in (0.5, 1.0, 0.75):  # each within one period of the stream
+                it.adapter.drive(Velocity(Vector3(0.0, 0.0, climb)))
+                await asyncio.sleep(0.01)
+                assert it.setpoints[-1][1].vz == -climb
+            it.adapter.drive(STILL)
+            await asyncio.sleep(0.01)
+            assert it.setpoints[-1][1].vx == it.setpoints[-1][1].vz == 0
+
+    fly(main())
+
+
+@both
 def test_after_a_rest_it_is_left_to_its_own_hold(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import threading
+import time
 
 import pytest
 
@@ -9,6 +11,7 @@ from fleet import (
     BatteryReport,
     Goal,
     GoTo,
+    Level,
     LinkLost,
     LinkRefused,
     NotReady,
@@ -47,6 +50,40 @@ async def test_a_dog_that_lies_does_not_walk(running):
     async with running() as (adapter, _, _):
         with pytest.raises(NotReady, match="stand_up first"):
             adapter.drive(Velocity(Vector3(0.3)))
+
+
+async def test_an_emergency_stop_damps_it_while_the_event_loop_is_stuck(running):
+    async with running() as (adapter, _, _):
+        await all_of(adapter.stand_up())
+        adapter.drive(Velocity(Vector3(0.3)))
+        thread = threading.Thread(target=adapter.emergency_halt)
+        thread.start()
+        thread.join()
+        deadline = time.monotonic() + 5.0
+        while (mode := adapter._body.states.get().mode) in {"standing", "walking"}:  # and never an await
+            assert time.monotonic() < deadline
+        assert mode == "damped"
+
+
+async def test_a_halt_at_the_same_time_loses_no_emergency_stop(running):
+    async with running() as (adapter, _, _):
+        threads = [threading.Thread(target=adapter.emergency_halt) for _ in range(20)]
+        for thread in threads:
+            thread.start()
+            adapter.halt()
+        for thread in threads:
+            thread.join()
+        assert adapter._order.stop == 20
+
+
+async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
+    async with running(link="sim:kinematic?faults=overcurrent:8") as (adapter, robot, _):
+        await robot.until(lambda: "RL_hip: over-current" in robot.healths[-1].cause)
+        assert robot.healths[-1].level is Level.FAULT
+        with pytest.raises(Refused, match="send reset_faults"):
+            await all_of(adapter.stand_up())
+        await adapter.reset_faults()
+        await robot.until(lambda: robot.healths[-1].level is Level.OK)
 
 
 async def test_an_emergency_stop_is_seen_to_be_obeyed(running):

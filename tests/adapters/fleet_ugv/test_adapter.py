@@ -75,10 +75,10 @@ class Bench:
 async def make_bench(make_config, request):
     async with contextlib.AsyncExitStack() as stack:
 
-        def make(profile="waveshare-beast", faults=None, **fields):
+        def make(profile="waveshare-beast", faults=None, firmware="ros", **fields):
             name = request.node.name.replace("[", ".").rstrip("]")
             machine = stack.enter_context(MemoryRobot(name))
-            board = board_of(SimSpec(profile, faults=faults or {}))
+            board = board_of(SimSpec(profile, faults=faults or {}, firmware=firmware))
             bench = Bench(
                 make_config(profile, f"memory:{name}", twin=str(uuid.uuid4()), **fields), machine, board
             )
@@ -106,6 +106,19 @@ async def test_every_base_drives_forward_reports_it_and_stops(make_bench, profil
     assert 0.1 < bench.board.physics.x < 0.35
     bench.adapter.halt()
     await bench.pass_time(1.0)
+    assert bench.board.physics.speeds == [0.0, 0.0]
+
+
+async def test_the_general_firmware_is_asked_until_it_speaks_and_again_after_it_restarted(make_bench):
+    bench = await make_bench("waveshare-rover", firmware="general").ready()
+    assert bench.board.timeout == 0.5
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(1.0)
+    assert bench.last(PoseReport).position.x == pytest.approx(bench.board.physics.x, abs=0.05)
+    assert bench.last(BatteryReport).voltage == 11.9
+    bench.board.set_fault("reset", 1.0)
+    await bench.pass_time(4.0)
+    assert (bench.health, bench.board.timeout) == (Level.OK, 0.5)
     assert bench.board.physics.speeds == [0.0, 0.0]
 
 
@@ -140,6 +153,13 @@ async def test_wheels_of_both_sides_are_scaled_together(bench):
     assert bench.motion() == b'{"T":1,"L":0.3490,"R":0.5250}\n'
 
 
+async def test_a_calibrated_base_is_told_what_makes_it_go_as_asked(make_bench):
+    bench = await make_bench(calibration={"track": 0.2, "left": 1.25, "right": -1.25}).ready()
+    bench.motion()
+    bench.adapter.drive(forward(0.25, 1.0))
+    assert bench.motion() == b'{"T":1,"L":0.1200,"R":0.2800}\n'
+
+
 async def test_a_board_that_does_not_confirm_its_dead_man_is_driven_slowly_and_told(make_bench):
     bench = make_bench(faults={"no_confirm": 1.0})
     await bench.pass_time(5.0)
@@ -172,11 +192,21 @@ async def test_silence_is_amber_in_a_second_red_in_three_and_halts(bench):
         await bench.pass_time(2.0)
 
 
-@pytest.mark.parametrize(
-    "fault", [{"corrupt": 0.01}, {"partial": 1.0}, {"garbage": 1.0}, {"echo": 1.0}, {"loss": 0.05}]
-)
-async def test_a_bad_wire_is_no_wrong_way(make_bench, fault):
-    bench = await make_bench(faults=fault).ready()
+BAD_WIRES = [
+    {"corrupt": 0.01},
+    {"partial": 1.0},
+    {"garbage": 1.0},
+    {"echo": 1.0},
+    {"loss": 0.05},
+    {"duplicate": 0.1},
+    {"delay": 0.1},
+]
+
+
+@pytest.mark.parametrize("fault", BAD_WIRES, ids=lambda fault: next(iter(fault)))
+@pytest.mark.parametrize("profile", ["waveshare-beast", "ros-arduino", "hoverboard"])
+async def test_a_bad_wire_is_no_wrong_way(make_bench, profile, fault):
+    bench = await make_bench(profile, faults=fault).ready()
     bench.adapter.drive(forward(0.2))
     await bench.pass_time(4.0)
     assert bench.health is Level.OK
@@ -221,6 +251,16 @@ async def test_the_display_shows_lines(bench):
     await bench.do("oled_ctrl", text="hello\nworld")
     await bench.pass_time(0.04)
     assert bench.board.display == {0: "hello", 1: "world"}
+
+
+@pytest.mark.parametrize("profile", ["ros-arduino", "hoverboard"])
+async def test_a_base_refuses_what_hangs_on_no_wire_of_its_own(make_bench, profile):
+    bench = await make_bench(profile).ready()
+    bench.motion()
+    for command, what in (("led_toggle", "lamps"), ("camera_up", "camera mount"), ("oled_ctrl", "display")):
+        with pytest.raises(Unsupported, match=f"no {what}"):
+            await bench.do(command)
+    assert bench.motion() == b""
 
 
 async def test_battery_and_status_are_told_when_asked(bench):

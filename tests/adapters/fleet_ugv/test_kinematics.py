@@ -10,6 +10,7 @@ from fleet_ugv.model import Steering, Wheels
 
 SPEEDS = st.floats(-5, 5)
 BEAST = Differential(track=0.141, fastest=0.5)
+WORN = Differential(track=0.141, fastest=0.5, left=0.8, right=1.1)
 CAR = Ackermann(wheelbase=0.3, sharpest=0.5, fastest=1.0)
 
 
@@ -23,16 +24,16 @@ def test_no_side_is_ever_asked_for_more_than_it_can_do(speed, yaw_rate):
     assert max(abs(wheels.left), abs(wheels.right)) <= 0.5 + 1e-9
 
 
-@given(st.floats(-0.2, 0.2), st.floats(-2, 2))
-def test_forward_undoes_inverse_within_the_limits(speed, yaw_rate):
-    back = BEAST.forward(BEAST.inverse(velocity(speed, yaw_rate)))
+@given(st.floats(-0.2, 0.2), st.floats(-2, 2), st.sampled_from([BEAST, WORN]))
+def test_forward_undoes_inverse_within_the_limits(speed, yaw_rate, base):
+    back = base.forward(base.inverse(velocity(speed, yaw_rate)))
     assert back.linear.x == pytest.approx(speed, abs=1e-9)
     assert back.yaw_rate == pytest.approx(yaw_rate, abs=1e-9)
 
 
-@given(st.floats(0.1, 5), SPEEDS)
-def test_a_base_beyond_its_limits_keeps_to_its_curve(speed, yaw_rate):
-    back = BEAST.forward(BEAST.inverse(velocity(speed, yaw_rate)))
+@given(st.floats(0.1, 5), SPEEDS, st.sampled_from([BEAST, WORN]))
+def test_a_base_beyond_its_limits_keeps_to_its_curve(speed, yaw_rate, base):
+    back = base.forward(base.inverse(velocity(speed, yaw_rate)))
     assert back.yaw_rate * speed == pytest.approx(yaw_rate * back.linear.x, abs=1e-6)
 
 

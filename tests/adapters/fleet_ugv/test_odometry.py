@@ -85,8 +85,24 @@ def test_a_counter_reset_is_no_way_back_and_is_told():
 def test_a_spoiled_counter_is_a_jump_that_no_wheel_makes_and_no_reset():
     odometry = Odometry(SCALE, 1.0)
     run(odometry, ways(1.0, 1.0, 41))
-    assert not odometry.update(Feedback(distances=(901.0, 1.0)), 102.05).restarted
-    assert odometry.x == pytest.approx(1.0)
+    assert odometry.update(Feedback(distances=(901.0, 1.0)), 102.05) is None
+    odometry.update(Feedback(distances=(1.05, 1.05)), 102.1)
+    assert odometry.x == pytest.approx(1.05)
+
+
+@given(st.floats(0.02, 0.9), st.integers(1, 6))
+def test_the_way_of_a_time_when_nobody_listened_is_not_lost(stalled, at_once):
+    odometry = Odometry(SCALE, 1.0)
+    odometry.update(Feedback(distances=(0.5, 0.5)), 100.0)
+    # What was said before the stall is heard after it, and what was said meanwhile with it.
+    for number in range(at_once):
+        said = 0.5 + 0.8 * stalled * number / at_once
+        odometry.update(Feedback(distances=(said, said)), 100.0 + stalled)
+    for late in range(1, 41):
+        now = 100.0 + stalled + late * 0.05
+        said = 0.5 + 0.8 * (now - 100.0)
+        odometry.update(Feedback(distances=(said, said)), now)
+    assert odometry.x == pytest.approx(said - 0.5, abs=0.05)
 
 
 def test_counters_that_wrap_go_on():

@@ -6,12 +6,14 @@ import threading
 import pytest
 from cyberwave.mqtt import CyberwaveMQTTClient
 
-from fleet.bridge.bridge import Bridge
+from fleet.bridge.bridge import Bridge, Rules
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.testing.waiting import wait_until
+from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, Traffic
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -63,16 +65,21 @@ def make_bridge(topics, ports):
     """Build bridges whose loop is whatever thread calls; close what is still open."""
     made = []
 
-    def make_bridge(port):
+    def make_bridge(port, edge="yard-1", *, rules=None, clock=None):
+        claims, put = [], []
         bridge = Bridge(
             settings(port),
             topics,
             ports,
-            edge="yard-1",
+            edge=edge,
+            rules=rules or Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            put=lambda key, _sample: put.append(key),
             soon=lambda call: call(),
             alive=lambda _name: True,
-            clock=SystemClock(),
+            claimed=lambda twin, holder: claims.append((twin, holder)),
+            clock=clock or SystemClock(),
         )
+        bridge.claims, bridge.put = claims, put
         made.append(bridge)
         bridge.start()
         wait_until("the bridge is in", lambda: bridge.client.state is CloudState.CONNECTED)
@@ -90,7 +97,7 @@ def bridge(make_bridge, port):
 
 def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     bridge.uplink.arrived(f"cw/{TWIN}/data/position", pose(4.0))
-    bridge.turn()
+    list(bridge.turn())
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
@@ -98,13 +105,13 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
     monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
-    bridge.turn()
+    list(bridge.turn())
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):
     bridge.beat({"cpu_temp_c": 41.5})
-    wait_until("both are heard", lambda: len(listener.heard) == 2)
-    beats = dict(listener.heard)
+    wait_until("both and a ping are heard", lambda: len(listener.heard) == 3)
+    beats = {topic: message for topic, message in listener.heard if "/ping/" not in topic}
     assert set(beats) == {f"{T}edge_health", f"cyberwave/twin/{OTHER}/edge_health"}
     beat = beats[f"{T}edge_health"]
     assert (beat["type"], beat["edge_id"], beat["streams"]) == ("edge_health", "yard-1", {})
@@ -122,8 +129,8 @@ def test_whoever_ends_says_that_its_twins_are_disconnected(bridge, listener):
 def test_only_what_asks_something_of_our_twins_is_subscribed(broker, make_bridge, topics, ports):
     bridge = make_bridge(broker.port)
     (mine,) = broker.call(lambda: list(broker.broker._hub._directory.sessions.values()))
-    leaves = {"command": 1, "navigate/command": 1, "mission/command": 1, "motion/command": 0}
-    wanted = {topics.twin(twin, leaf): qos for twin in ports for leaf, qos in leaves.items()}
+    rules = [rule for rule in INWARD.values() if rule.leaf not in NOT_OF_A_TWIN]
+    wanted = {topics.twin(twin, rule.leaf): rule.qos for twin in ports for rule in rules}
     given = {pattern: one.options for pattern, one in mine.subscriptions.items()}
     assert {pattern: int(options.max_qos) for pattern, options in given.items()} == wanted
     assert all(options.no_local for options in given.values())
@@ -152,7 +159,9 @@ def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
 
 def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     rex.answers = lambda *_: Reply("land", ReplyStatus.ACCEPTED)
-    listener.client.publish(f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, urgent=True)
+    listener.client.publish(
+        f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, traffic=Traffic.REPLY
+    )
     wait_until("command and status are heard", lambda: len(listener.heard) >= 1)
     bridge.beat({})  # comes after the status on the same connection
     wait_until("the heartbeats are heard", lambda: [t for t, _ in listener.heard if "edge_health" in t])
@@ -176,6 +185,83 @@ def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_the
 def test_an_answer_does_not_wait_for_the_wheel(bridge, listener, rex):
     answered = threading.Event()
     rex.answers = lambda *_: answered.set() or Reply("land", ReplyStatus.REJECTED, "stale")
-    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, urgent=True)
+    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, traffic=Traffic.REPLY)
     assert answered.wait(60)
     wait_until("the status is heard", lambda: [m for _, m in listener.heard if m.get("reason") == "stale"])
+
+
+class Cloud(Listener):
+    """A listener that answers pings as the cloud does."""
+
+    def _take(self, messages):
+        super()._take(messages)
+        for message in messages:
+            if "/ping/" in message.topic:
+                topic = message.topic.replace("/ping/", "/pong/").replace("/request", "/response")
+                self.client.publish(topic, b'{"type": "pong", "timestamp": 1.0}')
+
+
+def test_the_round_trip_to_the_cloud_is_measured(bridge, port):
+    cloud = Cloud(port)
+    try:
+        bridge.beat({})
+        wait_until("the pong is there", lambda: bridge.round_trip.seconds is not None)
+        assert 0 < bridge.round_trip.seconds < 60
+    finally:
+        cloud.client.close()
+
+
+def test_whoever_pings_one_of_our_twins_is_answered_by_name(bridge, listener):
+    listener.client.publish(f"cyberwave/ping/{TWIN}/request", b'{"type": "ping"}')
+    pong = f"cyberwave/pong/{TWIN}/response"
+    message = wait_until("the pong is heard", lambda: dict(listener.heard).get(pong))
+    assert (message["type"], message["edge_id"]) == ("pong", "yard-1")
+    assert bridge.round_trip.seconds is None
+
+
+def heartbeat(edge, uptime, session="them"):
+    message = {"type": "edge_health", "edge_id": edge, "uptime_seconds": uptime, "session_id": session}
+    return json.dumps(message).encode()
+
+
+def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener):
+    for _ in range(2):
+        listener.client.publish(f"{T}edge_health", heartbeat("yard-0", 5000.0), qos=1, traffic=Traffic.REPLY)
+    wait_until("the claim is noted", lambda: bridge.claims)
+    assert bridge.claims == [(TWIN, "yard-0")]
+    bridge.hold(TWIN, "yard-0")
+    bridge.beat({})
+    other = f"cyberwave/twin/{OTHER}/edge_health"
+    wait_until("the other twin's is heard", lambda: other in dict(listener.heard))
+    ours = [m for topic, m in listener.heard if topic == f"{T}edge_health" and m["edge_id"] == "yard-1"]
+    assert ours == []
+
+
+def test_of_two_bridges_for_one_twin_only_the_later_gives_way(broker, make_bridge, monkeypatch):
+    first = make_bridge(broker.port)
+    first._rivals._began -= 60.0
+    first._began -= 60.0
+    second = make_bridge(broker.port, edge="yard-2")
+    for _ in range(2):
+        first.beat({})
+        second.beat({})
+    wait_until("the later hears of the first", lambda: len(second.claims) == 2)
+    assert {edge for _, edge in second.claims} == {"yard-1"}
+    assert first.claims == []
+
+
+def test_an_offer_reaches_the_local_program_and_its_answer_the_cloud(bridge, listener):
+    offer = json.dumps({"type": "offer", "target": "edge", "sdp": "v=0"}).encode()
+    listener.client.publish(f"{T}webrtc-offer", offer, qos=1, traffic=Traffic.REPLY)
+    wait_until("it is on the bus", lambda: bridge.put == [f"cw/{TWIN}/data/cloud/webrtc_offer"])
+    answer = {"type": "answer", "target": "backend", "sdp": "v=0", "ts": 5.0, "session_id": "c_front"}
+    bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_answer", json.dumps(answer).encode())
+    own = {**answer, "type": "offer", "sdp": "v=1"}
+    bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_offer", json.dumps(own).encode())
+    list(bridge.turn())
+    heard = wait_until("it is heard", lambda: dict(listener.heard).get(f"{T}webrtc-answer"))
+    offers = f"{T}webrtc-offer"
+    wait_until("ours is heard", lambda: [m for t, m in listener.heard if t == offers and m["sdp"] == "v=1"])
+    wait_until("both are completed", lambda: bridge.client.stats.acked == 2)
+    assert (heard["session_id"], heard["timestamp"]) == ("c_front", 5.0)
+    assert "source_type" not in heard

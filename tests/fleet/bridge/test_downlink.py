@@ -1,16 +1,24 @@
 import json
+import logging
 
 import pytest
 
-from fleet.bridge.downlink import SAME_REFUSAL_EVERY, Downlink
+from fleet.bridge.answers import SAME_REFUSAL_EVERY
+from fleet.bridge.downlink import Downlink
 from fleet.cloud.values import Message
+from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
+from fleet.tally import Tally
+from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.samples import json_payload
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
 STRANGER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c99"
 T = f"cyberwave/twin/{TWIN}"
 INBOX = f"{T}/command/anna/response"
+PLACE = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c50"
+RUN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c60"
 
 
 class Bench:
@@ -20,9 +28,26 @@ class Bench:
         self.sent = []
         self.later = []
         self.clock = clock
+        self.put = []
+        self.own = []
+        book = rulebook("lan", [Changes(inward={"workflow-run:status": Change(on=True)})])
+        handle = lambda topic, message: self.own.append((topic.leaf, message.payload))  # noqa: E731
         self.downlink = Downlink(
-            topics, ports, session="fleet_us", send=self._send, soon=self.later.append, clock=clock
+            topics,
+            ports,
+            books={**dict.fromkeys(ports, of_a_twin(book)), PLACE: of_an_environment(book)},
+            any_run=of_any_run(book),
+            session="fleet_us",
+            send=self._send,
+            put=lambda key, sample: self.put.append((key, json.loads(json_payload(sample)))),
+            own={"edge_health": handle, "ping:request": handle, "pong:response": self._refuse},
+            soon=self.later.append,
+            refusals=Tally(logging.getLogger("fleet.bridge"), clock),
+            clock=clock,
         )
+
+    def _refuse(self, *_):
+        raise WireError("no pong")
 
     def _send(self, topic, payload, *, correlation=None):
         self.sent.append((topic, json.loads(payload), correlation))
@@ -60,7 +85,12 @@ def command(name, topic=f"{T}/command", **properties):
 
 @pytest.mark.parametrize(
     ("leaf", "kind"),
-    [("command", "command"), ("navigate/command", "navigate"), ("motion/command", "motion")],
+    [
+        ("command", "command"),
+        ("navigate/command", "navigate"),
+        ("motion/command", "motion"),
+        ("mission/command", "mission"),
+    ],
 )
 def test_each_topic_reaches_the_robot_as_its_kind(bench, rex, leaf, kind):
     bench.arrive(Message(f"{T}/{leaf}", b"{}", correlation=b"\x01\xff"))
@@ -82,7 +112,8 @@ def test_one_read_is_handed_to_the_loop_once_and_in_order(bench, rex):
         f"{T}/command/anna/response",
         f"{T}/position",
         f"{T}//command",
-        f"cyberwave/joint/{TWIN}/update",
+        f"cyberwave/joint/{STRANGER}/update",
+        f"{T}/webrtc-command",
         "cyberwave/twin//command",
         "",
         "$SYS/broker",
@@ -97,7 +128,7 @@ def test_what_is_not_for_a_robot_of_ours_is_left_alone(bench, ports, topic):
 def test_a_retained_command_is_refused(bench, rex, caplog):
     bench.arrive(command("takeoff", retain=True))
     assert rex.received == []
-    assert bench.downlink.refused == 1
+    assert bench.downlink.refusals.counts() == {"retained": 1}
     assert f"refused a retained message on {T}/command" in caplog.text
 
 
@@ -203,7 +234,122 @@ def test_a_robot_that_fails_to_stop_at_once_takes_nothing_from_the_others(bench,
     assert "rex: the emergency stop did not go through at once" in caplog.text
 
 
-def test_a_message_of_32_mib_is_handed_over_like_any_other(bench, rex):
-    payload = b'{"command": "emergency_stop", "x": "' + b"x" * (32 * 1024 * 1024) + b'"}'
-    bench.arrive(Message(f"{T}/command", payload))
-    assert len(rex.received) == 1
+def test_a_message_of_32_mib_is_refused_and_answered(bench, rex):
+    payload = b'{"command": "takeoff", "x": "' + b"x" * (32 * 1024 * 1024) + b'"}'
+    bench.arrive(Message(f"{T}/command", payload, response_topic=INBOX))
+    assert rex.received == []
+    ((topic, reply, _),) = bench.sent
+    assert (topic, reply["status"]) == (INBOX, "rejected")
+    assert "are more than the 1048576 that are read" in reply["reason"]
+
+
+def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
+    rex.answers = lambda *_: Reply("joint_targets", ReplyStatus.REJECTED, "rex has no 'joint_targets'")
+    bench.arrive(*[Message(f"cyberwave/joint/{TWIN}/update", b'{"positions": {"a": 1}}')] * 40)
+    assert [kind for kind, _, _ in rex.received] == ["joints"] * 40
+    ((topic, reply, _),) = bench.sent
+    assert (topic, reply["command"], reply["ok"]) == (f"{T}/command", "joint_targets", False)
+
+
+def test_a_mission_reaches_the_robot_whose_reports_tell_its_status(bench, rex):
+    rex.answers = lambda *_: Reply("mission", ReplyStatus.REJECTED, "it flies no missions")
+    payload = b'{"command": "start", "mission_execution_uuid": "m1", "steps": []}'
+    bench.arrive(Message(f"{T}/mission/command", payload))
+    assert bench.downlink.received == {"mission": 1}
+    assert bench.sent == []
+
+
+def test_how_long_a_command_took_is_noted(bench, accepting, clock):
+    bench.downlink.arrived([command("land")])
+    clock.advance(0.03)
+    bench.turn()
+    latencies = bench.downlink.latencies["rex"]
+    assert (latencies.count, latencies.total) == (1, pytest.approx(0.03))
+    assert bench.downlink.answered == {"accepted": 1}
+    assert bench.downlink.received == {"command": 1}
+
+
+# -- to programs on the bus ---------------------------------------------------------------------------
+
+
+OFFER = {"type": "offer", "target": "edge", "sdp": "v=0", "session_id": "c_front"}
+RELAYED = [
+    ("webrtc-offer", OFFER, "cloud/webrtc_offer"),
+    ("webrtc-answer", {**OFFER, "type": "answer"}, "cloud/webrtc_answer"),
+    ("webrtc-candidate", {"type": "candidate", "target": "edge", "candidate": "x"}, "cloud/webrtc_candidate"),
+    ("alert", {"name": "low battery", "state": "active"}, "alert"),
+    ("commands/sync_workflows", {"workflows": []}, "commands_sync_workflows"),
+]
+
+
+@pytest.mark.parametrize(("leaf", "message", "channel"), RELAYED)
+def test_what_is_for_a_local_program_is_put_on_the_bus_as_it_is(bench, leaf, message, channel):
+    bench.arrive(Message(f"{T}/{leaf}", json.dumps(message).encode()))
+    assert bench.put == [(f"cw/{TWIN}/data/{channel}", message)]
+
+
+@pytest.mark.parametrize(("leaf", "message", "channel"), RELAYED)
+@pytest.mark.parametrize(
+    "payload", [b"", b"[]", b"\xff", b'{"a": NaN}', b'{"a": 1, "a": 2}', b"[" * 5000, b'{"type": 5}']
+)
+def test_what_cannot_be_read_never_reaches_the_bus(bench, leaf, message, channel, payload):
+    if (leaf, payload) == ("commands/sync_workflows", b'{"type": 5}'):
+        return
+    bench.arrive(Message(f"{T}/{leaf}", payload))
+    assert bench.put == []
+    assert bench.downlink.refusals.counts() == {"unreadable": 1}
+
+
+def test_a_flood_is_thinned_and_counted(bench, clock):
+    for _ in range(100):
+        bench.arrive(Message(f"{T}/alert", b'{"name": "x"}'))
+    assert len(bench.put) == 20
+    assert bench.downlink.refusals.counts() == {"too often": 80}
+    clock.advance(0.5)
+    bench.arrive(*[Message(f"{T}/alert", b'{"name": "x"}')] * 20)
+    assert len(bench.put) == 30
+
+
+def test_updates_of_an_environment_and_of_runs_have_their_own_keys(bench):
+    bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_added", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/environment/{PLACE}/made_up", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/environment/{STRANGER}/twin_added", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/workflow-run/{RUN}/status", b'{"status": "running"}'))
+    assert [key for key, _ in bench.put] == [
+        f"cw/{PLACE}/data/cloud/twin_added",
+        f"cw/{RUN}/data/cloud/workflow_run",
+    ]
+    assert bench.downlink.refusals.counts() == {"unreadable": 1, "foreign topic": 1}
+
+
+def test_what_the_bridge_does_itself_is_handed_to_it_and_its_refusals_are_counted(bench):
+    bench.arrive(Message(f"cyberwave/ping/{TWIN}/request", b"p"), Message(f"{T}/edge_health", b"h"))
+    bench.arrive(Message(f"cyberwave/pong/{TWIN}/response", b"x"))
+    assert bench.own == [("ping:request", b"p"), ("edge_health", b"h")]
+    assert bench.downlink.refusals.counts() == {"unreadable": 1}
+
+
+def test_only_an_emergency_stop_is_obeyed_for_a_twin_that_another_edge_has(bench, rex):
+    bench.downlink.held = frozenset({TWIN})
+    bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"))
+    assert len(rex.emergencies) == 1
+    assert rex.received == []
+    assert bench.sent == [], "the other edge answers"
+    assert bench.downlink.refusals.counts() == {"held elsewhere": 2}
+
+
+def test_a_reason_is_told_once_a_minute_however_often_it_comes(bench, caplog, clock):
+    for _ in range(1000):
+        bench.arrive(command("takeoff", retain=True))
+    assert len(caplog.records) == 1
+    clock.advance(60)
+    bench.arrive(command("takeoff", retain=True))
+    assert "(999 more like this before)" in caplog.messages[-1]
+    assert bench.downlink.refusals.counts() == {"retained": 1001}
+
+
+def test_our_own_offer_that_comes_back_is_not_taken_for_one_to_us(bench):
+    ours = {**OFFER, "target": "backend"}
+    bench.arrive(Message(f"{T}/webrtc-offer", json.dumps(ours).encode()))
+    assert bench.put == []
+    assert bench.downlink.refusals.counts() == {}

@@ -111,6 +111,19 @@ def test_only_who_knows_the_password_comes_in(directory, opened, port, sees):
                 join_control(BusSettings(name, connect=connect, user=user, password=password), directory)
 
 
+def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, port):
+    hub = BusSettings("hub", mode="router", listen=(f"tcp/127.0.0.1:{port}",), user="anna", password="secret")
+    there = {"connect": (f"tcp/localhost:{port}",), "listen": (), "user": "anna"}
+    knows, guesses = (
+        opened(open_edge(BusSettings(name, password=password, **there), directory))
+        for name, password in (("yard", "secret"), ("barn", "guess"))
+    )
+    assert "nobody lets us in at tcp/localhost" in knows.problem
+    opened(open_edge(hub, directory))
+    wait_until("the router lets in who knows", lambda: not knows.problem)
+    assert "other user, password or tls" in guesses.problem
+
+
 def test_both_lanes_of_an_edge_with_a_password_meet(directory, opened, sees):
     edge = opened(open_edge(BusSettings("yard", listen=(), user="anna", password="secret"), directory))
     edge.control.token("fleet/yard")

@@ -50,7 +50,13 @@ def test_every_command_has_a_summary():
 def test_every_command_can_speak_json(name):
     module, _, attribute = COMMANDS[name].partition(":")
     command = getattr(importlib.import_module(module), attribute)
-    assert "--json" in [option for each in command.params for option in each.opts]
+    speaking = [command] if speaks_json(command) else getattr(command, "commands", {}).values()
+    assert speaking
+    assert all(map(speaks_json, speaking))
+
+
+def speaks_json(command):
+    return "--json" in [option for each in command.params for option in each.opts]
 
 
 def test_help_lists_every_command(fleet):

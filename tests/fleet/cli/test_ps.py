@@ -1,8 +1,10 @@
 import os
 import signal
 
+import msgspec
 import pytest
 
+from fleet.cli.ps import edge_line
 from fleet.model.geometry import Vector3
 from fleet.model.state import EdgeState, RobotState
 
@@ -122,3 +124,12 @@ def test_an_edge_without_robots_is_shown(fleet, play_edge, arguments):
     result = fleet("ps", *arguments)
     assert result.code == 0
     assert "yard-1" in result.out
+
+
+def test_an_edge_says_how_far_the_cloud_is_and_what_waits_was_dropped_or_refused():
+    edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected")
+    assert edge_line(edge).endswith("cloud connected; up 5 s")
+    busy = msgspec.structs.replace(
+        edge, round_trip=0.0421, waiting=2, queued=3, queued_bytes=900, dropped=4, refused=5
+    )
+    assert "cloud connected (42 ms away, 5 waiting (900 bytes), 4 dropped, 5 refused); up" in edge_line(busy)

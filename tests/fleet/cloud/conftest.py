@@ -8,6 +8,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
+from fleet.testing.proxy import TcpProxy
 
 WITHIN = 30.0  # s
 
@@ -15,7 +16,7 @@ WITHIN = 30.0  # s
 class Watched:
     """A cloud client whose callbacks a test can wait for."""
 
-    def __init__(self, port, name="edge", subscriptions=None, **settings):
+    def __init__(self, port, name="edge", subscriptions=None, spool=None, **settings):
         self.states = []
         self.messages = []
         self.outcomes = []
@@ -28,6 +29,7 @@ class Watched:
             on_message=self._on_message,
             on_state=lambda state, cause: self._note(self.states, (state, cause)),
             clock=SystemClock(),
+            spool=spool,
         )
 
     def start(self):
@@ -98,70 +100,11 @@ def listener():
         yield server
 
 
-class Relay:
-    """Passes bytes on to a port that may change, until it is cut."""
-
-    def __init__(self, target):
-        self.target = target
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port = self._server.getsockname()[1]
-        self._open = []
-        self._threads = [self._spawn(self._accept)]
-
-    def cut(self):
-        """End every connection that is open."""
-        for one in self._open:
-            with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-
-    def close(self):
-        self._server.shutdown(socket.SHUT_RDWR)
-        self.cut()
-        for thread in self._threads:
-            thread.join()
-        for one in (self._server, *self._open):
-            one.close()
-
-    def _spawn(self, function, *arguments):
-        thread = threading.Thread(target=function, args=arguments)
-        thread.start()
-        return thread
-
-    def _accept(self):
-        with contextlib.suppress(OSError):
-            while True:
-                near, _ = self._server.accept()
-                self._join(near)
-
-    def _join(self, near):
-        self._open.append(near)
-        try:
-            far = socket.create_connection(("127.0.0.1", self.target))
-        except OSError:
-            near.shutdown(socket.SHUT_RDWR)
-            return
-        self._open.append(far)
-        self._threads += [self._spawn(self._pump, near, far), self._spawn(self._pump, far, near)]
-
-    def _pump(self, source, sink):
-        with contextlib.suppress(OSError):
-            while data := source.recv(65536):
-                sink.sendall(data)
-            sink.shutdown(socket.SHUT_RDWR)
-
-
 @pytest.fixture
 def relay():
     """Stand between a client and a broker: ``relay(port)`` has ``port``, ``target`` and ``cut()``."""
-    made = []
-
-    def make(target):
-        made.append(Relay(target))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
+    with contextlib.ExitStack() as made:
+        yield lambda target: made.enter_context(TcpProxy(target))
 
 
 @pytest.fixture

@@ -4,9 +4,14 @@ import mqtt5
 import paho.mqtt.publish
 import pytest
 
+from fleet.clock import SystemClock
 from fleet.cloud.packets import Decoder
-from fleet.cloud.values import CloudState, Outcome, Will
+from fleet.cloud.values import CloudState, Will
 from fleet.errors import CloudError
+from fleet.spool.message import Outcome
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.waiting import wait_until
+from fleet.wire.rules import Traffic
 
 CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED
 REFUSED, CLOSED = CloudState.REFUSED, CloudState.CLOSED
@@ -50,17 +55,28 @@ def test_an_old_message_is_marked_and_a_live_one_is_not(any_broker, watched, pro
     assert [(one.payload, one.retain) for one in hears.messages] == [(b"old", True), (b"new", False)]
 
 
-def test_nobody_listening_is_told_by_mqtt_5_only(any_broker, watched, protocol):
-    says = watched(any_broker.port, "says", protocol=protocol).connected()
-    says.publish("nobody", qos=1, urgent=True)
-    says.until(lambda: says.outcomes)
-    assert says.outcomes == [("nobody", Outcome.HELD if protocol == 5 else Outcome.ACKED)]
+def test_what_nobody_hears_is_kept_until_somebody_does_in_its_order(any_broker, watched):
+    says = watched(any_broker.port, "says").connected()
+    for number in range(20):
+        says.publish("t", b"%d" % number, qos=1)
+    wait_until("it is held", lambda: says.client.stats.held)
+    assert says.outcomes == []
+    hears = watched(any_broker.port, "hears", {"t": 1}).connected()
+    assert hears.payloads(20) == [b"%d" % number for number in range(20)]
+    says.until(lambda: len(says.outcomes) == 20)
+
+
+def test_an_older_protocol_cannot_tell_that_nobody_hears(any_broker, watched):
+    says = watched(any_broker.port, "says", protocol=311).connected()
+    says.publish("nobody", qos=1)
+    says.until(lambda: says.outcomes == [("nobody", Outcome.ACKED)])
 
 
 def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
     both = watched(any_broker.port, "both", {"t": 1}).connected()
-    both.publish("t", b"mine", qos=1, urgent=True)
-    both.until(lambda: both.outcomes)
+    both.publish("t", b"mine")
+    both.publish("t", b"mine", qos=1, traffic=Traffic.REPLY)
+    wait_until("the broker has it", lambda: both.client.stats.held + both.client.stats.acked)
     paho.mqtt.publish.single("t", "yours", 1, hostname="127.0.0.1", port=any_broker.port)
     assert both.payloads(1) == [b"yours"]
 
@@ -76,11 +92,11 @@ def test_a_message_that_nobody_flushes_leaves_by_itself(broker, watched):
 
 
 def test_urgent_messages_overtake_what_waits(any_broker, watched):
-    hears = watched(any_broker.port, "hears", {"t": 1}).connected()
+    hears = watched(any_broker.port, "hears", {"t": 1, "inbox": 1}).connected()
     says = watched(any_broker.port, "says")
     for number in range(200):
         says.publish("t", b"%d" % number, qos=1)
-    says.publish("t", b"stop", qos=1, urgent=True)
+    says.publish("inbox", b"stop", qos=1, traffic=Traffic.REPLY)
     says.connected()
     assert hears.payloads(201)[0] == b"stop"
 
@@ -133,14 +149,16 @@ def test_what_was_not_acknowledged_is_sent_again_in_order(broker, relay, watched
     hears = watched(broker.port, "hears", {"t": 1}).connected()
     between = relay(broker.port)
     says = watched(between.port, "says").connected()
+    says.publish("t", b"-", qos=1)
+    says.until(lambda: says.outcomes)
     broker.broker.faults.no_puback = True
     for number in range(5):
         says.publish("t", b"%d" % number, qos=1)
-    hears.payloads(5)
+    hears.payloads(6)
     broker.broker.faults.no_puback = False
     between.cut()
-    says.until(lambda: len(says.outcomes) == 5)
-    assert hears.payloads(10) == [b"%d" % number for number in range(5)] * 2
+    says.until(lambda: len(says.outcomes) == 6)
+    assert hears.payloads(11)[1:] == [b"%d" % number for number in range(5)] * 2
 
 
 def test_without_a_connection_qos_0_is_refused_and_counted(listener, watched):
@@ -152,7 +170,8 @@ def test_without_a_connection_qos_0_is_refused_and_counted(listener, watched):
 
 def test_a_full_queue_drops_its_oldest_and_says_so(broker, watched):
     hears = watched(broker.port, "hears", {"t": 1}).connected()
-    says = watched(broker.port, "says", queue_messages=3)
+    spool = Spool(SpoolSettings(messages=3), SystemClock())
+    says = watched(broker.port, "says", spool=spool)
     for number in range(5):
         assert says.publish("t", b"%d" % number, qos=1)
     says.connected()
@@ -175,7 +194,7 @@ def test_a_message_that_ran_out_of_time_is_never_sent(broker, watched):
 
 def test_a_message_that_no_broker_would_take_is_an_error(broker, watched):
     client = watched(broker.port).client
-    for topic, qos in (("a/+", 0), ("", 1), ("a", 2)):
+    for topic, qos in (("a/+", 0), ("", 1), ("a", 3)):
         with pytest.raises(ValueError, match=r"topic|QoS"):
             client.publish(topic, b"", qos=qos)
 
@@ -294,7 +313,7 @@ def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
     says = watched(broker.port, "says").connected()
     hears.broken = True
     for number in range(2):
-        says.publish("t", b"%d" % number, qos=1, urgent=True)
+        says.publish("t", b"%d" % number, qos=1, traffic=Traffic.REPLY)
         hears.payloads(number + 1)
     assert "the one who takes messages is broken" in caplog.text
     assert hears.client.stats.connects == 1

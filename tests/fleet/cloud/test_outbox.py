@@ -1,113 +1,90 @@
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from fleet.cloud.outbox import OVERHEAD, Outbox, Outgoing
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.values import CloudStats
+from fleet.spool.message import OVERHEAD, Outcome, Outgoing
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.clock import ManualClock
+from fleet.wire.rules import Traffic
 
 
-def message(name, qos=1, *, urgent=False, deadline=None):
-    return Outgoing(name, b"x" * 10, qos, urgent, deadline)
+def message(name, qos=1, **more):
+    return Outgoing(name, b"x" * 10, qos, **more)
 
 
-def names(messages):
-    return [one.topic for one in messages]
+def light(name, **more):
+    return message(name, 0, **more)
 
 
 @pytest.fixture
-def box():
-    box = Outbox(3, 10_000, CloudStats())
+def stats():
+    return CloudStats()
+
+
+@pytest.fixture
+def box(stats):
+    box = Outbox(Spool(SpoolSettings(messages=3), ManualClock()), 3, 10_000, stats)
     box.go_online()
     return box
 
 
-def take(box, *, now=0.0, window=100, reserve=0, size=1_000_000):
-    return names(box.take(now, window=window, reserve=reserve, size=size))
+def take(box, *, now=1000.0, window=100, reserve=0, size=1_000_000):
+    return [one.topic for one in box.take(now, window=window, reserve=reserve, size=size)]
 
 
-def test_urgent_goes_before_qos_1_and_qos_1_before_qos_0(box):
-    for one in (message("light", 0), message("lasting"), message("urgent", urgent=True)):
+def test_replies_go_before_events_and_those_before_qos_0(box):
+    for one in (light("light"), message("event"), message("reply", traffic=Traffic.REPLY)):
         assert box.put(one)
-    assert take(box) == ["urgent", "lasting", "light"]
+    assert take(box) == ["reply", "event", "light"]
 
 
 def test_qos_1_waits_for_the_window_and_holds_qos_0_up_not_at_all(box):
-    for one in (message("a"), message("b"), message("light", 0)):
+    for one in (message("a"), message("b"), light("light")):
         box.put(one)
     assert take(box, window=1) == ["a", "light"]
     assert take(box, window=0) == []
     assert take(box, window=1) == ["b"]
 
 
-def test_the_end_of_the_window_is_kept_for_urgent_messages(box):
+def test_a_full_lane_refuses_qos_0_and_counts_it(box, stats):
+    for name in "abc":
+        assert box.put(light(name))
+    assert not box.put(light("d"))
+    assert box.put(message("durable"))
+    assert (stats.dropped, stats.queued) == (1, 4)
+
+
+def test_bytes_bound_qos_0_too(stats):
+    box = Outbox(Spool(SpoolSettings(), ManualClock()), 100, 2 * (OVERHEAD + 10), stats)
+    box.go_online()
+    assert [box.put(light(name)) for name in "abc"] == [True, True, False]
+
+
+def test_without_a_connection_qos_0_is_refused_and_what_waits_is_dropped(box, stats):
+    box.put(light("light"))
     box.put(message("lasting"))
-    box.put(message("urgent", urgent=True))
-    assert take(box, window=2, reserve=2) == ["urgent"]
+    box.go_offline([])
+    assert not box.put(light("light"))
+    assert [(one.topic, outcome) for one, outcome in box.take_dropped()] == [("light", Outcome.DROPPED)]
+    assert (stats.dropped, stats.queued) == (2, 1)
 
 
-def test_a_full_queue_drops_its_oldest_for_qos_1_and_qos_0_before_that(box):
-    for one in (message("a"), message("light", 0), message("b"), message("c"), message("d")):
-        assert box.put(one)
-    assert names(box.take_dropped()) == ["light", "a"]
-    assert take(box) == ["b", "c", "d"]
-
-
-def test_a_full_queue_refuses_qos_0(box):
-    for name in "abc":
-        box.put(message(name))
-    assert not box.put(message("light", 0))
-    assert take(box) == ["a", "b", "c"]
-
-
-def test_urgent_messages_are_not_pushed_out_by_others(box):
-    for name in "abc":
-        box.put(message(name, urgent=True))
-    assert not box.put(message("lasting"))
-    assert box.put(message("d", urgent=True))
-    assert take(box) == ["b", "c", "d"]
-
-
-def test_bytes_bound_the_queue_too():
-    box = Outbox(100, 2 * (OVERHEAD + 10), CloudStats())
-    for name in "abc":
-        assert box.put(message(name))
-    assert take(box) == ["b", "c"]
-    assert not box.put(Outgoing("huge", b"x" * 1000, 1))
-
-
-def test_without_a_connection_qos_0_is_refused_and_what_waits_is_dropped(box):
-    for one in (message("light", 0), message("soon", 0, urgent=True), message("lasting")):
-        box.put(one)
-    box.go_offline()
-    assert not box.put(message("light", 0))
-    assert set(names(box.take_dropped())) == {"light", "soon"}
-    assert take(box) == ["lasting"]
-
-
-def test_what_ran_out_of_time_is_dropped_and_never_sent(box):
-    for one in (message("old", deadline=5.0), message("new", deadline=6.0), message("ever")):
+def test_what_ran_out_of_time_is_dropped_and_never_sent(box, stats):
+    for one in (light("old", deadline=5.0), light("new", deadline=6.0), light("ever")):
         box.put(one)
     assert take(box, now=5.0) == ["new", "ever"]
-    assert names(box.take_dropped()) == ["old"]
-
-
-def test_time_is_looked_after_while_nothing_is_sent(box):
-    box.put(message("old", deadline=5.0))
-    box.expire(5.0)
-    assert names(box.take_dropped()) == ["old"]
-    assert not len(box)
+    assert [one.topic for one, _ in box.take_dropped()] == ["old"]
+    assert stats.queued == 0
 
 
 def test_what_was_not_acknowledged_goes_first_again_in_its_order(box):
     for name in "abc":
         box.put(message(name))
-    sent = box.take(0.0, window=2, reserve=0, size=1_000_000)
-    box.put_back(sent)
-    assert [(one.topic, one.again) for one in box.take(0.0, window=9, reserve=0, size=1_000_000)] == [
-        ("a", True),
-        ("b", True),
-        ("c", False),
-    ]
+    sent = box.take(1000.0, window=2, reserve=0, size=1_000_000)
+    box.go_offline(sent)
+    box.go_online()
+    again = box.take(1001.0, window=9, reserve=0, size=1_000_000)
+    assert {(one.topic, one.again) for one in again} == {("a", True), ("b", True), ("c", False)}
 
 
 def test_one_batch_is_bounded_in_bytes(box):
@@ -117,16 +94,10 @@ def test_one_batch_is_bounded_in_bytes(box):
     assert take(box, size=OVERHEAD + 11) == ["c"]
 
 
-@given(st.lists(st.tuples(st.integers(0, 1), st.booleans(), st.integers(0, 400)), max_size=40))
-def test_the_bounds_hold_and_every_message_is_accounted_for(messages):
-    stats = CloudStats()
-    box, taken = Outbox(5, 2000, stats), 0
-    box.go_online()
-    for qos, urgent, size in messages:
-        taken += box.put(Outgoing("t", b"x" * size, qos, urgent))
-        assert len(box) <= 5
-    sent = box.take(0.0, window=100, reserve=0, size=100_000)
-    assert sum(one.size for one in sent) <= 2000
-    assert len(sent) + len(box.take_dropped()) == taken
-    assert stats.queued == 0
-    assert stats.dropped == len(messages) - len(sent)
+def test_a_closed_box_takes_nothing_and_gives_what_it_has_back(box):
+    box.put(message("a"))
+    box.put(light("b"))
+    box.close()
+    assert not box.put(message("c"))
+    assert not box.put(light("d"))
+    assert sorted(one.topic for one, _ in box.take_dropped()) == ["a", "b"]

@@ -1,13 +1,20 @@
+import itertools
+
 import mqtt5
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from fleet.cloud.outbox import Outbox, Outgoing
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import Decoder
-from fleet.cloud.session import WINDOW, Session, SessionEnded, SessionRefused
-from fleet.cloud.values import CloudSettings, CloudStats, Outcome, Will
+from fleet.cloud.session import INBOUND, WINDOW, Session, SessionEnded, SessionRefused
+from fleet.cloud.values import CloudSettings, CloudStats, Will
+from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.queue import NEWEST_FIRST
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.clock import ManualClock
+from fleet.wire.rules import Traffic
 
 SETTINGS = CloudSettings(host="h", client_id="me", username="u", password="p", will=Will("t", b"gone", 1))
 
@@ -15,25 +22,31 @@ SETTINGS = CloudSettings(host="h", client_id="me", username="u", password="p", w
 class Talk:
     """A session, and what it says as packets."""
 
-    def __init__(self, subscriptions=(), *, box=None, **connack):
+    def __init__(self, subscriptions=(), *, box=None, clock=None, **connack):
         self.stats = CloudStats()
-        self.box = box or Outbox(1000, 10**6, self.stats)
+        self.clock = clock or ManualClock()
+        self.box = box or a_box(self.stats, self.clock)
         self.box.go_online()
+        self.clock.advance(NEWEST_FIRST)
         self.session = Session(SETTINGS, dict(subscriptions), self.box, self.stats)
         self.hear(mqtt5.ConnAckPacket(**connack))
 
-    def hear(self, *packets, now=0.0):
+    def hear(self, *packets):
         for packet in packets:
-            self.session.receive(packet, now)
+            self.session.receive(packet, self.clock.monotonic())
 
     def replies(self):
         return read(self.session.take_replies())
 
-    def send(self, now=0.0):
-        return read(self.session.send(now))
+    def send(self):
+        return read(self.session.send(self.clock.monotonic()))
 
     def outcomes(self):
         return [(message.topic, outcome) for message, outcome in self.session.take_outcomes()]
+
+
+def a_box(stats=None, clock=None):
+    return Outbox(Spool(SpoolSettings(), clock or ManualClock()), 1000, 10**6, stats or CloudStats())
 
 
 def read(data):
@@ -49,7 +62,7 @@ def ids(packets):
 
 
 def test_connect_says_who_we_are_and_leaves_a_will():
-    (packet,) = read(Session(SETTINGS, {}, Outbox(1, 1, CloudStats()), CloudStats()).connect())
+    (packet,) = read(Session(SETTINGS, {}, a_box(), CloudStats()).connect())
     assert (packet.client_id, packet.username, packet.password) == ("me", "u", b"p")
     assert (packet.clean_start, packet.session_expiry_interval, packet.keep_alive) == (True, 0, 5)
     assert (packet.will.topic, packet.will.payload, int(packet.will.qos)) == ("t", b"gone", 1)
@@ -126,9 +139,9 @@ def test_a_message_that_cannot_be_written_harms_no_other(wrong):
 @pytest.mark.parametrize(("receive_max", "room"), [(16, 16), (65535, WINDOW)])
 def test_no_more_is_under_way_than_the_broker_and_we_allow(receive_max, room):
     talk = Talk(receive_max=receive_max)
-    for number in range(300):
-        talk.box.put(message(str(number), urgent=True))
-    assert len(talk.send()) == room
+    for number in range(WINDOW + 2):
+        talk.box.put(message(str(number), traffic=Traffic.REPLY))
+    assert len(talk.send() + talk.send()) == room
     assert talk.send() == []
     talk.hear(mqtt5.PubAckPacket(1), mqtt5.PubAckPacket(2))
     assert ids(talk.send()) == [(str(room), room + 1, False), (str(room + 1), room + 2, False)]
@@ -139,21 +152,50 @@ def test_part_of_the_window_is_kept_for_urgent_messages():
     for number in range(30):
         talk.box.put(message(str(number)))
     assert len(talk.send()) == 14
-    talk.box.put(message("stop", urgent=True))
+    talk.box.put(message("stop", traffic=Traffic.REPLY))
     assert ids(talk.send()) == [("stop", 15, False)]
 
 
 @pytest.mark.parametrize(
-    ("code", "outcome"), [(0, Outcome.ACKED), (0x10, Outcome.HELD), (0x87, Outcome.REFUSED)]
+    ("code", "outcome"), [(0, Outcome.ACKED), (0x87, Outcome.REFUSED), (0x99, Outcome.REFUSED)]
 )
 def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     talk = Talk()
     talk.box.put(message("t"))
-    talk.send(now=1.0)
-    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)), now=1.5)
+    talk.send()
+    talk.clock.advance(0.5)
+    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)))
     assert talk.outcomes() == [("t", outcome)]
     assert talk.stats.rtt == 0.5
     assert not talk.session.busy()
+    assert talk.send() == []
+    assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
+
+
+@pytest.mark.parametrize("code", [0x10, 0x97])
+def test_what_nobody_hears_or_the_broker_has_no_room_for_is_sent_again(code):
+    talk = Talk()
+    talk.box.put(message("t"))
+    talk.send()
+    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)))
+    assert (talk.outcomes(), talk.send(), talk.stats.held) == ([], [], 1)
+    talk.clock.advance(1.0)
+    talk.box.tick()
+    assert ids(talk.send()) == [("t", 2, True)]
+    talk.hear(mqtt5.PubAckPacket(2))
+    assert talk.outcomes() == [("t", Outcome.ACKED)]
+
+
+def test_a_refusal_is_told_once_for_each_reason(caplog):
+    talk = Talk()
+    for name in "abc":
+        talk.box.put(message(name))
+    for packet in talk.send():
+        talk.hear(mqtt5.PubAckPacket(packet.packet_id, reason_code=mqtt5.PubAckReasonCode(0x87)))
+    assert [record.message for record in caplog.records] == [
+        "the broker refuses a message to a: NOT_AUTHORIZED"
+    ]
+    assert talk.stats.refused == 3
 
 
 def test_what_was_not_acknowledged_is_sent_again_in_order_as_duplicates():
@@ -164,17 +206,18 @@ def test_what_was_not_acknowledged_is_sent_again_in_order_as_duplicates():
     talk.hear(mqtt5.PubAckPacket(2))
     talk.session.end()
     talk.box.put(message("d"))
-    again = Talk(box=talk.box)
+    again = Talk(box=talk.box, clock=talk.clock)
     assert ids(again.send()) == [("a", 1, True), ("c", 2, True), ("d", 3, False)]
 
 
 def test_the_time_that_is_left_goes_along_in_whole_seconds():
     talk = Talk()
-    talk.box.put(message("t", deadline=10.0))
-    talk.box.put(message("u", deadline=8.0))
-    (packet,) = talk.send(now=8.1)
+    talk.box.put(message("t", expiry=10.0))
+    talk.box.put(message("u", expiry=8.0))
+    talk.clock.advance(8.1)
+    (packet,) = talk.send()
     assert packet.message_expiry_interval == 2
-    assert talk.box.take_dropped()[0].topic == "u"
+    assert [(one.topic, outcome) for one, outcome in talk.box.take_dropped()] == [("u", Outcome.DROPPED)]
 
 
 def test_a_message_of_qos_2_is_handed_out_once():
@@ -218,7 +261,7 @@ def test_a_broker_that_breaks_the_protocol_is_left(packet):
 
 
 def test_nothing_but_an_answer_to_connect_may_come_first():
-    session = Session(SETTINGS, {}, Outbox(1, 1, CloudStats()), CloudStats())
+    session = Session(SETTINGS, {}, a_box(), CloudStats())
     with pytest.raises(SessionEnded):
         session.receive(mqtt5.PingRespPacket(), 0.0)
 
@@ -226,7 +269,7 @@ def test_nothing_but_an_answer_to_connect_may_come_first():
 def test_too_many_qos_2_messages_under_way_end_the_session():
     talk = Talk()
     flood = [
-        mqtt5.PublishPacket("t", b"", qos=mqtt5.QoS(2), packet_id=number) for number in range(1, WINDOW + 2)
+        mqtt5.PublishPacket("t", b"", qos=mqtt5.QoS(2), packet_id=number) for number in range(1, INBOUND + 2)
     ]
     with pytest.raises(SessionEnded) as caught:
         talk.hear(*flood)
@@ -243,61 +286,120 @@ def test_the_reason_of_a_disconnect_decides_whether_haste_helps(code, error):
 
 
 class Deliveries(RuleBasedStateMachine):
-    """Nothing is lost or swapped, whatever order messages, acknowledgements and falls come in."""
-
-    flying = Bundle("flying")
+    """Nothing is lost or swapped, whatever order messages, acknowledgements, holds and falls come in."""
 
     def __init__(self):
         super().__init__()
         self.talk = Talk(receive_max=8)
         self.put = 0
-        self.first_seen = []
         self.open = []
-        self.acked = set()
+        self.arrived = {topic: [] for topic in "abc"}
+        self.hears = dict.fromkeys("abc", True)
 
-    @rule()
-    def publish(self):
-        self.talk.box.put(message(str(self.put)))
+    @rule(topic=st.sampled_from("abc"))
+    def publish(self, topic):
+        self.talk.box.put(Outgoing(topic, b"%d" % self.put, 1))
         self.put += 1
 
-    @rule(target=flying)
+    @rule()
     def send(self):
-        packets = self.talk.send()
-        fresh = [packet.topic for packet in packets if packet.topic not in self.first_seen]
-        assert all(packet.duplicate == (packet.topic in self.first_seen) for packet in packets)
-        self.first_seen += fresh
-        self.open += [(packet.packet_id, packet.topic) for packet in packets]
-        return len(self.open)
+        self.open += [(packet.packet_id, packet.topic, int(packet.payload)) for packet in self.talk.send()]
 
-    @rule(pick=consumes(flying), data=st.data())
-    def acknowledge(self, pick, data):
-        if self.open:
-            identifier, topic = self.open.pop(data.draw(st.integers(0, len(self.open) - 1)))
-            self.talk.hear(mqtt5.PubAckPacket(identifier))
-            assert self.talk.outcomes() == [(topic, Outcome.ACKED)]
-            self.acked.add(topic)
+    @rule(topic=st.sampled_from("abc"))
+    def come_or_go(self, topic):
+        if not any(topic == other for _, other, _ in self.open):
+            self.hears[topic] = not self.hears[topic]
+
+    @rule(share=st.integers(1, 8))
+    def acknowledge(self, share):
+        """Acknowledge the oldest, as a broker does."""
+        answered, self.open = self.open[:share], self.open[share:]
+        for identifier, topic, number in answered:
+            self._answer(identifier, topic, number)
+
+    def _answer(self, identifier, topic, number):
+        code = mqtt5.PubAckReasonCode(0 if self.hears[topic] else 0x10)
+        if self.hears[topic] and number not in self.arrived[topic]:
+            self.arrived[topic].append(number)
+        self.talk.hear(mqtt5.PubAckPacket(identifier, reason_code=code))
+
+    @rule(seconds=st.sampled_from([0.1, 1.0, 20.0]))
+    def wait(self, seconds):
+        self.talk.clock.advance(seconds)
+        self.talk.box.tick()
 
     @rule()
     def fall(self):
-        self.talk.session.end()
+        for _, topic, number in self.open[: len(self.open) // 2]:  # acknowledged, and that was lost
+            if self.hears[topic] and number not in self.arrived[topic]:
+                self.arrived[topic].append(number)
         self.open.clear()
-        self.talk = Talk(box=self.talk.box, receive_max=8)
+        self.talk.session.end()
+        self.talk = Talk(box=self.talk.box, clock=self.talk.clock, receive_max=8)
 
     @invariant()
-    def the_window_holds_and_first_arrivals_are_in_order(self):
+    def the_window_holds_and_each_topic_is_in_order(self):
         assert len(self.open) <= 8
-        assert self.first_seen == [str(number) for number in range(len(self.first_seen))]
+        for numbers in self.arrived.values():
+            assert numbers == sorted(numbers)
 
     def teardown(self):
-        for _ in range(self.put + 1):
-            for packet in self.talk.send():
-                self.open.append((packet.packet_id, packet.topic))
-            for identifier, topic in self.open:
-                self.talk.hear(mqtt5.PubAckPacket(identifier))
-                self.acked.add(topic)
-            self.open.clear()
-        assert self.acked == {str(number) for number in range(self.put)}
+        self.hears = dict.fromkeys("abc", True)
+        for _ in range(self.put + 40):
+            self.send()
+            self.acknowledge(8)
+            self.wait(20.0)
+        assert sorted(itertools.chain(*self.arrived.values())) == list(range(self.put))
+        assert self.talk.box.spool.waiting == 0
 
 
 TestDeliveries = Deliveries.TestCase
 TestDeliveries.settings = settings(max_examples=60, stateful_step_count=40)
+
+
+def test_a_message_of_qos_2_is_released_once_the_broker_has_it():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    (release,) = talk.replies()
+    assert (type(release), release.packet_id) == (mqtt5.PubRelPacket, published.packet_id)
+    assert talk.outcomes() == []
+    talk.hear(mqtt5.PubCompPacket(published.packet_id))
+    assert talk.outcomes() == [("offer", Outcome.ACKED)]
+    assert not talk.session.busy()
+
+
+def test_a_message_of_qos_2_that_was_not_completed_is_sent_again():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    talk.session.end()
+    (again,) = Talk(box=talk.box, clock=talk.clock).send()
+    assert (again.topic, int(again.qos), again.duplicate) == ("offer", 2, True)
+
+
+def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
+    talk = Talk()
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id, reason_code=mqtt5.PubRecReasonCode.NOT_AUTHORIZED))
+    assert talk.outcomes() == [("offer", Outcome.REFUSED)]
+    assert talk.replies() == []
+
+
+def test_a_broker_without_qos_2_gets_qos_1():
+    talk = Talk(max_qos=mqtt5.QoS(1))
+    talk.box.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubAckPacket(published.packet_id))
+    assert int(published.qos) == 1
+    assert talk.outcomes() == [("offer", Outcome.ACKED)]
+
+
+def test_qos_2_takes_one_place_of_the_window():
+    talk = Talk(receive_max=20)
+    for number in range(30):
+        talk.box.put(message(f"t/{number}", 2))
+    assert 15 <= len(talk.send()) <= 20

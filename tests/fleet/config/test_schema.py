@@ -171,3 +171,74 @@ def test_robots_are_a_part_of_what_is_described():
 )
 def test_nothing_that_steers_a_terminal_is_printed(text, safe):
     assert printable(text) == safe
+
+
+# -- topics -------------------------------------------------------------------------------------------
+
+TOPICS = """\
+edge: {id: yard-1}
+cloud:
+  host: 127.0.0.1
+  tls: false
+  profile: lte
+  rules:
+    position: {rate: 5}
+    joint/update: {on: false}
+  listen:
+    alert: {size: 1000}
+  channels:
+    thermal: {topic: sensors/thermal}
+  environments: [6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c50]
+plugins: [plugins]
+robots:
+  - name: rex
+    twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11
+    adapter: toy
+    link: sim:toy
+    rules:
+      pointcloud: {rate: 1, max_age: 2, size: 1000000, traffic: stream}
+"""
+
+
+def test_topics_have_rules_for_all_robots_and_for_one(yard):
+    loaded = yard.load(TOPICS)
+    cloud, (robot, _) = loaded.config.cloud, loaded.robots[0]
+    assert cloud.changes().outward["joint:update"].on is False
+    assert robot.changes().outward["pointcloud"].size == 1_000_000
+    assert cloud.channels["thermal"].channel().leaf == "sensors/thermal"
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "problem"),
+    [
+        ("    position:", "    positon:", "did you mean 'position'?"),
+        ("    alert:", "    allert:", "did you mean 'alert'?"),
+        ("rate: 5", "rat: 5", "did you mean 'rate'?"),
+        ("rate: 5", "rate: fast", "must be a number"),
+        ("rate: 5", "rate: 5 Hz", "write the number alone, without 'Hz'"),
+        ("profile: lte", "profile: lt", "did you mean 'lte'?"),
+        ("traffic: stream", "traffic: strem", "did you mean 'stream'?"),
+        ("thermal: {topic: s", "position: {topic: s", "knows the channel 'position'"),
+        ("thermal: {topic: s", "cloud: {topic: s", "knows the channel 'cloud'"),
+        ("sensors/thermal", "command", "means something of its own in the cloud"),
+        ("on: false", "on: no", "did you mean false?"),
+        ("joint/update: {on: false}", "rotation: {rate: 1}", "rotation is made with position"),
+        ("size: 1000}", "traffic: event}", "unknown key"),
+        ("2f4a1d0b7c50]", "2f4a1d0b7c5]", "must be a uuid"),
+    ],
+)
+def test_a_mistake_in_a_rule_is_told_once_at_its_line_with_a_near_miss(yard, right, wrong, problem):
+    text = TOPICS.replace(right, wrong, 1)
+    (told,) = yard.problems(text)
+    line = next(number for number, row in enumerate(text.splitlines(), 1) if wrong.strip() in row)
+    place = int(told.partition(":")[2].partition(":")[0])
+    assert problem in told
+    assert place == line or text.splitlines()[place - 1].strip() in ("rules:", "listen:")
+
+
+def test_figures_are_for_this_computer_unless_said_otherwise(yard):
+    base = TOPICS.replace("plugins:", "metrics: {host: 0.0.0.0}\nplugins:")
+    (told,) = yard.problems(base)
+    assert "other computers could read it without a password; set insecure: true" in told
+    assert yard.load(base.replace("0.0.0.0}", "0.0.0.0, insecure: true}")).config.metrics.port == 9464
+    assert yard.load(TOPICS).config.metrics is None

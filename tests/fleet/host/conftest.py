@@ -22,6 +22,7 @@ from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.host.desk import Desk
 from fleet.host.edge import Edge
+from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Reply, Setpoint, Way
@@ -111,7 +112,7 @@ class Puppet(Adapter[PuppetConfig]):
 class Bench:
     """A desk with a puppet, and everything that came out of it."""
 
-    def __init__(self, **config: Any) -> None:
+    def __init__(self, journal: RobotJournal | None = None, **config: Any) -> None:
         self.clock = ManualClock()
         self.reports: list[Any] = []
         self.crashes: list[Exception] = []
@@ -122,6 +123,7 @@ class Bench:
             capabilities(Puppet),
             publish=self.reports.append,
             crashed=self.crashes.append,
+            journal=journal or RobotJournal(),
             restart=lambda: self.restarts.append(1),
             clock=self.clock,
         )

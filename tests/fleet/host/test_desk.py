@@ -494,3 +494,61 @@ async def test_what_is_asked_after_a_failure_waits_until_the_robot_stands(bench,
     await asks.settle()
     assert bench.puppet.told.index("stop") < bench.puppet.told.index(("takeoff", None))
     assert bench.puppet.told[-1] == ("takeoff", None)
+
+
+async def test_a_robot_with_a_fault_is_not_moved_and_says_why(bench, asks):
+    bench.desk.faulted("the left arm is hot; send cool_down")
+    refused = bench.ask(asks.setpoint()) + bench.ask(asks.command("takeoff")) + bench.ask(asks.goal())
+    assert [answer.reason for answer in refused] == [
+        "it has a fault: the left arm is hot; send cool_down"
+    ] * 3
+    assert bench.puppet.told == []
+
+
+@pytest.mark.parametrize("name", ["stop", "emergency_stop", "land", "battery_check"])
+async def test_a_robot_with_a_fault_is_stopped_and_asked_what_does_not_move_it(bench, asks, name):
+    bench.desk.faulted("the left arm is hot")
+    answers = bench.ask(asks.command(name))
+    await asks.settle()
+    assert statuses(answers) == [ACCEPTED]
+    assert bench.puppet.told
+
+
+@pytest.mark.parametrize("ask", ["setpoint", "goal"])
+async def test_a_fault_halts_what_is_under_way(bench, asks, ask):
+    bench.ask(getattr(asks, ask)())
+    await asks.settle()
+    bench.desk.faulted("the left arm is hot")
+    await asks.settle()
+    assert "halt" in bench.puppet.told
+    assert not bench.desk.in_motion
+
+
+async def test_a_command_that_a_fault_ends_is_told_the_fault(bench, asks):
+    answers = bench.ask(asks.command("takeoff"), waits=True)
+    await asks.settle()
+    bench.desk.faulted("the left arm is hot")
+    assert (answers[-1].done, answers[-1].reason) == (False, "the left arm is hot")
+
+
+async def test_a_fault_does_not_break_off_a_landing(bench, asks):
+    bench.puppet.go.clear()
+    bench.desk.faulted("first")
+    bench.desk.found()
+    bench.ask(asks.command("land"))
+    bench.desk.faulted("the left arm is hot")
+    await asks.settle()
+    assert bench.puppet.told == ["land"]
+
+
+async def test_a_fault_that_is_gone_lets_the_robot_move_again(bench, asks):
+    bench.desk.faulted("the left arm is hot")
+    bench.desk.found()
+    assert statuses(bench.ask(asks.setpoint())) == [ACCEPTED]
+
+
+async def test_an_emergency_stop_has_a_halt_of_its_own(bench, asks):
+    bench.puppet.emergency_halt = lambda: bench.puppet.told.append("emergency halt")
+    bench.desk.emergency("test")
+    bench.desk.halt()
+    assert bench.puppet.told == ["emergency halt", "halt"]

@@ -20,6 +20,7 @@ from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import wait_until
 
+POOLS = ("asyncio", "uvloop")  # whose threads stay for the next one
 HERE = {"worker": "main"}
 
 
@@ -127,7 +128,7 @@ async def test_the_end_of_the_edge_stops_who_moves_and_leaves_nothing_behind(yar
         await asyncio.to_thread(lane.close)
     assert place.words("rex")[-2:] == ["halt", "stop"]
     assert place.words("max") == ["run"]
-    left = {thread for thread in set(threading.enumerate()) - threads if "asyncio" not in thread.name}
+    left = {thread for thread in set(threading.enumerate()) - threads if not thread.name.startswith(POOLS)}
     assert left == set()
     assert logging.getLogger("fleet.robot").handlers == handlers
     assert [task for task in asyncio.all_tasks() if task is not asyncio.current_task()] == []
@@ -142,7 +143,7 @@ def answers(path: Path) -> bool:
 
 async def test_an_edge_that_cannot_be_built_lets_go_of_the_bus(yard, monkeypatch):
     place = yard(rex=HERE)
-    monkeypatch.setattr("fleet.host.edge.Edge._bridge", lambda self: 1 / 0)
+    monkeypatch.setattr("fleet.host.edge.Edge._bridge", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         place.edge()
     with pytest.raises(BusError):
@@ -171,3 +172,29 @@ def test_ctrl_c_ends_a_real_edge_in_order(yard):
             edge.kill()
         assert "Traceback" not in edge.stderr.read()
     wait_until("the worker is gone", lambda: not psutil.pid_exists(place.processes("arm")[0]))
+
+
+async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge, asks):
+    place = yard(rex=HERE)
+    line = [sys.executable, "-m", "fleet", "run", str(place.file)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(line, **quiet) as dying:  # noqa: ASYNC220 - it is not waited for here
+        await asks.until(lambda: place.words() == ["run"], 60)
+        lane = await asyncio.to_thread(place.lane)
+        assert await asyncio.to_thread(ask, lane, keys.stop(place.id))
+        await asks.until(lambda: "stop" in place.words())
+        dying.kill()
+        await asyncio.to_thread(lane.close)
+    edge = place.edge()
+    async with run_edge(edge):
+        (state,) = edge.states()
+        assert state.emergency_stop
+        lane = await asyncio.to_thread(place.lane)
+        (refused,) = await asyncio.to_thread(command, lane, place, "rex", MOVE)
+        assert "emergency stop is set (the stop key)" in refused.reason
+        release = {"command": "release_emergency_stop"}
+        assert (await asyncio.to_thread(command, lane, place, "rex", release))[0].ok
+        await asyncio.to_thread(lane.close)
+    later = place.edge()
+    async with run_edge(later):
+        assert not later.states()[0].emergency_stop

@@ -8,6 +8,7 @@ import pytest
 from fleet.commands import command, commands_of
 from fleet.errors import Refused, TimedOut
 from fleet.host.executor import AT_ONCE, Executor, may_still_move
+from fleet.host.journal import RobotJournal
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
 from fleet.model.navigation import Progress
@@ -73,7 +74,7 @@ class Rude:
 class Bench:
     def __init__(self):
         self.rude, self.crashes, self.failed = Rude(), [], []
-        self.executor = Executor(crashed=self.crashes.append)
+        self.executor = Executor(crashed=self.crashes.append, journal=RobotJournal())
 
     def start(self, name):
         answers = []

@@ -1,7 +1,11 @@
 import asyncio
 import contextlib
 import logging
+import os
+import pty
+import select
 import threading
+import tty
 from typing import Literal
 
 import pytest
@@ -185,7 +189,7 @@ async def test_a_listener_greets_the_first_speaker_and_ignores_strangers():
     adapter = Framed(Cart(config("udpin:127.0.0.1:0")))
     task = asyncio.create_task(adapter.run(robot))
     await robot.until(lambda: robot.healths)
-    url = adapter._link.url.replace("udpin", "udpout")
+    url = adapter._slot._link.url.replace("udpin", "udpout")
     machine = await open_link(url, lambda data, _: heard.put_nowait(data))
     stranger = await open_link(url, lambda data, _: heard.put_nowait(b"told a stranger " + data))
     machine.send(b"B1\n")
@@ -245,6 +249,50 @@ async def test_a_halt_on_another_thread_is_written_while_the_loop_is_stuck(runni
     thread.start()
     thread.join()
     assert running.heard() == [b"GO 1.00\n", b"STOP\n"]
+
+
+class SlowLine:
+    """A pseudo-terminal that carries a byte in 10 ms, and the robot's end of it."""
+
+    def __init__(self, machine, device):
+        tty.setraw(device)
+        self.machine, self.link = machine, f"serial:{os.ttyname(device)}?baud=1000"
+
+    def heard(self, last):
+        """Return all that has come, up to what must come last."""
+        said = b""
+        while not said.endswith(last):
+            assert select.select([self.machine], [], [], 20)[0], said
+            said += os.read(self.machine, 100)
+        return said
+
+
+@pytest.fixture
+def slow_line():
+    ends = pty.openpty()
+    yield SlowLine(*ends)
+    for end in ends:
+        os.close(end)
+
+
+async def test_of_many_motions_on_a_slow_line_only_the_newest_waits(slow_line, caplog):
+    robot, adapter = RecordingRobot(), make_adapter(Cart, config(slow_line.link))
+    task = asyncio.create_task(adapter.run(robot))
+    await robot.until(lambda: robot.healths)
+    robot.advance(0.2)
+    for tenth in range(20):
+        adapter.drive(Velocity(Vector3(tenth / 10)))
+    assert slow_line.heard(b"GO 0.10\n") == b"HELLO\nGO 0.00\nGO 0.10\n"
+    robot.advance(0.1)
+    assert slow_line.heard(b"GO 1.90\n") == b"GO 1.90\n"
+    adapter.drive(SLOW)
+    adapter.drive(FAST)
+    adapter.halt()
+    robot.advance(1.0)
+    assert slow_line.heard(b"POLL\n").count(b"GO") <= 1
+    assert "only the newest" in caplog.text
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
 
 
 async def test_a_velocity_decided_before_a_halt_is_not_written_after_it(running):

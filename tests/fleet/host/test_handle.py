@@ -1,5 +1,6 @@
 import asyncio
 
+from fleet.clock import SystemClock
 from fleet.host.handle import Handle
 from fleet.host.shared import Shared
 from fleet.host.wheel import Wheel
@@ -13,7 +14,7 @@ class Heard:
 
     def __init__(self):
         self.all = []
-        self.wheel = Wheel(asyncio.get_running_loop())
+        self.wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         self.handle = Handle(
             "rex",
             clock=ManualClock(),

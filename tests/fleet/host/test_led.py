@@ -7,6 +7,8 @@ import pytest
 
 from fleet.adapter import Adapter
 from fleet.host.desk import Desk
+from fleet.host.displacement import goal_of
+from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Setpoint, Way
@@ -63,6 +65,7 @@ class World:
             capabilities(Cart),
             publish=self.reports.append,
             crashed=self._crashed,
+            journal=RobotJournal(),
             restart=lambda: None,
             clock=self.clock,
         )
@@ -128,6 +131,23 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
     assert world.states()[:2] == ["queued", "running"]
     assert world.states().count("completed") == 1
     assert world.expired == 0
+
+
+@pytest.mark.parametrize(("verb", "x"), [("move_forward", 1.0), ("move_backward", -1.0)])
+async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(world, verb, x):
+    world.see()
+    can = capabilities(Cart)
+    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, can.limits)
+    (receipt,) = world.ask(way)
+    assert receipt.ok
+    await world.until(lambda: world.states()[-1] == "completed")
+    assert (world.x, world.y) == pytest.approx((x, 0.0), abs=0.05)
+    assert (world.cart.velocity, world.desk.deadman.armed) == (Velocity(), False)
+    world.cart.told.clear()
+    world.ask(way)
+    await world.pass_time(1.0)
+    assert world.cart.told == []
+    assert world.desk.last.command == verb
 
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):

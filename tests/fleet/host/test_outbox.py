@@ -4,27 +4,45 @@ from fleet.bus.lane import Lane
 from fleet.host.outbox import WAITING, Outbox
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
-from fleet.model.report import BatteryReport, LogReport, NavigationReport, PoseReport
+from fleet.model.report import BatteryReport, DepthReport, LogReport, NavigationReport, PoseReport
+from fleet.testing.waiting import wait_until
 from fleet.wire.databus import decode_report
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
-LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
+PEER = {"mode": "peer", "scouting/multicast/enabled": False}
 
 
 @pytest.fixture
-def lane():
-    lane = Lane(LONELY)
+def place(tmp_path):
+    return f"unixsock-stream/{tmp_path}/bus"
+
+
+@pytest.fixture
+def lane(place):
+    lane = Lane(PEER | {"listen/endpoints": [place]})
     yield lane
     lane.close()
 
 
 @pytest.fixture
-def heard(lane):
-    """Collect what is put, as (key, report)."""
-    heard = []
-    lane.subscribe("cw/**", lambda key, sample: heard.append((key, decode_report(key.split("/")[3], sample))))
-    return heard
+def ear(lane, place):
+    """Make another's lane, on which all that is put is heard: (key, sample); ``heard.when(n)`` waits."""
+    ear = Lane(PEER | {"listen/endpoints": [], "connect/endpoints": [place]})
+    heard = Heard()
+    ear.subscribe("cw/**", lambda key, sample: heard.append((key, sample)))
+    probe = lane.publisher(f"cw/{TWIN}/data/position")
+    wait_until("the subscription is known", lambda: probe.wanted)
+    yield heard
+    ear.close()
+
+
+class Heard(list):
+    def when(self, number):
+        """Return (key, report) of what was heard, once it is so much and no more."""
+        wait_until(f"{number} samples", lambda: len(self) >= number)
+        assert len(self) == number
+        return [(key, decode_report(key.split("/")[3], sample)) for key, sample in self]
 
 
 @pytest.fixture
@@ -40,58 +58,80 @@ def running(progress):
     return NavigationReport(1.0, "a1", ActionState.RUNNING, progress)
 
 
-def test_nothing_leaves_before_the_flush(outbox, heard):
+def test_nothing_leaves_before_the_flush(outbox, ear):
     outbox.put(TWIN, pose(1.0))
-    assert heard == []
+    assert ear == []
     outbox.flush()
-    assert heard == [(f"cw/{TWIN}/data/position", pose(1.0))]
+    assert ear.when(1) == [(f"cw/{TWIN}/data/position", pose(1.0))]
     outbox.flush()
-    assert len(heard) == 1
+    outbox.put(OTHER, pose(2.0))
+    outbox.flush()
+    assert ear.when(2)[-1] == (f"cw/{OTHER}/data/position", pose(2.0))
 
 
-def test_of_a_state_only_the_newest_of_a_turn_leaves(outbox, heard):
+def test_what_nobody_listens_to_is_not_put_but_the_bridge_gets_it_and_who_asks(outbox, lane):
+    got = []
+    outbox.bridge = lambda key, report: got.append((key, report))
+    outbox.put(TWIN, pose(1.0))
+    outbox.flush()
+    assert got == [(f"cw/{TWIN}/data/position", pose(1.0))]
+    ((_, sample),) = lane.ask(got[0][0], b"", timeout=10.0)
+    assert decode_report("position", sample) == pose(1.0)
+
+
+def test_of_a_state_only_the_newest_of_a_turn_leaves(outbox, ear):
     for x in range(5):
         outbox.put(TWIN, pose(x))
         outbox.put(OTHER, pose(-x))
     outbox.flush()
-    assert heard == [(f"cw/{TWIN}/data/position", pose(4.0)), (f"cw/{OTHER}/data/position", pose(-4.0))]
+    assert ear.when(2) == [(f"cw/{TWIN}/data/position", pose(4.0)), (f"cw/{OTHER}/data/position", pose(-4.0))]
 
 
-def test_every_event_leaves_in_order(outbox, heard):
+def test_every_event_leaves_in_order(outbox, ear):
     for number in range(50):
         outbox.put(TWIN, running(number))
     outbox.flush()
-    assert [report.progress for _, report in heard] == list(range(50))
+    assert [report.progress for _, report in ear.when(50)] == list(range(50))
 
 
-def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, heard):
+def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, ear):
     flood = outbox.sender(TWIN)
     for number in range(WAITING + 7):
         flood(LogReport(1.0, "WARNING", str(number)))
     outbox.put(OTHER, running(1.0))
     outbox.flush()
     assert outbox.dropped == 7
-    assert heard[-1] == (f"cw/{OTHER}/data/navigate_status", running(1.0))
+    assert ear.when(WAITING + 1)[-1] == (f"cw/{OTHER}/data/navigate_status", running(1.0))
     flood(LogReport(1.0, "WARNING", "after"))
     outbox.flush()
-    assert heard[-1][1].message == "after"
+    assert ear.when(WAITING + 2)[-1][1].message == "after"
 
 
 @pytest.mark.parametrize(
     "bad", [pose(float("nan")), PoseReport(1.0, None, None), BatteryReport("x", object())]
 )
-def test_a_report_that_cannot_be_said_is_dropped_and_takes_none_with_it(outbox, heard, caplog, bad):
+def test_a_report_that_cannot_be_said_is_dropped_and_takes_none_with_it(outbox, ear, caplog, bad):
     for _ in range(3):
         outbox.put(TWIN, bad)
         outbox.put(OTHER, pose(1.0))
         outbox.flush()
-    assert [key for key, _ in heard] == [f"cw/{OTHER}/data/position"] * 3
+    assert [key for key, _ in ear.when(3)] == [f"cw/{OTHER}/data/position"] * 3
     assert outbox.dropped == 3
     assert len(caplog.records) == 1
     assert f"a {bad.channel} report of {TWIN} was dropped" in caplog.text
 
 
-def test_a_robot_that_recovers_is_told_of_again_when_it_fails_again(outbox, caplog):
+@pytest.mark.parametrize("bad", [None, "text"])
+def test_a_report_of_wrong_types_reaches_neither_bus_nor_bridge(outbox, caplog, bad):
+    got = []
+    outbox.bridge = lambda key, report: got.append(key)
+    outbox.put(TWIN, PoseReport(1.0, Vector3(bad, 0.0, 0.0), Quaternion()))
+    outbox.flush()
+    assert got == []
+    assert (outbox.dropped, len(caplog.records)) == (1, 1)
+
+
+def test_a_robot_that_recovers_is_told_of_again_when_it_fails_again(outbox, ear, caplog):
     for x in (float("nan"), 1.0, float("nan")):
         outbox.put(TWIN, pose(x))
         outbox.flush()
@@ -112,10 +152,27 @@ def test_whoever_asks_gets_the_last_of_each_channel(outbox, lane):
     assert len(list(lane.ask("cw/*/data/position", b"", timeout=10.0))) == 2
 
 
-def test_the_samples_of_a_channel_are_numbered_without_gaps(outbox, lane):
-    sequences = []
-    lane.subscribe("cw/**", lambda _key, sample: sequences.append(int.from_bytes(sample[12:20], "little")))
+def test_the_samples_of_a_channel_are_numbered_without_gaps(outbox, ear):
     for x in (1.0, float("nan"), 2.0):
         outbox.put(TWIN, pose(x))
         outbox.flush()
-    assert sequences == [0, 1]
+    ear.when(2)
+    assert [int.from_bytes(sample[12:20], "little") for _, sample in ear] == [0, 1]
+
+
+def test_two_sensors_of_a_robot_have_a_key_each(outbox, ear):
+    for sensor in ("front", "rear", ""):
+        outbox.put(TWIN, DepthReport(1.0, b"xx", 1, 1, "uint16", sensor))
+    outbox.flush()
+    keys = [key.removeprefix(f"cw/{TWIN}/data/") for key, _ in ear.when(3)]
+    assert keys == ["depth/front", "depth/rear", "depth"]
+
+
+@pytest.mark.parametrize("sensor", ["Front", "a/b", "*", "**", 5])
+def test_a_sensor_that_cannot_be_part_of_a_key_is_dropped_and_told(outbox, ear, caplog, sensor):
+    outbox.put(TWIN, DepthReport(1.0, b"xx", 1, 1, "uint16", sensor))
+    outbox.put(TWIN, pose(1.0))
+    outbox.flush()
+    assert [key for key, _ in ear.when(1)] == [f"cw/{TWIN}/data/position"]
+    assert outbox.dropped == 1
+    assert "a depth report of" in caplog.text

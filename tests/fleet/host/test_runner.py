@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from fleet.clock import SystemClock
 from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host import runner as runners
 from fleet.host.handle import Handle
@@ -25,7 +26,7 @@ class Stage:
         self.waited = []
         self.rounds = 0
         self.broken = None  # what making an adapter raises
-        self.wheel = Wheel(asyncio.get_running_loop())
+        self.wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         self.reports = []
         self.runner = Runner(
             bench.desk,
@@ -431,3 +432,19 @@ async def test_a_robot_that_stays_away_is_told_aloud_once(stage, asks, caplog):
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
         "offline: nothing heard for 1 s"
     ]
+
+
+async def test_a_fault_that_a_robot_tells_itself_leaves_it_reachable(stage, asks):
+    async def run(robot):
+        robot.health(Health(Level.FAULT, "a leg is loose"))
+        await asyncio.Event().wait()
+
+    one = stage(run)
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert one.runner.desk.offline == ""
+
+
+async def test_a_fault_that_ended_the_run_leaves_nobody_to_ask(stage, asks):
+    one = stage(fail(Fault("the frame is cracked")))
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert one.runner.desk.offline

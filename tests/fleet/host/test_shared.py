@@ -4,8 +4,8 @@ from contextlib import asynccontextmanager
 import pytest
 
 from fleet.errors import LinkRefused
+from fleet.event_loop import OWNER
 from fleet.host.shared import Shared
-from fleet.host.wheel import OWNER
 
 
 class Port:

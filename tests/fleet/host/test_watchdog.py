@@ -1,6 +1,7 @@
 """The watchdog: its rules by hand, and then against loops that are really stuck."""
 
 import asyncio
+import socket
 import subprocess
 import sys
 import threading
@@ -9,11 +10,13 @@ import time
 import pytest
 
 from fleet.clock import SystemClock
+from fleet.event_loop import OWNER
 from fleet.host.aside import NAME
 from fleet.host.blame import LoopThread
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.watchdog import BLOCKED, PERIOD, STUCK, LoopWatch, Watchdog, Watched
-from fleet.host.wheel import OWNER, Wheel
+from fleet.host.wheel import Wheel
+from fleet.link.url import open_link
 from fleet.testing.clock import ManualClock
 
 
@@ -78,6 +81,16 @@ def test_a_velocity_ends_within_a_look_of_its_lease(watch):
     assert watch.told == []
     watch.looks(2 * PERIOD, beats=True)
     assert watch.told == [("halt", "rex"), ("expired", "rex")]
+
+
+def test_the_watchdog_sleeps_to_the_end_of_the_first_lease_and_no_longer_than_its_period(watch):
+    now = watch.clock.monotonic()
+    assert watch.dog.patience(now) == PERIOD
+    watch.robot("later").feed(now, 5.0)
+    assert watch.dog.patience(now) == PERIOD
+    watch.robot("rex").feed(now, 0.007)
+    assert watch.dog.patience(now) == pytest.approx(0.007)
+    assert 0 < watch.dog.patience(now + 1.0) < 0.002
 
 
 def test_a_halt_that_raises_does_not_keep_the_others_from_theirs(watch):
@@ -162,8 +175,8 @@ class Stuck:
     """A real loop with its wheel and its watchdog; ``halts`` are the times of the halts of rex."""
 
     def __init__(self):
-        self.wheel = Wheel(asyncio.get_running_loop())
-        self.thread = LoopThread(threading.get_ident())
+        self.wheel = Wheel(asyncio.get_running_loop(), SystemClock())
+        self.thread = LoopThread(asyncio.get_running_loop())
         self.deadman = DeadMan()
         self.halts, self.blamed, self.places = [], [], []
         self.told = threading.Event()
@@ -283,18 +296,17 @@ async def in_a_timer(stuck, block):
 async def in_a_link_callback(stuck, block):
     done = asyncio.Event()
 
-    class Protocol(asyncio.DatagramProtocol):
-        def datagram_received(self, data, addr):
-            block()
-            done.set()
+    def received(data, address):
+        block()
+        done.set()
 
-    loop = asyncio.get_running_loop()
     token = OWNER.set("rex")
-    transport, _ = await loop.create_datagram_endpoint(Protocol, local_addr=("127.0.0.1", 0))
+    link = await open_link("udpin:127.0.0.1:0", received)
     OWNER.reset(token)
-    transport.sendto(b"x", transport.get_extra_info("sockname"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"x", ("127.0.0.1", int(link.url.rpartition(":")[2])))
     await done.wait()
-    transport.close()
+    await link.close()
 
 
 @pytest.mark.parametrize("block", [sleep, spin])
@@ -357,7 +369,7 @@ from fleet.host.safety.deadman import DeadMan
 watchdog.STUCK = 0.5
 
 async def main():
-    process = RobotProcess("yard", Mock(), [], clock=SystemClock())
+    process = RobotProcess("yard", Mock(), [], journal=Mock(), clock=SystemClock())
     for name in ("a", "b"):
         process.watchdog.add(name, Watched(DeadMan(), lambda n=name: print("halt", n, flush=True), print))
     process.start()

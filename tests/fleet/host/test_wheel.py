@@ -6,7 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.host.wheel import OWNER, TICK, Wheel
+from fleet.clock import SystemClock
+from fleet.event_loop import OWNER
+from fleet.host.wheel import SLICE, TICK, Wheel
+from fleet.testing.clock import ManualClock
 
 
 class TurnedLoop:
@@ -25,6 +28,9 @@ class TurnedLoop:
     def call_at(self, when, call):
         self.call_later(when - self.now, call)
 
+    def call_soon(self, call, *arguments):
+        self.next = lambda: call(*arguments)
+
     def turn(self, seconds=TICK):
         self.now += seconds
         self.next()
@@ -37,7 +43,7 @@ def loop():
 
 @pytest.fixture
 def wheel(loop):
-    wheel = Wheel(loop)
+    wheel = Wheel(loop, ManualClock())
     wheel.start()
     return wheel
 
@@ -87,7 +93,7 @@ def test_a_late_call_stays_in_step(loop, wheel):
 @given(st.floats(0.001, 3), st.lists(st.floats(0.001, 20), max_size=30))
 def test_a_turn_makes_each_call_at_most_once(period, turns):
     loop, calls = TurnedLoop(), []
-    wheel = Wheel(loop)
+    wheel = Wheel(loop, ManualClock())
     wheel.start()
     count(wheel, period, calls)
     for seconds in turns:
@@ -117,7 +123,7 @@ def test_a_call_that_raises_is_ended_and_told_and_the_others_go_on(loop, wheel):
 def test_what_ends_a_turn_is_done_though_another_raises(loop, wheel):
     ended = []
     wheel.at_end(lambda: 1 / 0)
-    wheel.at_end(lambda: ended.append(1))
+    wheel.at_end(lambda: [ended.append(1)])
     loop.turn()
     loop.turn()
     assert ended == [1, 1]
@@ -149,14 +155,48 @@ def test_what_a_call_starts_belongs_to_its_robot(loop, wheel):
 
 
 def test_a_wheel_that_was_made_long_before_its_start_is_not_late(loop):
-    wheel = Wheel(loop)
-    loop.now += 60
+    clock = ManualClock()
+    wheel = Wheel(loop, clock)
+    clock.advance(60)
     wheel.start()
-    assert wheel.beat == loop.now
+    assert wheel.beat == clock.monotonic()
+
+
+def test_a_long_turn_leaves_the_loop_to_others_after_each_slice(loop):
+    clock, done = ManualClock(), []
+    wheel = Wheel(loop, clock)
+
+    def work(name):
+        done.append(name)
+        clock.advance(SLICE)
+
+    for name in ("a", "b"):
+        wheel.every(TICK, lambda name=name: work(name), owner=name, failed=refuse)
+    wheel.at_end(lambda: (work(name) for name in ("c", "d")))
+    wheel.start()
+    loop.turn()
+    seen = [list(done)]
+    for _ in range(3):
+        assert wheel.owner == ""
+        loop.next()
+        seen.append(list(done))
+    assert seen == [["a"], ["a", "b"], ["a", "b", "c"], ["a", "b", "c", "d"]]
+
+
+def test_a_wheel_that_is_stopped_by_one_of_its_calls_makes_no_other(loop):
+    clock, done = ManualClock(), []
+    wheel = Wheel(loop, clock)
+    wheel.every(TICK, lambda: (wheel.stop(), clock.advance(SLICE)), owner="a", failed=refuse)
+    count(wheel, TICK, done)
+    wheel.start()
+    turn = loop.next
+    loop.turn()
+    assert done == []
+    assert loop.next == turn
 
 
 async def test_it_turns_on_a_real_loop_until_it_is_stopped():
-    wheel, turned = Wheel(asyncio.get_running_loop()), asyncio.Event()
+    wheel, turned = Wheel(asyncio.get_running_loop(), SystemClock()), asyncio.Event()
     wheel.every(TICK, turned.set, owner="", failed=refuse)
     wheel.start()
     await asyncio.wait_for(turned.wait(), 20)

@@ -41,21 +41,21 @@ def wire():
 
 @pytest.fixture
 def slot(wire, clock):
-    return MotionSlot(wire, clock, frame=8)
+    return MotionSlot(wire, clock)
 
 
 def test_motion_goes_out_at_once_on_a_free_line(slot, wire):
-    assert slot.put(FAST, slot.turn)
+    assert slot.put((FAST,), slot.turn)
     assert wire.said == [FAST]
 
 
 def test_only_the_newest_motion_is_written_when_the_line_is_free_again(slot, wire):
-    wire.waiting = 9
-    slot.put(FAST, slot.turn)
-    slot.put(SLOW, slot.turn)
+    wire.waiting = 5
+    slot.put((FAST,), slot.turn)
+    slot.put((SLOW,), slot.turn)
     slot.flush()
     assert wire.said == []
-    wire.waiting = 8
+    wire.waiting = 4
     slot.flush()
     slot.flush()
     assert wire.said == [SLOW]
@@ -65,33 +65,50 @@ def test_only_the_newest_motion_is_written_when_the_line_is_free_again(slot, wir
 def test_a_stop_overtakes_what_waits_and_what_was_decided_before_it(slot, wire):
     wire.waiting = 100
     decided = slot.turn
-    slot.put(FAST, decided)
-    assert slot.halt(STOP)
+    slot.put((FAST,), decided)
+    assert slot.halt((STOP,))
     wire.waiting = 0
     slot.flush()
-    assert not slot.put(FAST, decided)
+    assert not slot.put((FAST,), decided)
     assert wire.said == [STOP]
 
 
 def test_motion_keeps_to_the_pace_of_the_line_where_the_kernel_does_not_tell(wire, clock):
-    slot = MotionSlot(wire, clock, frame=8, baud=1000)  # 10 ms a byte
+    slot = MotionSlot(wire, clock, baud=1000)  # 10 ms a byte
     for _ in range(10):
-        slot.put(FAST, slot.turn)
-    assert len(wire.said) == 3  # 4 bytes on the line, 8 may wait
+        slot.put((FAST,), slot.turn)
+    assert len(wire.said) == 2  # one on the line, one may wait
     clock.advance(0.04)
     slot.flush()
-    assert len(wire.said) == 4
+    assert len(wire.said) == 3
+
+
+def test_what_must_not_be_replaced_does_not_wait_and_nothing_older_follows_it(slot, wire):
+    wire.waiting = 100
+    slot.put((FAST,), slot.turn)
+    assert slot.put((b"DOCK\n",), slot.turn, at_once=True)
+    wire.waiting = 0
+    slot.flush()
+    assert wire.said == [b"DOCK\n"]
+
+
+def test_frames_that_belong_together_are_written_one_by_one_and_wait_together(slot, wire):
+    wire.waiting = 9
+    slot.put((FAST, SLOW), slot.turn)
+    wire.waiting = 8
+    slot.flush()
+    assert wire.said == [FAST, SLOW]
 
 
 def test_a_halt_on_a_link_that_is_gone_says_so_and_does_not_fail(slot, wire):
     wire.lost_now = True
-    assert not slot.halt(STOP)
+    assert not slot.halt((STOP,))
     with pytest.raises(LinkLost):
-        slot.put(FAST, slot.turn)
+        slot.put((FAST,), slot.turn)
 
 
 def test_a_halt_comes_from_any_thread(slot, wire):
-    thread = threading.Thread(target=slot.halt, args=(STOP,))
+    thread = threading.Thread(target=slot.halt, args=((STOP,),))
     thread.start()
     thread.join()
     assert wire.said == [STOP]
@@ -109,10 +126,10 @@ async def test_a_robot_that_does_not_read_finds_one_frame_and_not_the_past(clock
     link = StreamLink(
         "pair", ours.fileno(), lambda *_: None, backlog=1 << 20, close_descriptor=lambda _: ours.close()
     )
-    slot = MotionSlot(link, clock, frame=8)
+    slot = MotionSlot(link, clock)
     for _ in range(1000):
-        slot.put(FAST, slot.turn)
-    assert 0 < bytes_in(robot) <= 2 * 8
+        slot.put((FAST,), slot.turn)
+    assert 0 < bytes_in(robot) <= 2 * len(FAST)
     assert slot.held_back > 900
     await link.close()
     robot.close()

@@ -11,6 +11,7 @@ from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
+    DepthReport,
     FlightControllerReport,
     FlightStateReport,
     GpsReport,
@@ -21,7 +22,9 @@ from fleet.model.report import (
     MissionProgress,
     NavigationReport,
     PhotoReport,
+    PointCloudReport,
     PoseReport,
+    ScaleReport,
     StatusText,
     TelemetryReport,
 )
@@ -77,7 +80,35 @@ def _joint_reports(draw):
     return JointReport(draw(STAMPS), positions, draw(some), draw(some))
 
 
+SENSORS = st.sampled_from(["", "front", "lidar_2"])
+POSITIVE = st.floats(1e-6, 1e6)
+
+
+@st.composite
+def _depth_reports(draw):
+    width, height, dtype = (
+        draw(st.integers(1, 4)),
+        draw(st.integers(1, 4)),
+        draw(st.sampled_from(["uint16", "float32"])),
+    )
+    size = width * height * (2 if dtype == "uint16" else 4)
+    image = draw(st.binary(min_size=size, max_size=size))
+    return DepthReport(draw(STAMPS), image, width, height, dtype, draw(SENSORS))
+
+
+@st.composite
+def _pointcloud_reports(draw):
+    stride = draw(st.sampled_from([3, 6]))
+    size = draw(st.integers(1, 4)) * stride * 4
+    return PointCloudReport(
+        draw(STAMPS), draw(st.binary(min_size=size, max_size=size)), stride, draw(SENSORS)
+    )
+
+
 REPORTS = {
+    ScaleReport: st.builds(ScaleReport, STAMPS, st.builds(Vector3, POSITIVE, POSITIVE, POSITIVE)),
+    DepthReport: _depth_reports(),
+    PointCloudReport: _pointcloud_reports(),
     PoseReport: st.builds(PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE)),
     JointReport: _joint_reports(),
     BatteryReport: st.builds(

@@ -1,19 +1,100 @@
+"""The one table: every topic of the contract, and what holds for all rows."""
+
+import itertools
 from typing import get_args
 
 import pytest
 
 from fleet.model.report import Report
-from fleet.wire.rules import CHANNEL_LEAVES, RULES, Traffic, rule_of, rule_of_channel
+from fleet.wire.rules import (
+    CHANNEL_LEAVES,
+    ENVIRONMENT,
+    INWARD,
+    LARGEST,
+    REPLY_INBOX,
+    RULES,
+    Form,
+    Kind,
+    Taker,
+    Traffic,
+    inward_of,
+    rule_of,
+    rule_of_channel,
+)
+from fleet.wire.topics import Topics, data_key, parse_data_key
+
+TWIN = "6f0c9a1e-3b7d-4c55-9a41-0d6f6f1f2a10"
+
+# What the contract lists (reference 3), as it is written there.
+CONTRACT_OUT = [
+    "position",
+    "rotation",
+    "scale",
+    "joint:update",
+    "joint_states",
+    "navigate/status",
+    "command",
+    "gps",
+    "imu",
+    "battery/status",
+    "flight_state",
+    "flight_controller",
+    "metrics",
+    "depth",
+    "pointcloud",
+    "map_update",
+    "camera/photo",
+    "mission/status",
+    "telemetry",
+    "edge_health",
+    "driverlog",
+    "event",
+    "webrtc-offer",
+    "webrtc-answer",
+    "webrtc-candidate",
+    "model_output",
+    "model_health",
+    "ping:request",
+    "pong:response",
+]
+CONTRACT_IN = [
+    "command",
+    "navigate/command",
+    "motion/command",
+    "mission/command",
+    "joint:update",
+    "alert",
+    "webrtc-offer",
+    "webrtc-answer",
+    "webrtc-candidate",
+    "commands/sync_workflows",
+    "ping:request",
+    "pong:response",
+    "workflow-run:status",
+    "edge_health",
+]
+
+
+def test_every_topic_of_the_contract_has_a_row_and_there_is_no_other():
+    assert set(RULES) == {*CONTRACT_OUT, REPLY_INBOX, ENVIRONMENT}
+    assert set(INWARD) == {*CONTRACT_IN, ENVIRONMENT}
 
 
 def test_every_report_has_a_topic_with_a_rule():
-    assert {kind.channel for kind in get_args(Report)} == set(CHANNEL_LEAVES)
+    made = {rule.channel for rule in RULES.values() if rule.form is Form.REPORT}
+    assert {kind.channel for kind in get_args(Report)} == made
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
 def test_what_must_arrive_is_sent_at_qos_1_and_state_at_qos_0(rule):
-    assert rule.qos == (1 if rule.traffic.durable else 0)
+    assert rule.qos == (2 if rule.leaf == "webrtc-offer" else 1 if rule.traffic.durable else 0)
     assert rule_of(rule.leaf) is rule
+    assert 0 < rule.size <= LARGEST
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
+def test_what_the_edge_says_itself_is_made_from_no_channel(rule):
+    assert (rule.form is Form.SAID) == (rule.channel == "")
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
@@ -21,9 +102,9 @@ def test_a_repeat_is_never_faster_than_the_limit(rule):
     assert rule.repeat <= rule.max_rate or rule.max_rate == 0
 
 
-def test_a_parked_robot_is_told_once_a_second_so_that_it_does_not_look_gone():
-    assert rule_of("position").repeat >= 1
-    assert rule_of("rotation").repeat >= 1
+@pytest.mark.parametrize("leaf", ["position", "rotation", "joint:update", "scale"])
+def test_a_parked_robot_is_told_once_a_second_so_that_it_does_not_look_gone(leaf):
+    assert rule_of(leaf).repeat >= 1
 
 
 def test_pose_stays_below_the_40_hz_and_gps_at_the_2_hz_of_the_platform():
@@ -41,11 +122,16 @@ def test_any_requesters_inbox_carries_replies():
     assert (rule.traffic, rule.qos) == (Traffic.REPLY, 1)
 
 
+def test_any_update_of_an_environment_has_the_rule_of_environments():
+    assert rule_of("environment:twin_added") is RULES[ENVIRONMENT]
+    assert inward_of("environment:twin_added") is INWARD[ENVIRONMENT]
+
+
 def test_replies_go_before_status_before_events_before_state_before_streams():
     assert Traffic.REPLY < Traffic.STATUS < Traffic.EVENT < Traffic.LATEST < Traffic.STREAM
     assert rule_of("navigate/status").traffic is Traffic.STATUS
     assert rule_of("telemetry").traffic is Traffic.EVENT
-    assert rule_of("imu").traffic is Traffic.STREAM
+    assert {rule_of(leaf).traffic for leaf in ("imu", "depth", "pointcloud")} == {Traffic.STREAM}
 
 
 def test_a_channel_that_feeds_two_topics_has_one_rule():
@@ -56,5 +142,26 @@ def test_a_channel_that_feeds_two_topics_has_one_rule():
 
 
 def test_what_this_project_does_not_send_has_no_rule():
-    assert rule_of("webrtc-offer") is None
+    assert rule_of("video") is None
     assert rule_of_channel("frames") is None
+    assert inward_of("position") is None
+
+
+def test_nothing_that_comes_from_the_cloud_can_go_back_to_it():
+    put = {rule.channel for rule in INWARD.values() if rule.taker is Taker.RELAY}
+    assert "" not in put
+    for channel in put:
+        assert parse_data_key(data_key(TWIN, channel)).channel not in CHANNEL_LEAVES
+
+
+def test_whatever_is_asked_of_a_robot_has_no_rate_so_that_no_stop_is_lost():
+    asks = [rule for rule in INWARD.values() if rule.taker.asks]
+    assert {rule.taker.value for rule in asks} == set(get_args(Kind))
+    assert all(rule.max_rate == 0 for rule in asks)
+
+
+def test_no_two_filters_of_a_twin_overlap():
+    filters = [Topics("").filter(leaf, TWIN) for leaf in INWARD if leaf != ENVIRONMENT]
+    assert len(set(filters)) == len(filters)
+    assert not any({"+", "#"} & set(one) for one in filters)
+    assert all(one != other for one, other in itertools.combinations(filters, 2))

@@ -3,7 +3,7 @@ import json
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
@@ -27,6 +27,29 @@ def test_every_json_value_comes_back_as_it_was(value):
 @given(VALUES)
 def test_escaped_and_plain_characters_read_the_same(value):
     assert strict.parse_json(json.dumps(value, ensure_ascii=False).encode()) == value
+
+
+def repeat_a_key(value, data):
+    """Write a JSON text in which one of the objects, if there is any, has a key twice."""
+    texts = []
+
+    def write(node):
+        if isinstance(node, dict):
+            texts.extend(node)
+            return "{" + ",".join(f"{json.dumps(key)}:{write(child)}" for key, child in node.items()) + "}"
+        return "[" + ",".join(map(write, node)) + "]" if isinstance(node, list) else json.dumps(node)
+
+    text = write(value)
+    key = json.dumps(data.draw(st.sampled_from(texts))) if texts else None
+    return None if key is None else text.replace(f"{key}:", f"{key}:0,{key}:", 1)
+
+
+@given(VALUES, st.data())
+def test_a_key_that_stands_twice_is_found_wherever_it_is(value, data):
+    text = repeat_a_key(value, data)
+    assume(text is not None)
+    with pytest.raises(WireError, match="twice"):
+        strict.parse_json(text.encode())
 
 
 @given(st.binary(max_size=200))

@@ -17,6 +17,7 @@ from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,
+    MODE_DISPLAY,
     MODES,
     PROFILE_402,
     Object,
@@ -28,6 +29,7 @@ from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
 
+_MODE_TRIES = 20  # times the mode display is read
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
 _ABORTS = {
@@ -117,6 +119,19 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
             raise LinkRefused(
                 f"{joint.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}"
             )
+
+    _await_mode(node, joint)
+
+
+def _await_mode(node: canopen.RemoteNode, joint: Joint) -> None:
+    """Wait until the drive shows the mode that it was given; raises LinkRefused when it does not."""
+    for _ in range(_MODE_TRIES):
+        shown = _read(node, joint, *MODE_DISPLAY)
+        if shown == CYCLIC_POSITION:
+            return
+    raise LinkRefused(
+        f"{joint.name}: 6061h:0 (mode shown) is {shown}, wanted {CYCLIC_POSITION}: it does not take the mode"
+    )
 
 
 def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.cia402.commission import commission
 from fleet_quadruped.drives.cia402.frames import (
@@ -19,17 +20,14 @@ from fleet_quadruped.drives.cia402.frames import (
     SYNC,
     TPDO1,
     TPDO2,
-    angle_of,
-    counts_of,
+    Units,
     meaning,
     pack_target,
-    per_mille_of,
-    torque_of,
     unpack_emergency,
     unpack_slow,
     unpack_told,
 )
-from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, state_of
+from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, follows, state_of
 from fleet_quadruped.robot.description import Description, Joint
 
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
@@ -40,15 +38,18 @@ class _Node:
     """One drive as it was last heard; times are monotonic seconds."""
 
     joint: Joint
+    units: Units
     state: State = State.NOT_READY
+    follows: bool = True
     angle: float = 0.0
     speed: float = 0.0
     torque: float = 0.0
+    temperature: float | None = None
     told_at: float | None = None
     beat_at: float | None = None
-    answered: bool = False
+    answers: Answers = field(default_factory=Answers)
     fault: str = ""
-    lost: str = ""  # why it cannot be trusted until it is configured again
+    restarted: bool = False  # it is not trusted until it is configured again
 
 
 class Cia402Drives:
@@ -57,7 +58,7 @@ class Cia402Drives:
     def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
         self._dog = dog
         self._buses = buses
-        self._nodes = [_Node(joint) for joint in dog.all_joints]
+        self._nodes = [_Node(joint, Units(joint)) for joint in dog.all_joints]
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
             for node in self._nodes
@@ -78,7 +79,7 @@ class Cia402Drives:
                 commission(bus, joints, self._dog.drive)
         for node in self._nodes:
             node.told_at = node.beat_at = None
-            node.fault = node.lost = ""
+            node.fault, node.restarted = "", False
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
@@ -89,13 +90,13 @@ class Cia402Drives:
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
         """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
         for node in self._nodes:
-            node.answered = False
+            node.answers.begin()
         self._send_all(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])))
         self._send_all(Frame(SYNC, b""))
 
     def complete(self) -> bool:
         """Return True when each drive has sent its TPDO since SYNC."""
-        return all(node.answered for node in self._nodes)
+        return all(node.answers.complete for node in self._nodes)
 
     def feedback(self, now: float) -> tuple[JointFeedback, ...]:
         """Return what is known of the joints."""
@@ -136,41 +137,61 @@ class Cia402Drives:
             bus.send(frame)
 
     def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
-        joint = node.joint
-        data = pack_target(
-            control_word(goal, node.state), counts_of(joint, angle), per_mille_of(joint, torque)
-        )
+        joint, units = node.joint, node.units
+        data = pack_target(control_word(goal, node.state), units.counts(angle), units.per_mille(torque))
         self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
 
     def _feedback(self, node: _Node, now: float) -> JointFeedback:
         if node.told_at is None:
             return JointFeedback()
         power, fault = POWER[node.state], node.fault
+        distrust = self._distrust(node, now)
+        if distrust:
+            power, fault = Power.FAULT, (node.restarted and distrust) or fault or distrust
+        elif not node.follows:
+            power, fault = Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
+        return JointFeedback(
+            node.angle,
+            node.speed,
+            node.torque,
+            power,
+            now - node.told_at,
+            node.temperature,
+            fault,
+            node.restarted,
+        )
+
+    def _distrust(self, node: _Node, now: float) -> str:
+        """Return why a drive is not to be trusted whatever its status word says, empty when it is."""
+        number = node.joint.id
+        if node.restarted:
+            return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
+        if node.answers.doubled:
+            return f"two drives answer as id {number} on bus {node.joint.bus}: give each its own"
         if node.beat_at is not None and now - node.beat_at > _SILENT * self._dog.drive.heartbeat:
-            fault = fault or f"no heartbeat (700h) from id {node.joint.id} for {now - node.beat_at:.2f} s"
-            power = Power.FAULT
-        if node.lost:
-            power, fault = Power.FAULT, node.lost
-        return JointFeedback(node.angle, node.speed, node.torque, power, now - node.told_at, fault=fault)
+            return f"no heartbeat (700h) from id {number} for {now - node.beat_at:.2f} s"
+        return ""
 
     def _told(self, node: _Node, data: bytes, now: float) -> None:
         told = unpack_told(data)
         if told is None:
             return
-        angle = angle_of(node.joint, told.counts)
+        angle = node.units.angle(told.counts)
         if node.told_at is not None and now - node.told_at > 1e-4:
             node.speed = (angle - node.angle) / (now - node.told_at)
         node.state, node.angle, node.told_at = state_of(told.status), angle, now
-        node.torque = torque_of(node.joint, told.per_mille)
-        node.answered = True
+        node.torque, node.follows = node.units.torque(told.per_mille), follows(told.status)
+        node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:
         slow = unpack_slow(data)
         if slow is None:
             return
-        self.voltage, code = slow
-        if code and node.state in {State.FAULT, State.FAULT_REACTION}:
-            node.fault = node.fault or f"{meaning(code)} (603Fh is {code:04X}h)"
+        self.voltage = slow.voltage
+        if slow.temperature is not None and self._dog.drive.temperature is not None:
+            node.temperature = slow.temperature * self._dog.drive.temperature.scale
+        if slow.code and node.state in {State.FAULT, State.FAULT_REACTION}:
+            node.fault = node.fault or f"{meaning(slow.code)} (603Fh is {slow.code:04X}h)"
 
     def _emergency(self, node: _Node, data: bytes, _now: float) -> None:
         told = unpack_emergency(data)
@@ -180,7 +201,5 @@ class Cia402Drives:
     def _beat(self, node: _Node, data: bytes, now: float) -> None:
         state = data[0] & 0x7F if data else None
         if state == BOOT_UP and node.beat_at is not None:
-            node.lost = (
-                f"id {node.joint.id} has restarted (boot-up, 700h); it is configured again after a restart"
-            )
+            node.restarted = True
         node.beat_at = now

@@ -1,6 +1,7 @@
 """The frames of a CiA 402 drive that every cycle needs: PDOs, emergencies, heartbeats.
 
-Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh.
+Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh and
+the maker's object for the temperature, where the description names one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ BOOT_UP = 0x00
 
 _CYCLIC = struct.Struct("<Hih")
 _SLOW = struct.Struct("<IH")
+_TEMPERATURE = struct.Struct("<h")
 _EMERGENCY = struct.Struct("<HB")
 _I32 = (-(1 << 31), (1 << 31) - 1)
 _I16 = (-(1 << 15), (1 << 15) - 1)
@@ -35,6 +37,14 @@ class Told(NamedTuple):
     status: int
     counts: int
     per_mille: int
+
+
+class Slow(NamedTuple):
+    """TPDO2: bus voltage (V), error code 603Fh, temperature in the drive's own units where it is mapped."""
+
+    voltage: float
+    code: int
+    temperature: int | None
 
 
 class Emergency(NamedTuple):
@@ -56,7 +66,10 @@ class Emergency(NamedTuple):
 
 def pack_target(control: int, counts: int, per_mille: int) -> bytes:
     """Return RPDO1; numbers out of range are clamped, never wrapped."""
-    return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
+    try:
+        return _CYCLIC.pack(control, counts, per_mille)
+    except struct.error:
+        return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
 def unpack_target(data: bytes) -> Told | None:
@@ -66,7 +79,7 @@ def unpack_target(data: bytes) -> Told | None:
 
 def pack_told(told: Told) -> bytes:
     """Return TPDO1 (the drive's side)."""
-    return _CYCLIC.pack(told.status & 0xFFFF, _clamp(told.counts, _I32), _clamp(told.per_mille, _I16))
+    return pack_target(*told)
 
 
 def unpack_told(data: bytes) -> Told | None:
@@ -74,17 +87,19 @@ def unpack_told(data: bytes) -> Told | None:
     return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
 
 
-def pack_slow(millivolts: int, code: int) -> bytes:
+def pack_slow(slow: Slow) -> bytes:
     """Return TPDO2 (the drive's side)."""
-    return _SLOW.pack(millivolts, code)
+    temperature = b"" if slow.temperature is None else _TEMPERATURE.pack(_clamp(slow.temperature, _I16))
+    return _SLOW.pack(round(slow.voltage * 1000), slow.code) + temperature
 
 
-def unpack_slow(data: bytes) -> tuple[float, int] | None:
-    """Return the bus voltage (V) and the error code of TPDO2; None when it is too short."""
+def unpack_slow(data: bytes) -> Slow | None:
+    """Return what TPDO2 says; None when it is too short."""
     if len(data) < _SLOW.size:
         return None
     millivolts, code = _SLOW.unpack_from(data)
-    return millivolts / 1000, code
+    told = len(data) >= _SLOW.size + _TEMPERATURE.size
+    return Slow(millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if told else None)
 
 
 def unpack_emergency(data: bytes) -> Emergency | None:
@@ -94,24 +109,31 @@ def unpack_emergency(data: bytes) -> Emergency | None:
     return Emergency(*_EMERGENCY.unpack_from(data.ljust(_EMERGENCY.size, b"\x00")))
 
 
-def counts_of(joint: Joint, angle: float) -> int:
-    """Return an angle of the joint (rad) in the drive's counts."""
-    return round(joint.motor(angle) * joint.kind.counts_per_rad)
+class Units:
+    """The drive's own units of one joint: rad and N m of the joint, counts and per mille of the motor."""
 
+    __slots__ = ("_counts", "_per_mille", "_zero")
 
-def angle_of(joint: Joint, counts: int) -> float:
-    """Return the drive's counts as an angle of the joint, rad."""
-    return joint.angle(counts / joint.kind.counts_per_rad)
+    def __init__(self, joint: Joint) -> None:
+        self._zero = joint.motor(0.0) * joint.kind.counts_per_rad
+        self._counts = joint.motor(1.0) * joint.kind.counts_per_rad - self._zero
+        self._per_mille = joint.sign * 1000 / joint.kind.rated_torque
 
+    def counts(self, angle: float) -> int:
+        """Return an angle in counts."""
+        return round(self._zero + self._counts * angle)
 
-def per_mille_of(joint: Joint, torque: float) -> int:
-    """Return a torque of the joint (N m) in per mille of the rated one, in the motor's direction."""
-    return round(joint.sign * torque / joint.kind.rated_torque * 1000)
+    def angle(self, counts: int) -> float:
+        """Return counts as an angle."""
+        return (counts - self._zero) / self._counts
 
+    def per_mille(self, torque: float) -> int:
+        """Return a torque in per mille of the rated one."""
+        return round(self._per_mille * torque)
 
-def torque_of(joint: Joint, per_mille: int) -> float:
-    """Return per mille of the rated torque as a torque of the joint, N m."""
-    return joint.sign * per_mille / 1000 * joint.kind.rated_torque
+    def torque(self, per_mille: int) -> float:
+        """Return per mille of the rated torque as a torque."""
+        return per_mille / self._per_mille
 
 
 _EXACT: Mapping[int, str] = MappingProxyType(

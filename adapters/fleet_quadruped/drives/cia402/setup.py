@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from fleet_quadruped.drives.cia402.frames import MASTER, RPDO1, TPDO1, TPDO2
@@ -11,6 +12,7 @@ from fleet_quadruped.robot.parts import Drive
 DEVICE_TYPE = (0x1000, 0)
 PROFILE_402 = 402
 MODES = (0x6502, 0)
+MODE_DISPLAY = (0x6061, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
 _BEHAVIOUR_QUICK_STOP = 3
@@ -62,15 +64,16 @@ def _period(cycle_hz: int) -> tuple[int, int]:
     return max(1, min(255, round(10_000 / cycle_hz))), -4
 
 
-def mapping_objects(node: int) -> list[Object]:
+def mapping_objects(drive: Drive, node: int) -> list[Object]:
     """Return the PDOs in the order that CiA 301 wants: off, none, entries, how many, on."""
     receive = _pdo(0x1400, 0x1600, RPDO1 + node, 1, (0x60400010, 0x607A0020, 0x60B20010))
     fast = _pdo(0x1800, 0x1A00, TPDO1 + node, 1, (0x60410010, 0x60640020, 0x60770010))
-    slow = _pdo(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010))
+    temperature = [] if drive.temperature is None else [drive.temperature.entry]
+    slow = _pdo(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010, *temperature))
     return receive + fast + slow
 
 
-def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: tuple[int, ...]) -> list[Object]:
+def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: Sequence[int]) -> list[Object]:
     """Return the objects of one PDO."""
     mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
     return [
@@ -85,7 +88,7 @@ def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: tuple[i
 
 def all_objects(drive: Drive, node: int) -> list[Object]:
     """Return everything that is written, in its order."""
-    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(node)]
+    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(drive, node)]
 
 
 def final_values(objects: list[Object]) -> list[Object]:

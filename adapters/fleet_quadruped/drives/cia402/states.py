@@ -37,12 +37,18 @@ _LOOSE: Mapping[int, State] = MappingProxyType(
 _STRICT: Mapping[int, State] = MappingProxyType(
     {0x21: State.READY, 0x23: State.SWITCHED_ON, 0x27: State.ENABLED, 0x07: State.QUICK_STOP}
 )
+_STATES = tuple(_LOOSE.get(status & 0x4F) or _STRICT.get(status) or State.NOT_READY for status in range(0x70))
 FOLLOWS = 1 << 12  # status word: in cyclic synchronous position the drive follows the target
+
+
+def follows(status: int) -> bool:
+    """Return False for a drive that is enabled and yet ignores its targets."""
+    return bool(status & FOLLOWS) or state_of(status) is not State.ENABLED
 
 
 def state_of(status: int) -> State:
     """Return the state that a status word (6041h) tells."""
-    return _LOOSE.get(status & 0x4F) or _STRICT.get(status & 0x6F) or State.NOT_READY
+    return _STATES[status & 0x6F]
 
 
 DISABLE_VOLTAGE, QUICK_STOP, SHUTDOWN, SWITCH_ON, ENABLE, RESET = 0x00, 0x02, 0x06, 0x07, 0x0F, 0x80

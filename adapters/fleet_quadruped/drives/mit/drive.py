@@ -6,11 +6,12 @@ import logging
 import math
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
@@ -34,8 +35,10 @@ class _Motor:
     status: int | None = None
     temperature: float | None = None
     told_at: float | None = None
-    answered: bool = False
+    answers: Answers = field(default_factory=Answers)
     enabled: bool = False  # we asked for it and it answered since
+    held: bool = False  # a Damiao motor that said it is enabled, since we wanted it
+    restarted: bool = False  # it let go by itself, so its watchdog is not trusted any more
 
 
 Question = Callable[[_Motor], tuple[int, bytes]]
@@ -57,6 +60,8 @@ class MitDrives:
 
     def configure(self) -> None:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
+        for motor in self._motors:
+            motor.restarted = False
         if not self._profile.damiao:
             log.warning(
                 "%s has no watchdog that can be set over CAN: check it in the maker's tool",
@@ -103,16 +108,27 @@ class MitDrives:
         motor.speed = joint.sign * reply.speed / joint.kind.ratio
         motor.torque = joint.sign * reply.torque * joint.kind.ratio
         motor.status, motor.temperature = reply.status, reply.temperature
-        motor.told_at, motor.answered = now, True
+        motor.told_at = now
+        motor.answers.take(frame.data)
+        self._note_hold(motor)
+
+    def _note_hold(self, motor: _Motor) -> None:
+        """Notice a motor that lets go although nobody told it to."""
+        if self._wanted is Power.DISABLED:
+            motor.held = False
+        elif motor.status == wire.ENABLED:
+            motor.held = True
+        elif motor.status == wire.DISABLED and motor.held:
+            motor.restarted = True
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - the answers to the last commands are on their way
         """Begin a cycle; the commands of the last one were its questions."""
         for motor in self._motors:
-            motor.answered = False
+            motor.answers.begin()
 
     def complete(self) -> bool:
         """Return True when each motor has answered."""
-        return all(motor.answered for motor in self._motors)
+        return all(motor.answers.complete for motor in self._motors)
 
     def feedback(self, now: float) -> tuple[JointFeedback, ...]:
         """Return what is known of the joints."""
@@ -182,8 +198,22 @@ class MitDrives:
             power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
         elif self._profile.error_at is not None and motor.status:
             power, fault = Power.FAULT, f"error {motor.status} of the motor"
+        elif motor.answers.doubled:
+            joint = motor.joint
+            power = Power.FAULT
+            fault = f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
+        elif motor.restarted:
+            power = Power.FAULT
+            fault = f"id {motor.joint.id} let go by itself (status 0h); it is configured again after a reset"
         return JointFeedback(
-            motor.angle, motor.speed, motor.torque, power, now - motor.told_at, motor.temperature, fault
+            motor.angle,
+            motor.speed,
+            motor.torque,
+            power,
+            now - motor.told_at,
+            motor.temperature,
+            fault,
+            motor.restarted,
         )
 
     def _is_enabled(self, motor: _Motor) -> bool:

@@ -35,7 +35,7 @@ STATUS: Mapping[int, str] = MappingProxyType(
         0xE: "overload",
     }
 )
-ENABLED = 0x1
+DISABLED, ENABLED = 0x0, 0x1
 
 
 class MitCommand(NamedTuple):
@@ -149,10 +149,11 @@ def timeout_value(seconds: float) -> bytes:
 
 def _raw(value: float, low: float, high: float, bits: int) -> int:
     """Return a value as an unsigned number over its range; what is no number is refused."""
-    if not math.isfinite(value):
-        raise ValueError(f"a motor cannot be sent {value}")
-    share = (min(max(value, low), high) - low) / (high - low)
-    return round(share * ((1 << bits) - 1))
+    if not low <= value <= high:
+        if not math.isfinite(value):
+            raise ValueError(f"a motor cannot be sent {value}")
+        value = low if value < low else high
+    return round((value - low) / (high - low) * ((1 << bits) - 1))
 
 
 def _value(raw: int, low: float, high: float, bits: int) -> float:

@@ -21,8 +21,9 @@ from mavsdk.plugins.mavlink_direct import MavlinkMessage
 from mavsdk.plugins.mission import MissionItem, MissionPlan
 from mavsdk.plugins.offboard import OffboardError, VelocityBodyYawspeed
 
-from fleet_mavlink.sim.launch import SimProcess, SimSpec
+from fleet.sim.process import SimProcess
 from fleet_mavlink.sim.params import ardupilot_params, px4_params
+from fleet_mavlink.sim.spec import SimSpec
 
 SPEED = 5.0
 LIMIT = 40  # seconds for one wait, on a busy computer
@@ -53,8 +54,12 @@ async def insist(act, error):
 async def drone(request):
     """Connect MAVSDK to a vehicle."""
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with SimProcess() as simulator, Mavsdk(configuration) as mavsdk:
-        link = await simulator.add(SimSpec.parse(f"sim:{request.param}?speed={SPEED}"))
+    spec = SimSpec.parse(f"sim:{request.param}?speed={SPEED}")
+    async with (
+        SimProcess("fleet_mavlink.sim") as simulator,
+        simulator.robot(spec) as link,
+        Mavsdk(configuration) as mavsdk,
+    ):
         await mavsdk.add_any_connection(f"udpout://127.0.0.1:{link.rpartition(':')[2]}")
         system = await mavsdk.first_autopilot(timeout_s=LIMIT)
         assert system is not None
@@ -219,10 +224,10 @@ async def mavproxy(tmp_path):
         *("--ready-after", "3", "--speed", "3"),
         stdout=asyncio.subprocess.PIPE,
     )
-    port = json.loads(await simulator.stdout.readline())["added"]["port"]
+    url = json.loads(await simulator.stdout.readline())["url"]
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, Path(sys.executable).with_name("mavproxy.py")),
-        *(f"--master=tcp:127.0.0.1:{port}", "--default-modules=mode,arm,param,misc,wp,cmdlong"),
+        *(f"--master={url}", "--default-modules=mode,arm,param,misc,wp,cmdlong"),
         *(f"--state-basedir={tmp_path}", "--aircraft=sim"),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,

@@ -69,8 +69,10 @@ def test_a_cleared_emergency_is_told_from_an_error():
 
 @given(st.sampled_from(DOG.all_joints), st.floats(-3, 3))
 def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
-    assert wire.angle_of(joint, wire.counts_of(joint, value)) == pytest.approx(value, abs=1e-4)
-    assert wire.torque_of(joint, wire.per_mille_of(joint, value)) == pytest.approx(value, abs=5e-3)
+    units = wire.Units(joint)
+    assert units.counts(value) == pytest.approx(joint.motor(value) * joint.kind.counts_per_rad, abs=0.6)
+    assert units.angle(units.counts(value)) == pytest.approx(value, abs=1e-4)
+    assert units.torque(units.per_mille(value)) == pytest.approx(value, abs=5e-3)
 
 
 @pytest.mark.parametrize(("rate", "period"), [(100, (10, 0xFD)), (200, (5, 0xFD)), (400, (25, 0xFC))])
@@ -79,7 +81,7 @@ def test_the_drive_interpolates_over_one_cycle(rate, period):
 
 
 def test_a_mapping_is_off_and_empty_while_it_changes():
-    names = [(item.name, item.value) for item in mapping_objects(5)[:7]]
+    names = [(item.name, item.value) for item in mapping_objects(DOG.drive, 5)[:7]]
     assert names[0] == ("1400h:1", 0x80000205)
     assert names[2:] == [
         ("1600h:0", 0),

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet.testing.wires import OneByteAtATime
 from fleet_ugv.codecs.arduino import ArduinoCodec, Servo
 from fleet_ugv.model import Feedback, Steering, Trouble, Wheels
 
@@ -18,6 +19,7 @@ def test_golden_bytes():
     assert codec.motion(Wheels(1e6, 0.0)) == b"m 32767 0\r"
     assert codec.poll() == b"e\r"
     assert codec.stop == codec.setup() == b"\rm 0 0\r"
+    assert codec.hello() == b"\r"
 
 
 def test_a_car_is_steered_by_a_servo():
@@ -42,6 +44,13 @@ def test_what_makes_no_sense_is_counted(line):
     codec = make()
     assert codec.feed(line + b"\n") == []
     assert codec.garbage == 1
+
+
+def test_answers_are_the_same_after_an_echo_and_however_they_are_cut():
+    codec, stream = make(), b"e\r3000 0\r\nm 50 50\rOK\r\n0 -3000\r\n"
+    said = [event for piece in OneByteAtATime().carry(stream) for event in codec.feed(piece)]
+    assert [feedback.distances for feedback in said] == [(1.0, 0.0), (0.0, -1.0)]
+    assert codec.garbage == 0
 
 
 @given(st.lists(st.binary(max_size=50)))

@@ -50,6 +50,10 @@ def test_a_stop_is_zero_wheels_and_the_boards_own_stop():
     assert make().stop == b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
 
 
+def test_it_greets_with_the_end_of_half_a_line_and_asks_for_one_feedback():
+    assert make().hello() == b'\n{"T":130}\n'
+
+
 def test_setup_stops_picks_the_geometry_sets_the_dead_man_and_has_it_echoed():
     told = [json.loads(line) for line in make().setup().split(b"\n") if line]
     assert [each["T"] for each in told] == [1, 900, 605, 143, 136, 143, 142, 131]

@@ -6,40 +6,24 @@ import sys
 
 import pytest
 
-from fleet.errors import LinkLost
-from fleet_mavlink.sim.launch import SimProcess, SimSpec
+from fleet.errors import LinkRefused
+from fleet.sim.process import SimProcess
+from fleet_mavlink.sim.spec import SimSpec
 
 
-async def test_each_vehicle_gets_its_own_port():
-    async with SimProcess() as simulator:
-        links = [await simulator.add(SimSpec("px4", system_id=number)) for number in (1, 2)]
-    assert all(link.startswith("udpout:127.0.0.1:") for link in links)
-    assert links[0] != links[1]
-
-
-async def test_a_fault_is_set_through_the_link():
-    async with SimProcess() as simulator:
-        link = await simulator.add(SimSpec("px4"))
-        await simulator.fault(link, "reboot")
-        with pytest.raises(ValueError, match="did you mean 'loss'"):
-            await simulator.fault(link, "los")
-
-
-async def test_the_death_of_the_process_is_told():
-    async with SimProcess() as simulator:
-        await simulator.add(SimSpec("px4"))
-        lost = asyncio.create_task(simulator.lost())
-        await asyncio.sleep(0)
-        simulator._process.send_signal(signal.SIGKILL)
-        with pytest.raises(LinkLost, match="status -9"):
-            await lost
-        with pytest.raises(LinkLost):
-            await simulator.add(SimSpec("px4"))
-
-
-async def test_before_it_is_started_there_is_nothing_to_ask():
-    with pytest.raises(LinkLost):
-        await SimProcess().add(SimSpec("px4"))
+async def test_a_vehicle_has_its_own_port_and_is_gone_with_whoever_asked_for_it():
+    async with SimProcess("fleet_mavlink.sim") as simulator:
+        async with (
+            simulator.robot(SimSpec("px4")) as one,
+            simulator.robot(SimSpec("px4", system_id=2)) as two,
+        ):
+            assert one.startswith("udpout:127.0.0.1:")
+            assert one != two
+            await simulator.fault(one, "reboot")
+            with pytest.raises(LinkRefused, match="did you mean 'loss'"):
+                await simulator.fault(two, "los")
+        with pytest.raises(LinkRefused, match="no simulated robot"):
+            await simulator.fault(one, "reboot")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -1,4 +1,4 @@
-"""Simulated bases for ``sim:`` links: one subprocess that all simulated robots of a process share."""
+"""A simulator as a subprocess: what ``sim:`` links of one process share."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import contextlib
 import sys
 from collections.abc import AsyncIterator
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Never, Self
 
 import msgspec
 
-from fleet import LinkLost, LinkRefused
-from fleet_ugv.sim.spec import SimSpec
+from fleet.errors import LinkLost, LinkRefused
 
 _START = 30.0  # s that the subprocess may take to start and to answer
 _STOP = 3.0
 
 
 class SimProcess:
-    """The simulator as a subprocess; an async context manager."""
+    """A running ``python -m MODULE --stdin``, a ``fleet.sim.server``; an async context manager."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str) -> None:
+        self._module = module
         self._process: asyncio.subprocess.Process | None = None
         self._asking = asyncio.Lock()
 
@@ -30,7 +30,7 @@ class SimProcess:
         try:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
-                *("-m", "fleet_ugv.sim", "--stdin"),
+                *("-m", self._module, "--stdin"),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
             )
@@ -55,24 +55,40 @@ class SimProcess:
             await process.wait()
 
     @contextlib.asynccontextmanager
-    async def base(self, spec: SimSpec) -> AsyncIterator[str]:
-        """Give the link of a new base, which goes when this ends.
+    async def robot(self, spec: Any) -> AsyncIterator[str]:
+        """Give the link of a new simulated robot, which goes when this ends.
 
-        Raises LinkLost when the subprocess is gone, LinkRefused for a base that does not exist.
+        Raises LinkLost when the subprocess is gone, LinkRefused for a robot that cannot be.
         """
-        told = await self.ask({"add": spec})
+        url = (await self.ask({"add": spec}))["url"]
         try:
-            yield told["url"]
+            yield url
         finally:
             with contextlib.suppress(LinkLost, LinkRefused):
-                await self.ask({"remove": {"url": told["url"]}})
+                await self.ask({"remove": {"url": url}})
+
+    async def fault(self, url: str, name: str, value: float | None = 1.0) -> None:
+        """Begin a fault of the robot behind a link; None ends it. Raises LinkLost or LinkRefused."""
+        await self.ask({"fault": {"url": url, "name": name, "value": value}})
+
+    async def lost(self) -> Never:
+        """Wait until the subprocess ends, then raise LinkLost."""
+        raise LinkLost(f"the simulator ended with status {await self._running().wait()}")
+
+    def _running(self) -> asyncio.subprocess.Process:
+        """Return the subprocess; raises LinkLost when there is none."""
+        if self._process is None:
+            raise LinkLost("the simulator is not running")
+        return self._process
 
     async def ask(self, line: Any) -> Any:
-        """Send one line of ``fleet_ugv.sim.server`` and return the answer; raises LinkLost or LinkRefused."""
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
-            raise LinkLost("the simulator is not running")
+        """Send one line of ``fleet.sim.server`` and return the answer; raises LinkLost or LinkRefused."""
+        process = self._running()
+        assert process.stdin is not None
+        assert process.stdout is not None
         async with self._asking:
+            if process.stdin.is_closing():
+                raise LinkLost(f"the simulator ended with status {await process.wait()}")
             try:
                 process.stdin.write(msgspec.json.encode(line) + b"\n")
                 await process.stdin.drain()

@@ -1,0 +1,46 @@
+"""From a command in the cloud to the adapter, while 5,000 messages a second flow out."""
+
+import contextlib
+import json
+import time
+
+from bench.bridge.sides import SIDES, side, source
+from bench.common import line, mosquitto, quantiles
+from fleet.testing.mqtt import Mqtt
+
+COMMANDS = 500
+PAUSE = 0.01  # s
+OUT = 5000  # messages a second
+RATE = OUT / 50 / 4  # Hz of each of our 50 robots' four topics
+
+
+def measure(name):
+    """Return how long each command was under way, s."""
+    with contextlib.ExitStack() as stack:
+        port = stack.enter_context(mosquitto())
+        running = stack.enter_context(side(name, port, rate=RATE if name == "fleet" else 0.0))
+        if name != "fleet":
+            stack.enter_context(source(running, OUT))
+        sender = stack.enter_context(Mqtt(port, "sender"))
+        time.sleep(2)
+        sent = {}
+        for number in range(1, COMMANDS + 1):
+            message = {"command": "poke", "source_type": "tele", "data": {"number": number}}
+            payload = json.dumps(message | {"timestamp": time.time()}).encode()
+            topic = f"cyberwave/twin/{running.twins[number % len(running.twins)]}/command"
+            sent[number] = time.monotonic()
+            sender.publish(topic, payload, qos=1)
+            time.sleep(PAUSE)
+        time.sleep(1)
+        arrived = running.executed()
+    return [arrived[number] - at for number, at in sent.items() if number in arrived]
+
+
+def run():
+    results = {name: measure(name) for name in SIDES}
+    for name, taken in results.items():
+        p50, p99 = (quantile * 1e6 for quantile in quantiles(taken))
+        line(f"command while {OUT} /s flow out: {name}", f"{p50:.0f} / {p99:.0f} us", f"{len(taken)} came")
+    (ours, our99), (peer, peer99) = quantiles(results["fleet"]), quantiles(results["peer"])
+    line("p50 against the peer", f"{ours / peer:.2f} x", "aim: at most 0.5")
+    line("p99 against the peer", f"{our99 / peer99:.2f} x", "aim: at most 0.5")

@@ -1,0 +1,96 @@
+"""The broker is away while durable messages flow, the edge is killed inside: what is lost, how it returns.
+
+60 s in the long form; ``SECONDS`` is the short one. 10 puppets say 1,000 durable messages a second. What the
+killed process had said in its last turn, and no spool can have, is not counted.
+"""
+
+import collections
+import contextlib
+import itertools
+import json
+import tempfile
+import time
+
+import psutil
+
+from bench.common import fleet, free_port, line, mosquitto, puppets, wait_for
+from fleet.testing.mqtt import Mqtt
+
+ROBOTS = 10
+RATE = 100.0  # durable messages a second of each robot
+SECONDS = 10.0
+STATUS = "cyberwave/twin/+/navigate/status"
+POSITION = "cyberwave/twin/+/position"
+
+
+class Heard:
+    """The numbers of the durable messages by robot and life of the edge, and the ages of the first states."""
+
+    def __init__(self):
+        self.numbers = collections.defaultdict(list)
+        self.first = None  # when the first state came, and how old it was
+        self.live = False
+
+    def took(self, packet, now):
+        told = json.loads(packet.payload)
+        if packet.topic.endswith("/position"):
+            self.first = self.first or (now, time.time() - told["timestamp"])
+            return
+        number, _, life = told["message"].split()
+        self.numbers[told["action_id"], life].append(int(number))
+
+    def lost(self):
+        """Return how many numbers are missing below the last that came, and how many came out of order."""
+        missing = unordered = 0
+        for numbers in self.numbers.values():
+            missing += max(numbers) - len(set(numbers))
+            firsts = list(dict.fromkeys(numbers))
+            unordered += sum(later < earlier for earlier, later in itertools.pairwise(firsts))
+        return missing, unordered
+
+
+def run():
+    port, heard = free_port(), Heard()
+    robots = puppets(ROBOTS, rate=10, events=RATE)
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
+        with (
+            mosquitto(port),
+            Mqtt(port, "ears", topics=[STATUS], took=heard.took),
+            fleet(robots, port, folder) as edge,
+        ):
+            edge.all_well(ROBOTS)
+            time.sleep(3)
+            memory = psutil.Process(edge.pid).memory_info().rss
+            stop_broker(port)
+            time.sleep(SECONDS / 2)
+            grown = psutil.Process(edge.pid).memory_info().rss - memory
+            psutil.Process(edge.pid).kill()
+        edge = stack.enter_context(fleet(robots, port, folder))
+        edge.all_well(ROBOTS)
+        time.sleep(SECONDS / 2)
+        stack.enter_context(mosquitto(port))
+        began = time.monotonic()
+        stack.enter_context(Mqtt(port, "ears", topics=[STATUS, POSITION], took=heard.took))
+        wait_for(lambda: heard.first)
+        time.sleep(SECONDS)
+        report(heard, began, grown)
+
+
+def stop_broker(port):
+    """Kill whoever listens on the port, which is our Mosquitto."""
+    for each in psutil.Process().children():
+        if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
+            each.kill()
+
+
+def report(heard, began, grown):
+    missing, unordered = heard.lost()
+    came = sum(map(len, heard.numbers.values()))
+    what = f"broker away for {SECONDS:g} s, edge killed inside"
+    line(f"{what}: durable messages lost", f"{missing} ({came} came)", "aim: 0")
+    line("out of order within a topic", str(unordered), "aim: 0")
+    at, age = heard.first
+    line("first state after the broker's return", f"{at - began:.2f} s", "aim: at most 1")
+    line("and its age", f"{age:.2f} s", "aim: at most 1")
+    line("memory that the outage took", f"{grown / 2**20:+.1f} MiB", "aim: at most +20")

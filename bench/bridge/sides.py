@@ -1,0 +1,112 @@
+"""The three sides of a comparison, each a process between a broker and a bus: ours, peer, floor."""
+
+import contextlib
+import json
+import socket
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from bench.common import cpu_seconds, fleet, free_port, process, puppets, wait_for
+from fleet.testing.mqtt import Mqtt
+
+TWINS = 50
+READY = 10**9  # the number of the command by which a side is seen to be ready
+SIDES = ("fleet", "peer", "floor")
+
+
+class Side:
+    """One side while it runs: whose CPU counts, its twins, and where its adapter writes."""
+
+    def __init__(self, pid, twins, bus, journal):
+        self.pid, self.twins, self.bus, self.journal = pid, twins, bus, journal
+
+    def executed(self):
+        """Return when each numbered command was executed."""
+        lines = [json.loads(text) for text in self.journal.read_text().splitlines()]
+        return {line["number"]: line["at"] for line in lines if line.get("number")}
+
+
+@contextlib.contextmanager
+def side(name, port, *, number=TWINS, rate=0.0, heard_at=0):
+    """Run a side. ``rate``: our robots' own reports; the others are given as much by a source.
+
+    ``heard_at``: the broker's own port, where ``port`` is a proxy's.
+    """
+    bus = str(free_port())
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
+        journal = Path(folder) / "journal"
+        journal.touch()
+        robots = puppets(number, rate=rate, journal=str(journal))
+        twins = [robot["twin"] for robot in robots]
+        if name == "fleet":
+            listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"]}}
+            edge = stack.enter_context(fleet(robots, port, folder, **listen))
+            edge.all_well(number)
+            time.sleep(6)  # it settles
+            yield Side(edge.pid, twins, bus, journal)
+            return
+        run = (sys.executable, "-m")
+        stack.enter_context(process(*run, "bench.bridge.peer", "adapter", bus, str(journal)))
+        wait_for(lambda: socket.create_connection(("127.0.0.1", int(bus)), 1).close() is None, (OSError,))
+        command = {
+            "peer": ("bench.bridge.peer", "bridge", str(port), bus, str(Path(folder) / "queue")),
+            "floor": ("bench.bridge.floor", "relay", str(port), bus),
+        }[name]
+        running = stack.enter_context(process(*run, *command, *twins))
+        ready = Side(running.pid, twins, bus, journal)
+        wait_for(lambda: _poked(ready, heard_at or port))
+        yield ready
+
+
+def _poked(side, port):
+    """Ask for something on the way through the broker; tell whether it arrived at the adapter."""
+    payload = json.dumps({"command": "poke", "source_type": "tele", "data": {"number": READY}}).encode()
+    with Mqtt(port, "ready") as sender:
+        for twin in side.twins:
+            sender.publish(f"cyberwave/twin/{twin}/command", payload, 1)
+        time.sleep(0.5)
+    return READY in side.executed()
+
+
+@contextlib.contextmanager
+def source(side, rate):
+    """Say durable things on a side's bus."""
+    with process(sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), *side.twins) as running:
+        yield running
+
+
+class Ears:
+    """Hears the durable messages of all twins, and how old they are."""
+
+    def __init__(self, port):
+        self.ages, self.numbers = [], {}
+        leaves = ("navigate/status", "navigate_status")
+        self.mqtt = Mqtt(
+            port, "ears", topics=[f"cyberwave/twin/+/{leaf}" for leaf in leaves], took=self._took
+        )
+
+    def _took(self, packet, now):
+        number, at = json.loads(packet.payload)["message"].split()[:2]
+        self.ages.append(now - float(at))
+        self.numbers.setdefault(packet.topic, []).append(int(number))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.mqtt.close()
+
+
+def carried(name, port, heard_at, *, offered, seconds):
+    """Offer durable messages to a side at ``port``; return delivered a second, CPU us each, and the ages."""
+    with side(name, port, heard_at=heard_at) as running, Ears(heard_at) as ears, source(running, offered):
+        wait_for(lambda: ears.ages)
+        time.sleep(2)
+        count, before, began = len(ears.ages), cpu_seconds(running.pid), time.monotonic()
+        time.sleep(seconds)
+        spent, used = time.monotonic() - began, cpu_seconds(running.pid) - before
+        ages = ears.ages[count:]
+        return len(ages) / spent, used / max(1, len(ages)) * 1e6, ages

@@ -1,0 +1,240 @@
+"""The body controller in real time, against a dog in another process: cycle times, processor, a kill.
+
+``python -m bench.dog_loop URL SECONDS`` is one controller that stands up, walks, and prints its cycle times.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import can
+import psutil
+
+from bench.common import cpu_seconds, line, quantiles, twin_of
+from fleet import Vector3, Velocity
+from fleet.clock import SystemClock
+from fleet.model.report import Report
+from fleet.testing.robot import RecordingRobot
+from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.orders import Errand, Order, State
+from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units, unpack_told
+from fleet_quadruped.drives.cia402.states import State as DriveState
+from fleet_quadruped.drives.cia402.states import state_of
+from fleet_quadruped.robot.description import EXAMPLE, load_description
+
+HOGS, HOG_SECONDS = 4, 20
+STAND, WALK = 4.0, 10.0  # s
+DOG = load_description(EXAMPLE)
+
+
+class Timed(Controller):
+    """A controller that notes when its cycles begin."""
+
+    began = 0.0
+
+    def begin(self, now: float) -> None:
+        self.began = time.perf_counter()
+        super().begin(now)
+
+
+class Script:
+    """Stand up, walk, leave; the cycle times of the walk."""
+
+    def __init__(self, seconds: float) -> None:
+        self.begun = time.monotonic()
+        self.seconds = seconds
+        self.controller: Timed | None = None
+        self.took: list[float] = []
+        self.state = State()
+
+    def order(self) -> Order:
+        now = time.monotonic()
+        walking = STAND < now - self.begun < self.seconds
+        order = Order(until=now + 1.0, alive=now, errand=Errand(1, Ask.STAND), x=0.4 * walking)
+        return order if now - self.begun < self.seconds else Order(alive=now, leave=True)
+
+    def put(self, state: State) -> None:
+        if state.mode == "walking":
+            self.took.append(time.perf_counter() - self.controller.began)
+            self.state = state
+
+
+def controller(url: str, seconds: float) -> None:
+    clock = SystemClock()
+    bus = Bus("a", url, 1_000_000, clock)
+    script = Script(seconds)
+    script.controller = Timed(DOG, {"a": bus})
+    script.controller.drives.configure()
+    script.begun = time.monotonic()
+    Loop(script.controller, {"a": bus}, script, clock).run()
+    bus.close()
+    timing = script.state.timing
+    fault = script.controller.body.fault
+    figures = {"rate": timing.rate, "overruns": timing.overruns, "incomplete": timing.incomplete}
+    took = script.took
+    print(
+        json.dumps(
+            {"took": took, "realtime": timing.realtime, "fault": fault, "x": script.state.x, **figures}
+        )
+    )
+
+
+@contextlib.contextmanager
+def dog() -> Iterator[tuple[str, int]]:
+    """A simulated dog in a process of its own: its bus and its process."""
+    group = ".".join(str(random.randint(1, 254)) for _ in range(3))
+    url = f"can:udp_multicast:239.{group}?port={random.randint(43000, 60000)}"
+    command = [sys.executable, "-m", "fleet_quadruped.sim", "--bus", f"a={url}"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as sim:
+        assert sim.stdout.readline() == b"ready\n"
+        yield url, sim.pid
+        sim.stdin.close()
+
+
+@contextlib.contextmanager
+def hogs(number: int) -> Iterator[None]:
+    """Processes that want all of the processor; each ends by itself, too."""
+    code = f"import time\nend = time.monotonic() + {HOG_SECONDS}\nwhile time.monotonic() < end: pass"
+    running = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for one in running:
+            one.kill()
+            one.wait()
+
+
+def start(url: str, seconds: float) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "bench.dog_loop", url, str(seconds)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+
+def cycles(number: int) -> None:
+    """Print how long a cycle takes while ``number`` others want the processor."""
+    with dog() as (url, sim), hogs(number), start(url, STAND + WALK) as running:
+        time.sleep(STAND + 1)
+        before = cpu_seconds(running.pid), cpu_seconds(sim)
+        time.sleep(WALK - 3)
+        used = [
+            100 * (now - then) / (WALK - 3)
+            for now, then in zip((cpu_seconds(running.pid), cpu_seconds(sim)), before, strict=True)
+        ]
+        told = json.loads(running.stdout.readline())
+    what = f"{number} hogs, FIFO {'given' if told['realtime'] else 'refused'}"
+    if not told["took"]:
+        line(f"cycle, {what}", "it never walked", told["fault"])
+        return
+    half, most = (1000 * each for each in quantiles(told["took"]))
+    line(f"cycle (read, body, write), {what}: p50, p99", f"{half:.2f}, {most:.2f} ms", "aim: p99 under 4 ms")
+    line(
+        "  longest; late cycles; without all answers",
+        f"{1000 * max(told['took']):.1f} ms; {told['overruns']}; {told['incomplete']}",
+    )
+    line("  walked, stopped by", f"{told['x']:.2f} m, {told['fault'] or 'nothing'}")
+    line("  processor: controller, simulator (UDP buses)", f"{used[0]:.1f} %, {used[1]:.1f} %")
+
+
+def kill() -> None:
+    """Print what the drives do when the controller is killed in mid-trot."""
+    with dog() as (url, _), start(url, 60.0) as running:
+        time.sleep(STAND + 2)
+        _, _, group, port = url.replace("?port=", ":").split(":")
+        with can.Bus(interface="udp_multicast", channel=group, port=int(port), fd=False, hop_limit=0) as bus:
+            running.send_signal(signal.SIGKILL)
+            damped, beyond = watch(bus, time.monotonic())
+    line(
+        "controller killed in mid-trot: drives stop by themselves",
+        f"{1000 * damped:.0f} ms",
+        "100 ms are set",
+    )
+    line("  farthest a joint went beyond its limits", f"{max(0.0, beyond):.3f} rad")
+
+
+def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
+    """Ask the drives for 2 s; return when the last was seen enabled, and how far joints left their limits."""
+    joints = {TPDO1 + joint.id: (joint, Units(joint)) for joint in DOG.all_joints}
+    last, beyond, asked = 0.0, -1.0, 0.0
+    while (passed := time.monotonic() - killed) < 2.0:
+        if passed - asked > 0.01:
+            asked = passed
+            bus.send(can.Message(arbitration_id=SYNC, is_extended_id=False))
+        message = bus.recv(0.005)
+        if message is None or message.arbitration_id not in joints:
+            continue
+        told, (joint, units) = unpack_told(bytes(message.data)), joints[message.arbitration_id]
+        angle = units.angle(told.counts)
+        beyond = max(beyond, joint.low - angle, angle - joint.high)
+        if state_of(told.status) is DriveState.ENABLED:
+            last = passed
+    return last, beyond
+
+
+class Live(RecordingRobot):
+    """A robot whose wheel turns in real time; it keeps nothing."""
+
+    def __init__(self) -> None:
+        super().__init__("dog")
+        self.clock = SystemClock()
+        self.tasks: list[asyncio.Task[None]] = []
+        self.sent = 0
+
+    def report(self, report: Report) -> None:
+        self.sent += isinstance(report, Report)
+
+    def every(self, seconds: float, call: object) -> None:
+        async def turn() -> None:
+            while True:
+                await asyncio.sleep(seconds)
+                call()
+
+        self.tasks.append(asyncio.create_task(turn()))
+
+
+async def stack(world: str) -> None:
+    """Print what a walking dog costs: the adapter, and the process with the loop and the physics."""
+    config = QuadrupedConfig(name="dog", twin=twin_of("dog"), adapter="quadruped", link=f"sim:{world}")
+    adapter, robot = QuadrupedAdapter(config), Live()
+    run = asyncio.create_task(adapter.run(robot))
+    await robot.until(lambda: bool(robot.healths))
+    async for _ in adapter.stand_up():
+        pass
+    adapter.drive(Velocity(Vector3(0.5)))
+    await asyncio.sleep(1.0)
+    before, sent = time.process_time(), robot.sent
+    (child,) = psutil.Process().children()
+    body = cpu_seconds(child.pid)
+    await asyncio.sleep(6.0)
+    used = 100 * (time.process_time() - before) / 6, 100 * (cpu_seconds(child.pid) - body) / 6
+    line(f"walking dog ({world}): adapter; body process with simulator", f"{used[0]:.1f} %; {used[1]:.1f} %")
+    line("  reports a second", f"{(robot.sent - sent) / 6:.0f}")
+    for task in [*robot.tasks, run]:
+        task.cancel()
+    await asyncio.gather(*robot.tasks, run, return_exceptions=True)
+
+
+def run() -> None:
+    print(f"  load of this computer before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
+    for number in (0, HOGS):
+        cycles(number)
+    kill()
+    for world in ("mujoco", "kinematic"):
+        asyncio.run(stack(world))
+
+
+if __name__ == "__main__":
+    controller(sys.argv[1], float(sys.argv[2]))

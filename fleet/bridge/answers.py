@@ -1,0 +1,124 @@
+"""How what the cloud asked is answered: once, to who asked, where that kind of ask is answered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from fleet.clock import Clock
+from fleet.cloud.values import Message
+from fleet.model.command import Reply, Way
+from fleet.tally import Tally
+from fleet.wire.commands import VERBS
+from fleet.wire.joints import JOINT_TARGETS
+from fleet.wire.replies import command_response, legacy_status
+from fleet.wire.rules import Kind
+from fleet.wire.topics import Topics
+
+STREAMED = frozenset(VERBS) | {
+    "move",
+    "motion",
+    "velocity_command",
+    "locomotion_velocity",
+    "set_linear_velocity",
+    "set_angular_velocity",
+    "joints",
+    JOINT_TARGETS,
+}
+"""Commands that come many times a second: their success is not worth a status message each."""
+SAME_REFUSAL_EVERY = 1.0  # s
+TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
+"""What is answered with a status on the command topic when it brings no inbox."""
+
+
+class Port(Protocol):
+    """A robot as the bridge sees it, here or in a worker."""
+
+    name: str
+    twin: str
+    source_type: str
+    legacy_status: bool
+
+    def look_for_emergency(self, payload: bytes) -> None:
+        """Stop at once when this command message is an emergency stop; from any thread."""
+
+    def receive(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        answer: Callable[[Reply], None],
+        request_id: str = "",
+    ) -> None:
+        """Take a message; ``answer`` is called once, unless the message asks nothing."""
+
+
+class Send(Protocol):
+    """How answers are published."""
+
+    def __call__(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
+        """Publish at once, QoS 1."""
+
+
+class Answers:
+    """Makes what answers one message."""
+
+    def __init__(self, topics: Topics, send: Send, refusals: Tally, clock: Clock) -> None:
+        self._topics = topics
+        self._send = send
+        self._refusals = refusals
+        self._clock = clock
+        self._told: dict[tuple[str, str, str], float] = {}
+
+    def to(self, port: Port, message: Message, kind: Kind) -> Callable[[Reply], None]:
+        """Return what answers a message: a response to who asked for one, else a status."""
+        inbox = message.response_topic
+        if inbox is not None and not self._topics.is_own_inbox(inbox, port.twin):
+            line = "%s: no reply to %r: it is not a reply inbox of this twin"
+            self._refusals.add("foreign inbox", line, port.name, inbox)
+            return _no_answer
+        if inbox is not None:
+            return self._responder(port, inbox, message.correlation)
+        if kind in TOLD_BY_STATUS and port.legacy_status:
+            return self._status_teller(port)
+        return _no_answer
+
+    def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Callable[[Reply], None]:
+        """Return what sends the one ``twin.command_response.v1``."""
+
+        def respond(reply: Reply) -> None:
+            payload = command_response(
+                reply, twin=port.twin, source_type=port.source_type, stamp=self._clock.time()
+            )
+            self._send(inbox, payload, correlation=correlation)
+
+        return respond
+
+    def _status_teller(self, port: Port) -> Callable[[Reply], None]:
+        """Return what puts a status message on the command topic."""
+
+        def tell(reply: Reply) -> None:
+            if not self._worth_telling(port, reply):
+                return
+            payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
+            self._send(self._topics.twin(port.twin, "command"), payload)
+
+        return tell
+
+    def _worth_telling(self, port: Port, reply: Reply) -> bool:
+        """Return False for the success of a setpoint, and for a refusal that was told just now."""
+        if reply.command not in STREAMED:
+            return True
+        if reply.ok:
+            return False
+        now = self._clock.monotonic()
+        refusal = (port.name, reply.command, reply.status.value)
+        if now - self._told.get(refusal, float("-inf")) < SAME_REFUSAL_EVERY:
+            return False
+        self._told[refusal] = now
+        return True
+
+
+def _no_answer(_reply: Reply) -> None:
+    """Answer nobody."""

@@ -1,0 +1,61 @@
+"""How many messages went which way, by traffic class; and how long commands took."""
+
+from __future__ import annotations
+
+import bisect
+from itertools import accumulate
+
+from fleet.wire.rules import Traffic
+
+LATENCY_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # s
+
+
+class ClassCounts:
+    """One counter for each traffic class; written by one thread, read by any.
+
+    ``counts``, by class, is for the hot path, where a call costs as much as all the rest.
+    """
+
+    def __init__(self) -> None:
+        self.counts = [0] * len(Traffic)
+
+    def add(self, traffic: Traffic) -> None:
+        """Count one."""
+        self.counts[traffic] += 1
+
+    @property
+    def total(self) -> int:
+        """All classes together."""
+        return sum(self.counts)
+
+    @property
+    def durable(self) -> int:
+        """All classes together that must not be lost."""
+        return sum(self.counts[traffic] for traffic in Traffic if traffic.durable)
+
+    def by_class(self) -> dict[str, int]:
+        """Return the counters by the class's word."""
+        return {traffic.word: self.counts[traffic] for traffic in Traffic}
+
+
+class Latencies:
+    """How long things took: a histogram with the bounds of ``LATENCY_BUCKETS``, in seconds."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * (len(LATENCY_BUCKETS) + 1)
+        self.total = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Note one."""
+        self._counts[bisect.bisect_left(LATENCY_BUCKETS, seconds)] += 1
+        self.total += seconds
+
+    @property
+    def count(self) -> int:
+        """How many were noted."""
+        return sum(self._counts)
+
+    def buckets(self) -> list[tuple[str, float]]:
+        """Return upper bound and how many took no longer, as Prometheus wants to read it."""
+        bounds = [*(f"{bound:g}" for bound in LATENCY_BUCKETS), "+Inf"]
+        return [(bound, float(count)) for bound, count in zip(bounds, accumulate(self._counts), strict=True)]

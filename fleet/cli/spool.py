@@ -1,0 +1,117 @@
+"""``fleet spool``: what waits for the cloud on this edge's disk."""
+
+from __future__ import annotations
+
+import base64
+import time
+from pathlib import Path
+
+import click
+import msgspec
+
+from fleet.cli.output import Output, counted, with_output
+from fleet.config.load import load
+from fleet.spool import look
+from fleet.spool.place import state_folder
+
+file_option = click.option(
+    "-f", "--file", default="fleet.yaml", show_default=True, type=click.Path(), help="The edge's fleet file."
+)
+
+
+@click.group()
+def spool() -> None:
+    """Look at what waits for the cloud on this edge's disk, or delete it.
+
+    Messages that the cloud has not taken yet are kept on disk: answers, status, events.
+    """
+
+
+@spool.command()
+@file_option
+@with_output
+def status(out: Output, file: str) -> None:
+    """Show what waits, by topic, and what was lost.
+
+    Works while the edge runs. What came in the last moment may still be in its memory alone.
+    """
+    folder = _folder(file)
+    rows, gaps, used = look.waiting(folder), look.untold(folder), look.in_use(folder)
+    now = time.time()
+    out.data(
+        {
+            "folder": str(folder),
+            "in_use": used,
+            "messages": sum(row.messages for row in rows),
+            "bytes": sum(row.bytes for row in rows),
+            "topics": msgspec.to_builtins(rows),
+            "lost": msgspec.to_builtins(gaps),
+        }
+    )
+    if rows:
+        out.table(
+            ("class", "messages", "bytes", "first expires in", "topic"),
+            [
+                (row.traffic, str(row.messages), str(row.bytes), _in(row.expires - now), row.topic)
+                for row in rows
+            ],
+        )
+    for gap in gaps:
+        out.say(f"lost: {counted(gap.lost, 'message')} on {gap.topic} ({gap.reason}), not told yet")
+    owner = "an edge uses it" if used else "no edge uses it"
+    out.say(f"{folder}: {counted(sum(row.messages for row in rows), 'message')}; {owner}")
+
+
+@spool.command()
+@file_option
+@with_output
+def export(out: Output, file: str) -> None:
+    """Print what waits, the oldest first; nothing is removed.
+
+    One line a message: when it expires, topic, payload. With --json a payload that is no text is given in
+    base64.
+    """
+    kept = list(look.messages(_folder(file)))
+    out.data([_for_programs(message) for message in kept])
+    for message in kept:
+        text = message.payload.decode(errors="backslashreplace")
+        out.say(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime(message.expires))} {message.topic} {text}")
+
+
+@spool.command()
+@file_option
+@click.confirmation_option(prompt="Delete all that waits for the cloud?", help="Do not ask.")
+@with_output
+def purge(out: Output, file: str) -> None:
+    """Delete all that waits; it will never reach the cloud.
+
+    The edge must not run.
+    """
+    deleted = look.purge(_folder(file))
+    out.data({"deleted": deleted})
+    out.say(f"deleted {counted(deleted, 'message')}")
+
+
+def _folder(file: str) -> Path:
+    """Return the folder of the lasting state of a fleet file's edge."""
+    edge = load(file, partial=True).config.edge
+    return state_folder(edge.id, edge.spool.path).resolve()
+
+
+def _in(seconds: float) -> str:
+    """Return a time in the unit that a person wants."""
+    if seconds <= 0:
+        return "now"
+    size, unit = next(
+        (size, unit) for size, unit in ((3600, "h"), (60, "min"), (1, "s")) if seconds >= size or size == 1
+    )
+    return f"{seconds / size:.0f} {unit}"
+
+
+def _for_programs(message: look.Kept) -> dict[str, object]:
+    """Return a message for programs."""
+    fields = {name: getattr(message, name) for name in ("seq", "topic", "traffic", "expires")}
+    try:
+        return {**fields, "payload": message.payload.decode()}
+    except UnicodeDecodeError:
+        return {**fields, "payload_base64": base64.b64encode(message.payload).decode()}

@@ -1,0 +1,79 @@
+"""The event loop of a fleet process, and on whose behalf it runs what it runs.
+
+libuv's loop (uvloop) takes a third off the time from a command's arrival to its bytes on a robot's link. Its
+callbacks leave no Python frame behind, so this loop notes the owner of each itself: the watchdog, which
+looks from another thread, can name the robot that blocks it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextvars
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+import uvloop
+
+ResultT = TypeVar("ResultT")
+
+OWNER: contextvars.ContextVar[str] = contextvars.ContextVar("owner", default="")
+"""The robot on whose behalf code runs; every task and callback that is made on its way inherits it."""
+
+
+class OwnedTask(asyncio.Task[Any]):
+    """A task that knows its owner."""
+
+    def __init__(
+        self, work: Coroutine[Any, Any, Any], *, context: contextvars.Context | None = None, **options: Any
+    ) -> None:
+        super().__init__(work, context=context, **options)
+        self.owner: str = OWNER.get() if context is None else context.get(OWNER, "")
+
+
+class OwnedCall:
+    """A callback that knows its owner; its frame is what the watchdog finds on the stack."""
+
+    def __init__(self, owner: str, call: Callable[..., object]) -> None:
+        self.owner = owner
+        self._call = call
+
+    def __call__(self, *arguments: Any) -> None:
+        """Call it."""
+        self._call(*arguments)
+
+
+def owned(call: Callable[..., object]) -> Callable[..., object]:
+    """Return the callback with its owner's name, or as it is when it is nobody's."""
+    owner = OWNER.get()
+    return OwnedCall(owner, call) if owner else call
+
+
+class FleetLoop(uvloop.Loop):
+    """uvloop's loop with owners."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.set_task_factory(_make_task)
+
+    def call_later(  # type: ignore[override]
+        self, delay: float, callback: Any, *args: Any, context: Any = None
+    ) -> asyncio.TimerHandle:
+        """Call after a delay, on the owner's behalf; ``call_at`` comes here too."""
+        return super().call_later(delay, owned(callback), *args, context=context)
+
+    def add_reader(self, fd: Any, callback: Any, *args: Any) -> None:  # type: ignore[override]
+        """Call when there is something to read, on the owner's behalf."""
+        super().add_reader(fd, owned(callback), *args)
+
+
+def _make_task(
+    loop: asyncio.AbstractEventLoop, work: Any, *, context: contextvars.Context | None = None, **options: Any
+) -> asyncio.Task[Any]:
+    """Make an owned task."""
+    return OwnedTask(work, loop=loop, context=context, **options)
+
+
+def run(main: Coroutine[Any, Any, ResultT]) -> ResultT:
+    """Run a program's main coroutine on a fresh loop, as ``asyncio.run`` does."""
+    with asyncio.Runner(loop_factory=FleetLoop) as runner:
+        return runner.run(main)

@@ -1,0 +1,256 @@
+"""What safety must remember though the process dies: commands that were begun, emergency stops that are set.
+
+A discrete command is in ``begun`` before it is carried out, and on disk as soon as the disk is, so that a
+restart never does it twice. One thread writes for all robots of a process, all that waits in one commit;
+nobody's event loop waits for the disk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import sqlite3
+import threading
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import StateError
+from fleet.host.begun import Begun
+from fleet.host.safety.repeats import KEPT, Repeats
+from fleet.host.ticket import Ticket
+from fleet.model.command import Reply
+from fleet.spool.database import open_checked
+from fleet.spool.place import JOURNAL, locked, made
+
+log = logging.getLogger(__name__)
+
+REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
+DONE = "completed"
+ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
+LOST = "the journal could not be read, so nobody knows whether a stop was set"
+
+_VERSION = 1
+_SCHEMA = """
+CREATE TABLE begun (
+    robot TEXT, identity TEXT, name TEXT, action INTEGER, stamp REAL, outcome TEXT,
+    PRIMARY KEY (robot, identity)
+) WITHOUT ROWID;
+CREATE INDEX begun_by_stamp ON begun (stamp);
+CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
+"""
+_BEGIN = "INSERT OR REPLACE INTO begun VALUES (?, ?, ?, ?, ?, '')"
+_RECOVER = "INSERT OR IGNORE INTO begun VALUES (?, ?, ?, ?, ?, '')"
+_END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
+_LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
+_FORGET = "DELETE FROM begun WHERE stamp < ?"
+
+
+class Past(msgspec.Struct, frozen=True):
+    """A command of an earlier process; ``outcome`` is empty when it was not seen to end."""
+
+    identity: str
+    name: str
+    action: bool
+    outcome: str
+
+    @property
+    def verdict(self) -> str:
+        """Say why it is not carried out again."""
+        how = f"ended {self.outcome}" if self.outcome else "was not seen to end"
+        return f"it was begun before the edge restarted and {how}; it is not carried out twice"
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """One change of the journal."""
+
+    change: str
+    values: Sequence[object]
+
+
+class RobotJournal:
+    """One robot's part. ``put`` takes an entry from any thread and never blocks; without it none is kept."""
+
+    def __init__(
+        self,
+        robot: str = "",
+        put: Callable[[Entry], None] | None = None,
+        *,
+        latched: str = "",
+        past: Sequence[Past] = (),
+        clock: Clock | None = None,
+    ) -> None:
+        self.latched = latched
+        self.past = past
+        self._robot = robot
+        self._put = put
+        self._clock = clock
+
+    def latch(self, why: str) -> None:
+        """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
+        self._send(Entry(_LATCH, (self._robot, why)))
+
+    def note(self, identity: str, name: str, *, action: bool = False) -> None:
+        """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
+        if identity and self._clock is not None:
+            self._send(Entry(_BEGIN, (self._robot, identity, name, action, self._clock.time())))
+
+    def end(self, identity: str, outcome: str) -> None:
+        """Remember how a command ended; in a word."""
+        if identity:
+            self._send(Entry(_END, (outcome, self._robot, identity)))
+
+    def follow(self, identity: str, ticket: Ticket) -> None:
+        """Remember how a command will end."""
+        ticket.watch(partial(self._seen, identity))
+
+    def repeats(self, now: float) -> Repeats[Ticket]:
+        """Return the answers to the commands of earlier processes; ``now``: monotonic seconds."""
+        repeats: Repeats[Ticket] = Repeats()
+        for past in self.past:
+            if not past.action:
+                repeats.first(past.identity, answer_to(past), now)
+        return repeats
+
+    def _seen(self, identity: str, reply: Reply) -> None:
+        """Take a command's answer."""
+        if reply.done is not None:
+            self.end(identity, DONE if reply.done else "failed")
+
+    def _send(self, entry: Entry) -> None:
+        """Hand an entry on."""
+        if self._put is not None:
+            self._put(entry)
+
+
+def answer_to(past: Past) -> Ticket:
+    """Return what answers a repeat of a command of an earlier process."""
+    ticket = Ticket(past.name, lambda _reply: None)
+    if past.outcome == DONE:
+        ticket.done()
+    else:
+        ticket.reject(past.verdict)
+    return ticket
+
+
+class Journal:
+    """The journal of one process. Workers of one edge share the file.
+
+    A disk that fails is told in ``problem`` and costs what is remembered, not the robots' obedience. After
+    a file that could not be read every robot's emergency stop is set: somebody may have set it.
+    """
+
+    def __init__(self, folder: Path, clock: Clock, begun: Path) -> None:
+        self.problem = ""
+        self._clock = clock
+        self._adding = threading.Lock()  # what is added waits, or is done with, in both places
+        self._begun: Begun | None = None
+        self._waiting: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
+        self._database: sqlite3.Connection | None = None
+        path = folder / JOURNAL
+        try:
+            made(folder)
+            with locked(path):
+                self._database, aside = open_checked(path, _SCHEMA, _VERSION, "FULL")
+                if aside is not None:
+                    self._database.execute(_LATCH, (ANY, LOST))
+                self._begun = Begun(begun)
+                self._database.executemany(_RECOVER, self._begun.everybodys())
+        except (StateError, sqlite3.Error, OSError) as error:
+            self._fail(error)
+        self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
+        self._thread.start()
+
+    def robot(self, name: str) -> RobotJournal:
+        """Return the part of one robot, with what is known of it from earlier processes."""
+        latched = ""
+        past: list[Past] = []
+        try:
+            with self._using:
+                latched, past = self._recall(name)
+        except sqlite3.Error as error:
+            self._fail(error)
+        if latched:
+            log.warning("%s: the emergency stop is still set: %s", name, latched)
+        return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
+
+    def close(self) -> None:
+        """Write what waits and close the file."""
+        self._waiting.put(None)
+        self._thread.join()
+        if self._database is not None:
+            self._database.close()
+        if self._begun is not None:
+            if not self.problem:
+                self._begun.clear()
+            self._begun.close()
+
+    def _put(self, entry: Entry) -> None:
+        """Take an entry: what is begun outlives the process from here on."""
+        with self._adding:
+            if entry.change is _BEGIN and self._begun is not None:
+                try:
+                    self._begun.add(entry.values)
+                except OSError as error:
+                    self._fail(error)
+            self._waiting.put(entry)
+
+    def _recall(self, name: str) -> tuple[str, list[Past]]:
+        """Return the robot's emergency stop and its commands, the oldest first."""
+        if self._database is None:
+            return "", []
+        since = self._clock.time() - REMEMBERED
+        latches = dict(
+            self._database.execute("SELECT robot, why FROM latch WHERE robot IN (?, ?)", (name, ANY))
+        )
+        rows = self._database.execute(
+            "SELECT identity, name, action, outcome FROM begun WHERE robot = ? AND stamp >= ? "
+            "ORDER BY stamp DESC LIMIT ?",
+            (name, since, KEPT),
+        )
+        past = [Past(identity, command, bool(action), outcome) for identity, command, action, outcome in rows]
+        return latches.get(name, latches.get(ANY, "")), past[::-1]
+
+    def _write(self) -> None:
+        """Be the thread: everything that waits goes into one commit."""
+        while (entry := self._waiting.get()) is not None:
+            entries = [entry]
+            while not self._waiting.empty():
+                further = self._waiting.get()
+                if further is None:
+                    self._waiting.put(None)
+                    break
+                entries.append(further)
+            with self._using:
+                self._commit(entries)
+            with self._adding:
+                if self._begun is not None and self._waiting.empty() and not self.problem:
+                    self._begun.clear()
+
+    def _commit(self, entries: Sequence[Entry]) -> None:
+        """Write entries; what the disk does not take is told, once for each kind of trouble."""
+        if self._database is None:
+            return
+        try:
+            self._database.execute("BEGIN IMMEDIATE")
+            for entry in entries:
+                self._database.execute(entry.change, entry.values)
+            self._database.execute(_FORGET, (self._clock.time() - REMEMBERED,))
+            self._database.execute("COMMIT")
+            self.problem = ""
+        except sqlite3.Error as error:
+            with contextlib.suppress(sqlite3.Error):
+                self._database.execute("ROLLBACK")
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Tell that what is done now is not remembered."""
+        problem = f"the journal of commands is not kept: {error}"
+        if problem != self.problem:
+            log.error("%s", problem)
+        self.problem = problem

@@ -1,0 +1,167 @@
+"""All simulated robots of one process: moved by one wheel, commanded by JSON lines, one line out for each.
+
+    {"add": {...}}                                             -> {"url": "udpout:127.0.0.1:40001"}
+    {"fault": {"url": "...", "name": "loss", "value": 0.05}}   -> {}    (value null ends it)
+    {"look": {"url": "..."}}                                   -> {"x": 0.1, ...}    (where it truly is)
+    {"remove": {"url": "..."}}                                 -> {}
+
+What cannot be done is answered by ``{"error": "why"}``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import sys
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import msgspec
+
+SpecT = TypeVar("SpecT")
+
+
+class Simulated(Protocol):
+    """One simulated robot; ``url`` is the link that reaches it."""
+
+    url: str
+
+    def step(self) -> None:
+        """Let it live on to the present."""
+
+    def fault(self, name: str, value: float | None) -> None:
+        """Begin a fault, or end it (None); raises ValueError for one that does not exist."""
+
+    def look(self) -> dict[str, float]:
+        """Return where it truly is."""
+
+    def close(self) -> None:
+        """Take it away."""
+
+
+RobotT = TypeVar("RobotT", bound=Simulated)
+
+
+class _Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Something about the robot behind ``url``."""
+
+    url: str
+    name: str = ""
+    value: float | None = 1.0
+
+
+class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One line: exactly one of them."""
+
+    add: msgspec.Raw = msgspec.Raw()
+    fault: _Ask | None = None
+    look: _Ask | None = None
+    remove: _Ask | None = None
+
+
+class SimServer(ABC, Generic[SpecT, RobotT]):
+    """The simulated robots of this process, by their URL. ``tick``: s between two steps of all."""
+
+    Spec: type[SpecT]
+    tick: ClassVar[float] = 0.02
+
+    def __init__(self) -> None:
+        self.robots: dict[str, RobotT] = {}
+
+    @abstractmethod
+    async def make(self, spec: SpecT) -> RobotT:
+        """Make a robot; raises ValueError for one that cannot be, OSError when its place is taken."""
+
+    async def add(self, spec: SpecT) -> RobotT:
+        """Make a robot and let it live; raises what ``make`` raises."""
+        return self.keep(await self.make(spec))
+
+    def keep(self, robot: RobotT) -> RobotT:
+        """Let a robot live from now on."""
+        self.robots[robot.url] = robot
+        return robot
+
+    async def answer(self, line: bytes) -> bytes:
+        """Carry out one line; return the line that answers it, with its newline."""
+        try:
+            told = await self._carry_out(msgspec.json.decode(line, type=_Line))
+        except (ValueError, OSError) as error:
+            told = {"error": str(error)}
+        return msgspec.json.encode(told) + b"\n"
+
+    async def _carry_out(self, ask: _Line) -> dict[str, Any]:
+        """Carry out one ask; raises ValueError or OSError."""
+        if ask.add:
+            return {"url": (await self.add(msgspec.json.decode(ask.add, type=self.Spec))).url}
+        if ask.fault is not None:
+            self._robot(ask.fault).fault(ask.fault.name, ask.fault.value)
+            return {}
+        if ask.look is not None:
+            return {**self._robot(ask.look).look()}
+        if ask.remove is not None:
+            self._robot(ask.remove).close()
+            del self.robots[ask.remove.url]
+            return {}
+        raise ValueError("say one of add, fault, look and remove")
+
+    def _robot(self, ask: _Ask) -> RobotT:
+        """Return the robot that is meant; raises ValueError."""
+        if ask.url not in self.robots:
+            raise ValueError(f"there is no simulated robot at {ask.url}")
+        return self.robots[ask.url]
+
+    async def run(self) -> None:
+        """Let all robots live until cancelled; then take them away."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        try:
+            while True:
+                for robot in list(self.robots.values()):
+                    robot.step()
+                due = max(due + self.tick, loop.time())
+                await asyncio.sleep(due - loop.time())
+        finally:
+            for robot in self.robots.values():
+                robot.close()
+
+    async def serve(self, *, obeys: bool) -> None:
+        """Live until SIGINT or SIGTERM; ``obeys``: carry out the lines of stdin, and end when it closes.
+
+        Says on stdout where the robots are that are there already.
+        """
+        loop = asyncio.get_running_loop()
+        ended = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, ended.set)
+        for url in self.robots:
+            _tell(msgspec.json.encode({"url": url}) + b"\n")
+        tasks = [loop.create_task(self.run()), loop.create_task(ended.wait())]
+        if obeys:
+            tasks.append(loop.create_task(self._obey_stdin()))
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+                with contextlib.suppress(asyncio.CancelledError):
+                    await task
+
+    async def _obey_stdin(self) -> None:
+        """Carry out the lines of stdin until it closes."""
+        loop = asyncio.get_running_loop()
+        reader = asyncio.StreamReader()
+        transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+        try:
+            while line := await reader.readline():
+                _tell(await self.answer(line))
+        finally:
+            transport.close()
+
+
+def _tell(line: bytes) -> None:
+    """Write one line to stdout."""
+    sys.stdout.buffer.write(line)
+    sys.stdout.buffer.flush()

@@ -1,0 +1,105 @@
+"""The messages of one topic on their way out, in their order, and whether anybody hears them.
+
+=======  ==================================  ====================================================
+state    means                               sends
+=======  ==================================  ====================================================
+PROBE    a new connection: nobody knows      one message, and waits for its acknowledgement
+OPEN     somebody heard the last             as many as the window takes
+HELD     nobody heard the last               nothing, until its wait is over
+=======  ==================================  ====================================================
+"""
+
+from __future__ import annotations
+
+import enum
+from bisect import insort
+from collections import deque
+from collections.abc import Mapping
+
+from fleet.spool.message import Outgoing
+from fleet.wire.rules import Traffic
+
+
+class State(enum.Enum):
+    """Whether anybody hears the topic."""
+
+    PROBE = enum.auto()
+    OPEN = enum.auto()
+    HELD = enum.auto()
+
+
+class Sign(enum.Enum):
+    """What tells of it."""
+
+    HEARD = enum.auto()
+    UNHEARD = enum.auto()
+    WAITED = enum.auto()
+    CONNECTED = enum.auto()
+
+
+_NEXT: Mapping[tuple[State, Sign], State] = {
+    (State.PROBE, Sign.HEARD): State.OPEN,
+    (State.PROBE, Sign.UNHEARD): State.HELD,
+    (State.OPEN, Sign.UNHEARD): State.HELD,
+    (State.HELD, Sign.HEARD): State.PROBE,
+    (State.HELD, Sign.WAITED): State.PROBE,
+    (State.OPEN, Sign.CONNECTED): State.PROBE,
+    (State.HELD, Sign.CONNECTED): State.PROBE,
+}
+"""The sign leaves the state as it is where nothing is said."""
+
+
+class Line:
+    """One topic's messages: those that came back, those in memory, and how many more are ``cold``.
+
+    Cold ones are on disk alone, or on their way there; all of them follow ``loaded``, the newest ever in
+    memory. ``flying`` are under way. A held line is tried again at ``retry`` (monotonic s).
+    """
+
+    def __init__(self, topic: str, traffic: Traffic) -> None:
+        self.topic = topic
+        self.traffic = traffic
+        self.state = State.PROBE
+        self.back: list[Outgoing] = []
+        self.memory: deque[Outgoing] = deque()
+        self.cold = 0
+        self.loaded = 0
+        self.flying = 0
+        self.retry = 0.0
+        self.unheard = 0  # tries in a row
+        self.queued = False  # it stands in its ring
+
+    @property
+    def sendable(self) -> bool:
+        """True when a message may go now."""
+        if not (self.back or self.memory):
+            return False
+        return self.state is State.OPEN or (self.state is State.PROBE and not self.flying)
+
+    @property
+    def empty(self) -> bool:
+        """True when nothing of the topic is left."""
+        return not (self.back or self.memory or self.cold or self.flying)
+
+    def see(self, sign: Sign) -> bool:
+        """Take a sign; tell whether the state changed by it."""
+        before = self.state
+        self.state = _NEXT.get((before, sign), before)
+        return self.state is not before
+
+    def pop(self) -> Outgoing:
+        """Remove and return the next message, the oldest."""
+        return self.back.pop(0) if self.back else self.memory.popleft()
+
+    def give_back(self, message: Outgoing) -> None:
+        """Put a message that was under way before all that are newer."""
+        message.again = True
+        if not self.back or self.back[-1].seq < message.seq:
+            self.back.append(message)
+        else:
+            insort(self.back, message, key=_seq)
+
+
+def _seq(message: Outgoing) -> int:
+    """Return what orders messages."""
+    return message.seq

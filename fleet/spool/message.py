@@ -1,0 +1,60 @@
+"""One message on its way to the cloud, and what can become of it."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.wire.rules import Traffic
+
+OVERHEAD = 400
+"""Bytes that one waiting message costs in memory besides its payload."""
+
+
+class Outcome(enum.StrEnum):
+    """What became of one published message."""
+
+    SENT = "sent"
+    """QoS 0: written; nobody knows more."""
+    ACKED = "acked"
+    """QoS 1: the broker has it, and somebody hears."""
+    HELD = "held"
+    """QoS 1: nobody is subscribed (MQTT 5 reason 0x10), or the broker has no room: it is sent again."""
+    REFUSED = "refused"
+    """The broker will not take this message, or it is larger than the broker allows."""
+    DROPPED = "dropped"
+    """It ran out of time, was pushed out by a bound, or the connection was closed first."""
+
+
+class Outgoing(msgspec.Struct, eq=False):
+    """One message on its way out.
+
+    ``traffic`` counts for QoS 1, where REPLY goes before all others. ``since`` and ``deadline`` are
+    monotonic, ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before.
+    ``seq`` orders the messages of a spool, ``stored``: it is on disk, ``cold``: and nowhere else,
+    ``gone``: nobody waits for it any more.
+    """
+
+    topic: str
+    payload: bytes
+    qos: int
+    traffic: Traffic = Traffic.EVENT
+    expiry: float | None = None
+    correlation: bytes | None = None
+    content_type: str | None = None
+    on_done: Callable[[Outcome], None] | None = None
+    since: float = 0.0
+    deadline: float | None = None
+    expires: float = 0.0
+    again: bool = False
+    seq: int = 0
+    stored: bool = False
+    cold: bool = False
+    gone: bool = False
+    size: int = 0
+
+    def __post_init__(self) -> None:
+        """Note what it costs in memory, in bytes."""
+        self.size = len(self.payload) + OVERHEAD

@@ -1,0 +1,385 @@
+"""What is sent next, what goes to disk, what is dropped: the spool's decisions, without I/O and clock.
+
+A message stands in memory and, when nobody has taken it within ``GRACE``, on disk too. Beyond the bound on
+memory it stands on disk alone (cold) and comes back when its turn is near. Order is kept in each topic.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+
+from fleet.spool.holds import Holds
+from fleet.spool.line import Line, Sign, State
+from fleet.spool.losses import Losses, Reason
+from fleet.spool.memory import DURABLE, Memory
+from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.work import Fetch, Work
+from fleet.wire.rules import Traffic
+
+GRACE = 0.2
+"""Seconds in which the cloud may take a message before it is written to disk, while connected."""
+NEWEST_FIRST = 0.1
+"""Seconds after a connect in which what has waited lets the newest state go first."""
+LOW = 64
+"""Messages of a topic in memory below which more are fetched from disk."""
+FETCHED = 256
+"""Messages of a topic that one fetch brings at most."""
+FETCHED_IN_NEED = 8
+"""The same when memory is full."""
+BURST = 16
+"""Messages of one topic that go before another topic has its turn."""
+
+
+class Queue:
+    """All durable messages of one edge. Times are monotonic seconds, ``wall`` is Unix time.
+
+    ``messages`` and ``size`` (bytes) bound what stands in memory. ``first``: what the numbers begin after.
+    """
+
+    def __init__(
+        self, messages: int, size: int, ages: Mapping[Traffic, float], *, disk: bool, first: int = 0
+    ) -> None:
+        self.waiting = 0
+        self.cold = 0
+        self.online = False
+        self.losses = Losses()
+        self.failing = False  # the disk does not take what is written
+        self._disk = disk
+        self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
+        self._memory = Memory(messages, size)
+        self._lines: dict[str, Line] = {}
+        self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
+        self._holds = Holds()
+        self._hungry: dict[str, Line] = {}
+        self._unwritten: deque[Outgoing] = deque()
+        self._done: list[int] = []
+        self._writing = False
+        self._dropped: list[tuple[Outgoing, Outcome]] = []
+        self._seq = first
+        self._lasting_from = float("-inf")
+
+    # -- in and out ----------------------------------------------------------------------------------
+
+    def put(self, message: Outgoing, now: float, wall: float) -> bool:
+        """Take a message; return False when it is larger, or matters less, than all there is room for."""
+        age = self._ages[message.traffic]
+        if message.expiry is not None:
+            age = min(age, message.expiry)
+        message.since, message.deadline, message.expires = now, now + age, wall + age
+        self._seq += 1
+        message.seq = self._seq
+        line = self._line(message.topic, message.traffic)
+        spills = self._disk and not self.failing and not self._memory.fits(message)
+        message.cold = bool(line.cold) or spills
+        if not self._make_room(message, 1 if self.failing or not message.cold else 2, wall):
+            self.losses.note(message.topic, Reason.ROOM, wall)
+            return False
+        self.waiting += 1
+        self._memory.add(message)
+        if message.cold:
+            line.cold += 1
+            self.cold += 1
+        else:
+            line.memory.append(message)
+            line.loaded = message.seq
+        if self._disk:
+            self._unwritten.append(message)
+        self._stand(line)
+        return True
+
+    def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
+        """Remove and return what may be written next, at most ``window`` messages and about ``size`` bytes.
+
+        The last ``reserve`` of the window are for replies.
+        """
+        batch: list[Outgoing] = []
+        if not self.online:
+            return batch
+        for kind, ring in zip(DURABLE, self._rings, strict=True):
+            most = window if kind is Traffic.REPLY else window - reserve
+            if kind is not Traffic.REPLY and now < self._lasting_from:
+                break
+            while ring and len(batch) < most and size > 0:
+                line = ring.popleft()
+                line.queued = False
+                size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
+                self._stand(line)
+                if line.empty:
+                    self._drop_line(line)
+        return batch
+
+    def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
+        """Take what the broker said of a message that was taken."""
+        line = self._lines[message.topic]
+        line.flying -= 1
+        if outcome is Outcome.HELD:
+            self._return(line, message)
+            self._holds.unheard(line, now)
+            return
+        if outcome is Outcome.REFUSED:
+            self.losses.note(message.topic, Reason.REFUSED, wall)
+        self._forget(message)
+        self._holds.heard(line, now)
+        self._stand(line)
+        if line.empty:
+            self._drop_line(line)
+
+    def put_back(self, messages: Iterable[Outgoing]) -> None:
+        """Take back messages, oldest first, that were under way when the connection ended."""
+        oldest_first = list(messages)
+        for message in reversed(oldest_first):
+            line = self._lines[message.topic]
+            line.flying -= 1
+            self._return(line, message)
+        for message in oldest_first:
+            self._stand(self._lines[message.topic])
+
+    def go_online(self, now: float) -> None:
+        """Begin a new connection: nobody knows yet who hears."""
+        self.online = True
+        self._lasting_from = now + NEWEST_FIRST if self.waiting else now
+        self._holds.clear()
+        for line in self._lines.values():
+            line.see(Sign.CONNECTED)
+            self._stand(line)
+
+    def go_offline(self) -> None:
+        """Note the end of the connection."""
+        self.online = False
+        self._hungry.clear()
+
+    def tick(self, now: float, wall: float) -> None:
+        """Look after time: what is too old is dropped, what was held is tried again."""
+        for message in self._memory.late(now):
+            self._lose(message, Reason.AGE, wall)
+        for line in self._holds.due(now):
+            self._stand(line)
+
+    def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
+        """Remove and return what was dropped since the last call, so that its sender can be told."""
+        dropped, self._dropped = self._dropped, []
+        return dropped
+
+    def close(self) -> None:
+        """Drop what stands in memory alone, so that its senders can be told."""
+        for message in self._memory.all():
+            self._memory.remove(message)
+            if not message.stored:
+                self._dropped.append((message, Outcome.DROPPED))
+        self.waiting = 0
+
+    @property
+    def idle(self) -> bool:
+        """True when nothing could be sent now."""
+        return not (any(self._rings) or self._hungry)
+
+    @property
+    def held(self) -> int:
+        """How many topics wait for somebody to hear them."""
+        return len(self._holds)
+
+    # -- the disk ------------------------------------------------------------------------------------
+
+    @property
+    def hungry(self) -> bool:
+        """True when messages are wanted from disk."""
+        return bool(self._hungry)
+
+    @property
+    def unwritten(self) -> bool:
+        """True when something is being changed on disk, or is to be soon."""
+        return bool(self._writing or self._unwritten or self._done or self.losses.changed)
+
+    def work(self, now: float) -> Work:
+        """Remove and return what is to be changed on disk now."""
+        at_once = not self.online or self.cold > 0
+        rows = []
+        while self._unwritten and (at_once or self._unwritten[0].since + GRACE <= now):
+            message = self._unwritten.popleft()
+            if not message.gone:
+                message.stored = True
+                rows.append(message)
+        done, self._done = self._done, []
+        self._writing = bool(rows or done)
+        return Work(rows, done)
+
+    def wrote(self, work: Work) -> None:
+        """Note that a change is on disk: what is cold has left memory."""
+        self.failing = self._writing = False
+        for message in work.rows:
+            if message.cold and not message.gone:
+                message.gone = True
+                self._memory.remove(message)
+
+    def not_written(self, work: Work) -> None:
+        """Take a change back that the disk did not take."""
+        self.failing, self._writing = True, False
+        self._done = [*work.done, *self._done]
+        for message in reversed(work.rows):
+            message.stored = False
+            if not message.gone:
+                self._unwritten.appendleft(message)
+
+    def fetches(self) -> list[Fetch]:
+        """Return of which topics more is wanted."""
+        share = self._memory.room // max(1, len(self._hungry))
+        limit = max(FETCHED_IN_NEED, min(FETCHED, share))
+        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._hungry.values()]
+
+    def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
+        """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
+        line = self._hungry.pop(topic, None)
+        if line is None:
+            return
+        for message in messages:
+            self._warm(line, message)
+            self._memory.add(message)
+        if not more:
+            self._warm_unwritten(line)
+        self._stand(line)
+        if line.empty:
+            self._drop_line(line)
+
+    def found(self, topic: str, traffic: Traffic, count: int, newest: int) -> None:
+        """Note what an earlier process left on disk; what came before the disk could be read follows it."""
+        self._seq = max(self._seq, newest)
+        line = self._line(topic, traffic)
+        for message in line.memory:
+            message.cold = True
+        line.cold += len(line.memory)
+        self.cold += len(line.memory)
+        line.memory.clear()
+        line.loaded = 0
+        line.cold += count
+        self.cold += count
+        self.waiting += count
+        self._stand(line)
+
+    def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
+        """Note that messages were removed from disk: those that are not under way are lost."""
+        line = self._lines.get(topic)
+        if line is None:
+            return
+        if lost := sum(seq > line.loaded for seq in seqs):
+            self._cool(line, lost, topic, reason, wall)
+        removed = set(seqs)
+        for message in (*line.back, *line.memory):
+            if message.seq in removed and not message.gone:
+                self._lose(message, reason, wall)
+
+    def lost_disk(self, wall: float) -> None:
+        """Note that what was on disk is lost; what is in memory is written anew."""
+        for line in list(self._lines.values()):
+            kept = sum(one.topic == line.topic and one.cold and not one.gone for one in self._unwritten)
+            if line.cold > kept:
+                self._cool(line, line.cold - kept, line.topic, Reason.CORRUPT, wall)
+            for message in (*line.back, *line.memory):
+                if message.stored and not message.gone:
+                    message.stored = False
+                    self._unwritten.append(message)
+        self._done = []
+
+    def _cool(self, line: Line, lost: int, topic: str, reason: Reason, wall: float) -> None:
+        """Count out messages that were on disk alone."""
+        line.cold -= lost
+        self.cold -= lost
+        self.waiting -= lost
+        self.losses.note(topic, reason, wall, lost)
+        self._stand(line)
+
+    # -- within --------------------------------------------------------------------------------------
+
+    def _line(self, topic: str, traffic: Traffic) -> Line:
+        """Return the line of a topic."""
+        line = self._lines.get(topic)
+        if line is None:
+            line = self._lines[topic] = Line(topic, traffic)
+        return line
+
+    def _drop_line(self, line: Line) -> None:
+        """Forget an empty topic that nobody hears or hears only once, as an inbox for replies."""
+        if line.traffic is Traffic.REPLY or line.state is not State.OPEN:
+            self._lines.pop(line.topic, None)
+            self._holds.forget(line)
+
+    def _stand(self, line: Line) -> None:
+        """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
+        if not line.queued and line.sendable:
+            line.queued = True
+            self._rings[line.traffic].append(line)
+        if line.cold and self.online and len(line.memory) + len(line.back) < self._low(line):
+            self._hungry[line.topic] = line
+        elif self._hungry:
+            self._hungry.pop(line.topic, None)
+
+    def _low(self, line: Line) -> int:
+        """Return how many messages of a line are to stand in memory at least."""
+        if line.state is State.HELD:
+            return 1
+        return FETCHED_IN_NEED if self._memory.full else LOW
+
+    def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
+        """Move messages of a line into the batch; return their bytes."""
+        taken = 0
+        while line.sendable and len(batch) < most and taken < size:
+            message = line.pop()
+            if message.gone:
+                continue
+            if message.deadline is not None and message.deadline <= now:
+                self._lose(message, Reason.AGE, message.expires)
+                continue
+            self._memory.remove(message)
+            self.waiting -= 1
+            line.flying += 1
+            taken += message.size
+            batch.append(message)
+        return taken
+
+    def _return(self, line: Line, message: Outgoing) -> None:
+        """Put a message back that was under way."""
+        if message.gone:
+            return
+        line.give_back(message)
+        self._memory.add_again(message)
+        self.waiting += 1
+
+    def _warm(self, line: Line, message: Outgoing) -> None:
+        """Have a cold message stand in memory."""
+        message.cold = False
+        line.memory.append(message)
+        line.loaded = message.seq
+        line.cold -= 1
+        self.cold -= 1
+
+    def _warm_unwritten(self, line: Line) -> None:
+        """Have those of a line stand in memory that never reached the disk."""
+        for message in self._unwritten:
+            if message.topic == line.topic and message.cold and not message.gone:
+                self._warm(line, message)
+
+    def _forget(self, message: Outgoing) -> None:
+        """Nobody waits for a message any more."""
+        message.gone = True
+        if message.stored:
+            self._done.append(message.seq)
+
+    def _make_room(self, message: Outgoing, share: int, wall: float) -> bool:
+        """Push out what is older and matters no more than this message; tell whether it fits then."""
+        while not self._memory.fits(message, share):
+            oldest = self._memory.oldest(message.traffic)
+            if oldest is None:
+                return False
+            self._lose(oldest, Reason.ROOM, wall)
+        return True
+
+    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> None:
+        """Drop a message that stood in memory."""
+        self._memory.remove(message)
+        self._forget(message)
+        self.waiting -= 1
+        if message.cold:
+            self._lines[message.topic].cold -= 1
+            self.cold -= 1
+        self.losses.note(message.topic, reason, wall)
+        self._dropped.append((message, Outcome.DROPPED))

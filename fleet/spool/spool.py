@@ -1,0 +1,359 @@
+"""The spool of one edge: the queue's decisions, carried out by a thread that alone touches the disk.
+
+Nobody who publishes or sends waits for the disk. What a killed process loses of what it has taken is what
+the disk had not got yet: while disconnected what came since the last commit (a few milliseconds), while
+connected what the cloud has not acknowledged and that is younger than GRACE and TICK together. A power cut
+may in addition lose the commits of the last SYNC seconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sqlite3
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import StateError
+from fleet.spool.database import is_corrupt, set_aside
+from fleet.spool.losses import Gap, Reason
+from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.place import SPOOL, Lock, made
+from fleet.spool.queue import Queue
+from fleet.spool.store import Store
+from fleet.spool.work import Work
+from fleet.wire.rules import Traffic
+
+log = logging.getLogger(__name__)
+
+TICK = 0.05
+"""Seconds between two looks at what has to go to disk, while connected."""
+SYNC = 5.0
+"""Seconds between two times that the medium itself is brought up to date."""
+LATE_LOOK = 30.0
+"""Seconds between two looks for what is too old on disk."""
+RETRY = 1.0
+"""Seconds after which a disk that failed is tried again."""
+AGES: Mapping[Traffic, float] = MappingProxyType(
+    {Traffic.REPLY: 60.0, Traffic.STATUS: 86400.0, Traffic.EVENT: 86400.0}
+)
+"""Seconds that messages are worth sending."""
+
+
+class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Bounds of a spool: ``folder`` None keeps nothing on disk; ``size`` bytes of disk, ``ages`` seconds.
+
+    ``messages`` and ``memory`` (bytes) bound what stands in memory.
+    """
+
+    folder: Path | None = None
+    size: int = 256 * 1024 * 1024
+    ages: Mapping[Traffic, float] = AGES
+    messages: int = 5_000
+    memory: int = 8 * 1024 * 1024
+
+
+class SpoolFigures(msgspec.Struct, frozen=True):
+    """How a spool stands: what waits, how much of it on disk alone, topics that nobody hears, losses."""
+
+    waiting: int
+    on_disk: int
+    held_topics: int
+    lost: int
+    problem: str
+
+
+class Spool:
+    """Durable messages on their way out; every method may be called from any thread and none blocks for long.
+
+    Raises StateError when another edge has the folder. A disk that fails, now or later, is told in
+    ``problem``, and what waits is then bounded by memory. ``more`` is called, on the disk's thread, when
+    there is more to take.
+    """
+
+    def __init__(self, settings: SpoolSettings, clock: Clock) -> None:
+        self.problem = ""
+        self._settings = settings
+        self._clock = clock
+        self._queue = Queue(
+            settings.messages,
+            settings.memory,
+            settings.ages,
+            disk=settings.folder is not None,
+            first=int(clock.time() * 1e6),  # later than all that an earlier process numbered
+        )
+        self.more: Callable[[], None] = lambda: None
+        self._using = threading.Lock()
+        self._wake = threading.Event()
+        self._closing = threading.Event()
+        self._closed = False
+        self._store: Store | None = None
+        self._lock: Lock | None = None
+        self._thread: threading.Thread | None = None
+        self._dirty = False
+        self._next_sync = self._next_look = clock.monotonic()
+        if settings.folder is not None:
+            self._open(settings.folder)
+
+    # -- for who publishes and who sends -------------------------------------------------------------
+
+    def put(self, message: Outgoing) -> bool:
+        """Take a message of QoS 1; False when it cannot be kept at all."""
+        with self._using:
+            taken = not self._closed and self._queue.put(message, self._clock.monotonic(), self._clock.time())
+        self._stir()
+        return taken
+
+    def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
+        """Remove and return what may be written next."""
+        with self._using:
+            batch = self._queue.take(now, window=window, reserve=reserve, size=size)
+        if self._queue.hungry:
+            self._stir()
+        return batch
+
+    def settle(self, answers: Iterable[tuple[Outgoing, Outcome]]) -> None:
+        """Take what the broker said of messages that were taken."""
+        now, wall = self._clock.monotonic(), self._clock.time()
+        with self._using:
+            for message, outcome in answers:
+                self._queue.settle(message, outcome, now, wall)
+        self._stir()
+
+    def put_back(self, messages: Iterable[Outgoing]) -> None:
+        """Take back messages, oldest first, that were under way when the connection ended."""
+        with self._using:
+            self._queue.put_back(messages)
+
+    def go_online(self) -> None:
+        """Begin a new connection."""
+        with self._using:
+            self._queue.go_online(self._clock.monotonic())
+        self._stir()
+
+    def go_offline(self) -> None:
+        """Note the end of the connection: from now on everything goes to disk at once."""
+        with self._using:
+            self._queue.go_offline()
+        self._stir()
+
+    def tick(self) -> None:
+        """Look after time: once a second or so."""
+        with self._using:
+            self._queue.tick(self._clock.monotonic(), self._clock.time())
+        self._stir()
+
+    def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
+        """Remove and return what was dropped, so that its sender can be told."""
+        with self._using:
+            return self._queue.take_dropped()
+
+    def take_gaps(self) -> list[Gap]:
+        """Remove and return the losses, for whoever tells them now."""
+        with self._using:
+            gaps = self._queue.losses.take()
+        self._stir()
+        return gaps
+
+    @property
+    def waiting(self) -> int:
+        """How many messages wait."""
+        return self._queue.waiting
+
+    @property
+    def lost(self) -> int:
+        """How many messages were lost since the start."""
+        return self._queue.losses.total
+
+    @property
+    def idle(self) -> bool:
+        """True when nothing could be sent now."""
+        return self._queue.idle
+
+    def figures(self) -> SpoolFigures:
+        """Return how the spool stands."""
+        with self._using:
+            queue = self._queue
+            return SpoolFigures(queue.waiting, queue.cold, queue.held, queue.losses.total, self.problem)
+
+    def close(self) -> None:
+        """Write everything and let go of the file; what is not on disk then is dropped."""
+        with self._using:
+            self._closed = True
+            self._queue.go_offline()
+        self._closing.set()
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        with self._using:
+            self._queue.close()
+        if self._lock is not None:
+            self._lock.let_go()
+
+    # -- the disk's thread ---------------------------------------------------------------------------
+
+    def _open(self, folder: Path) -> None:
+        """Have the folder and begin to write; only one that another edge has is an error."""
+        self._lock = Lock(made(folder) / SPOOL)
+        self._lock.take()
+        try:
+            self._open_store(folder / SPOOL)
+        except (StateError, sqlite3.Error) as error:
+            self._fail(error)
+        self._thread = threading.Thread(target=self._run, name="fleet-spool", daemon=True)
+        self._thread.start()
+
+    def _open_store(self, path: Path) -> None:
+        """Open the file and take over what an earlier process left."""
+        self._store = store = Store(path, self._settings.size)
+        left, losses = store.left(), store.losses()
+        with self._using:
+            self._queue.losses.add(losses)
+            for each in left:
+                self._queue.found(each.topic, each.traffic, each.count, each.newest)
+        if store.aside is not None:
+            self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
+        if self._queue.waiting:
+            log.info("%d messages wait from before", self._queue.waiting)
+
+    def _stir(self) -> None:
+        """Wake the thread where there is something for it to do."""
+        if self._thread is not None and not self._wake.is_set() and self._wanted():
+            self._wake.set()
+
+    def _wanted(self) -> bool:
+        """Tell whether there is something to do."""
+        return self._queue.unwritten or self._queue.hungry
+
+    def _run(self) -> None:
+        """Be the thread."""
+        while not self._closing.is_set():
+            self._wake.wait(LATE_LOOK)
+            self._wake.clear()
+            if self._queue.online and not self._queue.hungry:
+                self._closing.wait(TICK)
+            if not self._step():
+                self._closing.wait(RETRY)
+            if self._wanted():
+                self._wake.set()
+        self._step()
+        if self._store is not None:
+            self._store.close()
+
+    def _step(self) -> bool:
+        """Bring the disk up to date; return False when it failed."""
+        if self._store is None:
+            return self._reopen()
+        fine = True
+        for work in (self._expire, self._write, self._fetch, self._sync):
+            try:
+                work(self._store)
+            except sqlite3.Error as error:  # a disk that is full can still be read
+                fine = False
+                self._fail(error)
+                if is_corrupt(error):
+                    self._abandon(self._store)
+                    break
+        return fine
+
+    def _write(self, store: Store) -> None:
+        """Write what is due, after making room for it."""
+        with self._using:
+            work = self._queue.work(self._clock.monotonic())
+            losses = self._queue.losses.known() if self._queue.losses.changed else None
+            self._queue.losses.changed = False
+        if not (work.rows or work.done or losses is not None):
+            return
+        try:
+            self._change(store, work, losses)
+        except sqlite3.Error:
+            with self._using:
+                self._queue.not_written(work)
+                self._queue.losses.changed = True
+            raise
+        with self._using:
+            self._queue.wrote(work)
+        self._dirty = True
+        if self.problem:
+            log.info("the spool is written again")
+            self.problem = ""
+
+    def _change(self, store: Store, work: Work, losses: list[Gap] | None) -> None:
+        """Change the file, within its budget."""
+        size = sum(len(message.payload) + 100 for message in work.rows)
+        if work.rows and not store.room(size):
+            self._tell_removed(store.evict(size), Reason.ROOM)
+        store.change(work.rows, work.done, losses)
+
+    def _fetch(self, store: Store) -> None:
+        """Bring back what will soon be sent."""
+        with self._using:
+            fetches = self._queue.fetches()
+        for fetch in fetches:
+            messages = store.fetch(fetch.topic, fetch.after, fetch.limit, fetch.traffic)
+            now, wall = self._clock.monotonic(), self._clock.time()
+            longest = self._settings.ages
+            for message in messages:
+                left = min(message.expires - wall, longest[message.traffic])
+                message.since, message.deadline = now, now + left
+            with self._using:
+                self._queue.fetched(fetch.topic, messages, more=len(messages) == fetch.limit)
+        if fetches:
+            self.more()
+
+    def _expire(self, store: Store) -> None:
+        """Remove what is too old, now and then."""
+        now = self._clock.monotonic()
+        if now >= self._next_look:
+            self._next_look = now + LATE_LOOK
+            self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
+
+    def _sync(self, store: Store) -> None:
+        """Bring the medium itself up to date, now and then."""
+        now = self._clock.monotonic()
+        if self._dirty and now >= self._next_sync:
+            self._next_sync, self._dirty = now + SYNC, False
+            store.checkpoint()
+
+    def _tell_removed(self, removed: Iterable[tuple[str, int]], reason: Reason) -> None:
+        """Tell the queue what is not on disk any more."""
+        by_topic: dict[str, list[int]] = defaultdict(list)
+        for topic, seq in removed:
+            by_topic[topic].append(seq)
+        with self._using:
+            for topic, seqs in by_topic.items():
+                self._queue.removed(topic, seqs, reason, self._clock.time())
+
+    def _abandon(self, store: Store) -> None:
+        """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
+        store.close()
+        self._store = None
+        with contextlib.suppress(OSError):
+            set_aside(store.path)
+        with self._using:
+            self._queue.lost_disk(self._clock.time())
+
+    def _reopen(self) -> bool:
+        """Open the file anew; return False when that fails."""
+        assert self._settings.folder is not None
+        path = self._settings.folder / SPOOL
+        try:
+            self._open_store(path)
+        except (StateError, sqlite3.Error, OSError) as error:
+            self._fail(error)
+            return False
+        return True
+
+    def _fail(self, error: Exception) -> None:
+        """Tell that what waits is kept in memory alone."""
+        problem = f"the spool cannot be written: {error}"
+        if problem != self.problem:
+            log.error("%s; what waits is kept in memory alone", problem)
+        self.problem = problem

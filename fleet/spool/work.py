@@ -1,0 +1,26 @@
+"""What the queue asks of the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+
+from fleet.spool.message import Outgoing
+from fleet.wire.rules import Traffic
+
+
+class Work(msgspec.Struct):
+    """What is to be changed on disk."""
+
+    rows: Sequence[Outgoing]
+    done: Sequence[int]
+
+
+class Fetch(msgspec.Struct, frozen=True):
+    """A topic of which more is wanted from disk, all newer than ``after``."""
+
+    topic: str
+    traffic: Traffic
+    after: int
+    limit: int

@@ -1,0 +1,49 @@
+"""What was refused or lost, counted by reason, and told at most once a minute for each reason.
+
+Bad input can come a thousand times a second: the counters keep all of it, the log keeps readable.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import Counter
+
+from fleet.clock import Clock
+
+TELL_EVERY = 60.0  # s between lines of one reason
+MOST_REASONS = 500  # whose last line is remembered; names from outside never become a reason of their own
+
+
+class Tally:
+    """Counts by reason; safe from any thread."""
+
+    def __init__(self, log: logging.Logger, clock: Clock) -> None:
+        self._log = log
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._counts: Counter[str] = Counter()
+        self._untold: Counter[str] = Counter()
+        self._told: dict[str, float] = {}
+
+    def add(self, reason: str, line: str, *arguments: object) -> None:
+        """Count one, and log the line unless this reason was told within the last minute."""
+        now = self._clock.monotonic()
+        with self._lock:
+            self._counts[reason] += 1
+            if now - self._told.get(reason, float("-inf")) < TELL_EVERY or len(self._told) > MOST_REASONS:
+                self._untold[reason] += 1
+                return
+            self._told[reason] = now
+            more = self._untold.pop(reason, 0)
+        self._log.warning(line + (f" ({more} more like this before)" if more else ""), *arguments)
+
+    def counts(self) -> dict[str, int]:
+        """Return how many there were, by reason."""
+        with self._lock:
+            return dict(self._counts)
+
+    @property
+    def total(self) -> int:
+        """How many there were altogether."""
+        return sum(self.counts().values())

@@ -1,0 +1,110 @@
+"""A robot that costs next to nothing and tells what is done to it: for benchmarks and fault tests.
+
+Its journal is a file that all puppets append to, a JSON line for each thing that happened to one, with the
+monotonic second. A line is one write, so that the journal survives the death of the process.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import os
+from typing import Any, Literal
+
+from fleet.adapter import Adapter, Robot
+from fleet.commands import command
+from fleet.model.geometry import Quaternion, Vector3, Velocity
+from fleet.model.health import Health
+from fleet.model.navigation import ActionState
+from fleet.model.report import ImuReport, JointReport, NavigationReport, PoseReport
+from fleet.robot_config import AdapterConfig, Limits
+
+
+class PuppetConfig(AdapterConfig):
+    """``rate``: pose, joints and IMU a second. ``events``: durable reports a second. ``journal``: a file."""
+
+    adapter: Literal["puppet"]
+    rate: float = 10.0
+    joints: int = 12
+    events: float = 0.0
+    journal: str = ""
+
+
+class Puppet(Adapter[PuppetConfig]):
+    """One puppet."""
+
+    Config = PuppetConfig
+    limits = Limits(speed=100.0, yaw_rate=10.0)
+
+    def __init__(self, config: PuppetConfig) -> None:
+        super().__init__(config)
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
+        self._journal = os.open(config.journal, flags, 0o600) if config.journal else -1
+        self._robot: Robot | None = None
+        self._turns = self._told = 0
+        self._credit = 0.0
+
+    async def run(self, robot: Robot) -> None:
+        """Report until cancelled."""
+        self._robot = robot
+        robot.health(Health())
+        if self.config.rate:
+            robot.every(1 / self.config.rate, self._report)
+        if self.config.events:
+            robot.every(0.02, self._tell)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            self._robot = None
+
+    def _report(self) -> None:
+        """Report pose, joints and IMU: four topics in the cloud."""
+        robot = self._robot
+        assert robot is not None
+        self._turns += 1
+        now, angle = robot.clock.time(), self._turns * 0.01
+        half = Quaternion(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
+        robot.report(PoseReport(now, Vector3(math.cos(angle), math.sin(angle), 0.5), half))
+        robot.report(JointReport(now, {f"joint_{n}": angle + n for n in range(self.config.joints)}))
+        robot.report(ImuReport(now, Vector3(0.01, 0.02, angle), Vector3(0.1, 0.2, 9.81)))
+
+    def _tell(self) -> None:
+        """Report events, numbered."""
+        robot = self._robot
+        assert robot is not None
+        self._credit += self.config.events * 0.02
+        while self._credit >= 1:
+            self._credit -= 1
+            self._told += 1
+            now = robot.clock.time()
+            note = f"{self._told} {robot.clock.monotonic()} {os.getpid()}"
+            robot.report(NavigationReport(now, f"{self.config.name}", ActionState.RUNNING, 1.0, note))
+
+    def _note(self, what: str, **fields: Any) -> None:
+        """Write a line of the journal."""
+        if self._journal >= 0 and self._robot is not None:
+            told = {"robot": self.config.name, "what": what, "at": self._robot.clock.monotonic(), **fields}
+            os.write(self._journal, json.dumps(told).encode() + b"\n")
+
+    def drive(self, velocity: Velocity) -> None:
+        """Note a velocity."""
+        self._note("drive", x=velocity.linear.x)
+
+    async def stop(self, reason: str) -> None:
+        """Note a stop."""
+        self._note("stop", why=reason)
+
+    def halt(self) -> None:
+        """Note a halt."""
+        self._note("halt")
+
+    @command("poke", moves=False)
+    async def poke(self, number: int) -> None:
+        """Do something that can be counted."""
+        self._note("poke", number=number)
+
+    @command("lunge")
+    async def lunge(self, number: int) -> None:
+        """Move in a way that can be counted."""
+        self._note("lunge", number=number)

@@ -1,0 +1,212 @@
+"""The rules of one twin: the table, as the profile of the way to the cloud and fleet.yaml change it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+
+import msgspec
+
+from fleet.wire.rules import (
+    CHANNEL_LEAVES,
+    ENVIRONMENT,
+    INWARD,
+    NOT_OF_A_TWIN,
+    RULES,
+    Form,
+    Inward,
+    Rule,
+    Traffic,
+)
+
+KIB = 1024
+
+
+class Change(msgspec.Struct, frozen=True):
+    """What fleet.yaml, or a profile, says of one topic; None leaves it as it is. Hz, seconds, bytes."""
+
+    on: bool | None = None
+    rate: float | None = None
+    traffic: Traffic | None = None
+    max_age: float | None = None
+    size: int | None = None
+
+
+class Channel(msgspec.Struct, frozen=True):
+    """A bus channel that the table does not know, and the topic it goes to."""
+
+    leaf: str
+    traffic: Traffic
+    rate: float
+    max_age: float
+    size: int
+
+
+class Profile(msgspec.Struct, frozen=True):
+    """What suits one kind of way to the cloud.
+
+    ``backlog`` is how many bytes may wait to be sent before streams are dropped.
+    """
+
+    about: str
+    backlog: int
+    changes: Mapping[str, Change]
+
+
+PROFILES: Mapping[str, Profile] = MappingProxyType(
+    {
+        "lan": Profile("the table as it is", 4 * KIB * KIB, {}),
+        "lte": Profile(
+            "slower state, small streams",
+            256 * KIB,
+            {
+                "position": Change(rate=5),
+                "joint:update": Change(rate=5),
+                "imu": Change(rate=1),
+                "pointcloud": Change(rate=0.2, size=512 * KIB),
+                "depth": Change(rate=0.5, size=256 * KIB),
+                "camera/photo": Change(size=1024 * KIB),
+                "flight_controller": Change(rate=1),
+            },
+        ),
+        "satellite": Profile(
+            "a parked robot's heartbeat and what must arrive; no streams",
+            32 * KIB,
+            {
+                "position": Change(rate=1.5),
+                "joint:update": Change(on=False),
+                "imu": Change(on=False),
+                "pointcloud": Change(on=False),
+                "depth": Change(on=False),
+                "camera/photo": Change(size=128 * KIB),
+                "map_update": Change(on=False),
+                "model_output": Change(rate=0.1),
+                "flight_controller": Change(rate=0.2),
+                "gps": Change(rate=0.2),
+                "metrics": Change(rate=0.1),
+                "driverlog": Change(rate=1),
+            },
+        ),
+    }
+)
+
+
+class Changes(msgspec.Struct, frozen=True):
+    """What fleet.yaml says of the topics, by leaf, of each direction."""
+
+    outward: Mapping[str, Change] = MappingProxyType({})
+    inward: Mapping[str, Change] = MappingProxyType({})
+
+
+class Rulebook(msgspec.Struct, frozen=True):
+    """What crosses for one uuid: outward by bus channel, inward by leaf; ``off`` holds leaves that do not.
+
+    ``backlog`` is how many bytes may wait to be sent before streams are dropped.
+    """
+
+    outward: Mapping[str, Rule]
+    off: frozenset[str]
+    inward: Mapping[str, Inward]
+    backlog: int
+
+
+def rulebook(
+    profile: str = "lan",
+    layers: Iterable[Changes] = (),
+    channels: Mapping[str, Channel] = MappingProxyType({}),
+) -> Rulebook:
+    """Return the rules of one twin; later layers win. ``channels`` are those the table does not know."""
+    chosen, layers = PROFILES[profile], tuple(layers)
+    outward = (chosen.changes, *(layer.outward for layer in layers))
+    inward = tuple(layer.inward for layer in layers)
+    changed = {leaf: _changed(rule, outward) for leaf, rule in RULES.items()}
+    listened = {leaf: _changed_inward(rule, inward) for leaf, rule in INWARD.items()}
+    carried = {
+        channel: changed[leaves[0]]
+        for channel, leaves in CHANNEL_LEAVES.items()
+        if any(changed[leaf].on for leaf in leaves)
+    }
+    return Rulebook(
+        carried | {name: _added(name, channel) for name, channel in channels.items()},
+        frozenset(leaf for leaf, rule in changed.items() if not rule.on),
+        {leaf: rule for leaf, rule in listened.items() if rule.on},
+        chosen.backlog,
+    )
+
+
+def of_a_twin(book: Rulebook) -> Rulebook:
+    """Return what crosses for a twin's uuid."""
+    return _only(book, lambda leaf: leaf not in NOT_OF_A_TWIN)
+
+
+def of_an_environment(book: Rulebook) -> Rulebook:
+    """Return what crosses for an environment's uuid."""
+    return _only(book, lambda leaf: leaf == ENVIRONMENT)
+
+
+def of_any_run(book: Rulebook) -> Rulebook:
+    """Return what crosses for workflow runs."""
+    return _only(book, lambda leaf: leaf.startswith("workflow-run:"))
+
+
+def _only(book: Rulebook, wanted: Callable[[str], bool]) -> Rulebook:
+    """Return the part of a book whose leaves are wanted."""
+    outward = {channel: rule for channel, rule in book.outward.items() if wanted(rule.leaf)}
+    inward = {leaf: rule for leaf, rule in book.inward.items() if wanted(leaf)}
+    return Rulebook(outward, book.off, inward, book.backlog)
+
+
+def _merged(leaf: str, layers: Iterable[Mapping[str, Change]]) -> Change:
+    """Return what all layers together say of a leaf."""
+    said: dict[str, object] = {}
+    for layer in layers:
+        if leaf in layer:
+            given = msgspec.structs.asdict(layer[leaf])
+            said |= {name: value for name, value in given.items() if value is not None}
+    return Change(**said)  # type: ignore[arg-type]
+
+
+def _changed(rule: Rule, layers: Iterable[Mapping[str, Change]]) -> Rule:
+    """Return a rule as it was changed; what is durable is sent at least once and never repeated."""
+    change = _merged(rule.leaf, layers)
+    traffic = rule.traffic if change.traffic is None else change.traffic
+    rate = rule.max_rate if change.rate is None else change.rate
+    repeat = 0.0 if traffic.durable else min(rule.repeat, rate) if rate else rule.repeat
+    return msgspec.structs.replace(
+        rule,
+        on=rule.on if change.on is None else change.on,
+        max_rate=rate,
+        repeat=repeat,
+        traffic=traffic,
+        qos=rule.qos if traffic is rule.traffic else int(traffic.durable),
+        max_age=rule.max_age if change.max_age is None else change.max_age,
+        size=rule.size if change.size is None else change.size,
+    )
+
+
+def _changed_inward(rule: Inward, layers: Iterable[Mapping[str, Change]]) -> Inward:
+    """Return an inward rule as it was changed; a robot's asks keep no rate, whatever is said."""
+    change = _merged(rule.leaf, layers)
+    return msgspec.structs.replace(
+        rule,
+        on=rule.on if change.on is None else change.on,
+        max_rate=rule.max_rate if change.rate is None or rule.taker.asks else change.rate,
+        size=rule.size if change.size is None else change.size,
+    )
+
+
+def _added(name: str, channel: Channel) -> Rule:
+    """Return the rule of a channel that fleet.yaml adds."""
+    return Rule(
+        channel.leaf,
+        name,
+        channel.traffic,
+        int(channel.traffic.durable),
+        channel.rate,
+        0.0,
+        "added in fleet.yaml",
+        Form.DOCUMENT,
+        channel.max_age,
+        channel.size,
+        sensors=True,
+    )

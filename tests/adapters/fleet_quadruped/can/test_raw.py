@@ -1,0 +1,83 @@
+"""The kernel's own frames, on a pair of datagram sockets that stand for a CAN socket."""
+
+import socket
+
+import can
+import pytest
+from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.errors import LinkLost
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.can import bus as buses
+from fleet_quadruped.can import raw
+from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.can.frame import Frame
+
+frames = st.builds(Frame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
+
+
+@pytest.fixture
+def wire(monkeypatch):
+    """Return a Bus on one end of a pair of sockets, and the other end."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    monkeypatch.setattr(buses, "_socket_of", lambda _: ours)
+    bus = Bus("a", "can:virtual:raw", 1_000_000, ManualClock())
+    yield bus, theirs
+    bus.close()
+    ours.close()
+    theirs.close()
+
+
+@given(frames)
+def test_a_frame_is_packed_as_python_can_does_it(frame):
+    message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.id > 0x7FF)
+    ours, theirs = raw.pack(frame), build_can_frame(message)
+    assert (ours[:5], ours[8:]) == (theirs[:5], theirs[8:])  # the others are padding and an 8 byte code
+    assert dissect_can_frame(raw.pack(frame))[3] == frame.data
+
+
+@given(frames)
+def test_a_frame_comes_back_as_it_was(frame):
+    assert raw.unpack(raw.pack(frame)) == (frame, False, False)
+
+
+def test_golden_bytes():
+    assert raw.pack(Frame(0x201, b"\x0f\x00")).hex() == "01020000020000000f00000000000000"
+    assert raw.pack(Frame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"
+
+
+@given(st.binary(max_size=80))
+def test_whatever_the_kernel_gives_is_read(data):
+    raw.unpack(data)
+
+
+def test_a_bus_reads_and_writes_without_python_can(wire):
+    bus, other = wire
+    bus.send(Frame(0x201, b"target"))
+    assert raw.unpack(other.recv(72)).frame == Frame(0x201, b"target")
+    for number in range(3):
+        other.send(raw.pack(Frame(0x181 + number, b"told")))
+    assert [frame.id for frame in bus.receive(1.0)] == [0x181, 0x182, 0x183]
+    assert bus.receive(0.0) == []
+
+
+def test_errors_are_counted_and_bus_off_is_the_end(wire):
+    bus, other = wire
+    other.send(bytes.fromhex("04000020080000000000000000000000"))
+    other.send(bytes.fromhex("01020040000000000000000000000000"))
+    assert bus.receive(0.0) == []
+    assert bus.errors == 1
+    other.send(bytes.fromhex("40000020080000000000000000000000"))
+    with pytest.raises(LinkLost, match="bus-off"):
+        bus.receive(0.0)
+
+
+def test_a_queue_that_is_full_drops_the_frame(wire):
+    bus, _ = wire
+    for _ in range(10_000):
+        bus.send(Frame(0x201, b"12345678"))
+        if bus.dropped:
+            break
+    assert bus.dropped == 1

@@ -1,0 +1,266 @@
+"""Every fault by its name, on CiA 402 and on MIT: the stage of the stop, and the cause that a person is told.
+
+The list of what must be survived is one table; what a row cannot say has a test of its own below it.
+"""
+
+import re
+from typing import NamedTuple
+
+import pytest
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.reports import health_of
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.lockstep import lockstep
+from fleet_quadruped.sim.rig import Rig
+
+RL_HIP = JOINTS.index("RL_hip") + 1
+BOTH = ("cia402", "mit")
+
+
+class Case(NamedTuple):
+    """A fault that begins in mid-trot; ``within`` seconds the dog is in ``mode`` with this cause."""
+
+    fault: str
+    value: float
+    within: float
+    mode: Mode
+    cause: str  # a pattern
+    drives: tuple[str, ...] = BOTH
+
+
+CASES = [
+    Case("overcurrent", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: over-current"),
+    Case("hot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: (temperature|rotor too hot)"),
+    Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: over-current \(emergency 2310h", ("cia402",)),
+    Case("short", RL_HIP, 0.25, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a", ("mit",)),
+    Case("mute", RL_HIP, 0.18, Mode.DAMPED, r"RL_hip: no feedback from id 8 on bus a for 0\.1\d s"),
+    Case("reboot", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: id 8 (has restarted|let go by itself)"),
+    Case("deaf", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: .*ignores its target \(bit 12 of 6041h", ("cia402",)),
+    Case("jump", RL_HIP, 0.03, Mode.DAMPED, r"RL_hip: its encoder jumped"),
+    Case("warm", RL_HIP, 7.0, Mode.SITTING, r"RL_hip: 8\d C, 85 is its limit"),
+    Case("battery", 8.0, 2.0, Mode.SITTING, r"battery: 8 %, it sits down at 10 %"),
+    Case("imu", 1.0, 0.2, Mode.DAMPED, r"imu: no valid frame for 0\.\d+ s"),
+    Case("silent", 1.0, 0.2, Mode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
+    Case("delay", 0.2, 0.5, Mode.DAMPED, r"FL_abad: no feedback from id 1 on bus a"),
+    Case("loss", 0.05, 3.0, Mode.WALKING, r""),
+    Case("duplicate", 0.2, 3.0, Mode.WALKING, r""),
+    Case("delay", 0.01, 3.0, Mode.WALKING, r""),
+]
+
+
+def walking(dog):
+    rig = Rig(dog)
+    rig.stand()
+    rig.go(0.6, Twist(0.4))
+    assert rig.mode is Mode.WALKING
+    return rig
+
+
+@pytest.mark.parametrize(
+    "case", CASES, ids=lambda case: f"{case.fault}-{case.value:g}-{'+'.join(case.drives)}"
+)
+def test_a_fault_in_mid_trot_ends_in_its_stage_with_its_cause(any_dog, case):
+    if any_dog.drive.protocol not in case.drives:
+        assert case.drives  # the other kind of drives has a row of its own, or no such thing
+        return
+    rig = walking(any_dog)
+    rig.sim.fault(case.fault, case.value)
+    for _ in range(round(case.within / any_dog.dt)):
+        rig.go(any_dog.dt, Twist(0.4))
+        if rig.mode is case.mode is not Mode.WALKING:
+            break
+    assert rig.mode is case.mode
+    assert re.match(case.cause, rig.fault)
+    assert bool(rig.fault) == bool(case.cause)
+
+
+@pytest.mark.parametrize("fault", ["overcurrent", "mute", "imu"])
+def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault(any_dog, fault):
+    safety = any_dog.safety.model_copy(update={"damp_time": 0.5})
+    rig = walking(any_dog.model_copy(update={"safety": safety}))
+    rig.sim.fault(fault, RL_HIP)
+    while rig.mode is not Mode.DAMPED:
+        rig.cycle()
+    rig.cycle()
+    healthy = [motor for number, motor in enumerate(rig.sim.world.motors, 1) if number != RL_HIP]
+    assert all(motor.kp == 0 and motor.kd >= 2.9 for motor in healthy)
+    rig.go(0.6, Twist(0.4))
+    assert rig.mode is Mode.OFF
+    assert all(motor.kp == 0 for motor in healthy)
+    health = health_of(rig.state(), 100)
+    assert health.level.word == "fault"
+    assert health.cause == f"{rig.fault}; look at the dog, then send reset_faults"
+    assert rig.fault in rig.ask(Ask.STAND)
+
+
+# -- before it is asked to stand up ------------------------------------------------------------------
+
+
+def unconfigured(dog, fault):
+    """Return a controller whose simulated dog has a fault before anything is configured."""
+    sim, buses = lockstep(dog)
+    sim.fault(fault, RL_HIP)
+    return Controller(dog, buses)
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "cause"),
+    [
+        ("stranger", LinkRefused, r"^RL_hip: (1000h:0 says profile 401|register 21 .PMAX. is 25), wanted"),
+        ("abort", LinkRefused, r"^RL_hip: (1600h:1 .mapping.: it cannot be mapped|register 9 .watchdog. is)"),
+        ("mute", LinkLost, r"^RL_hip: id 8 on bus 'a'"),
+    ],
+)
+def test_what_cannot_be_configured_is_told_by_name(any_dog, fault, error, cause):
+    with pytest.raises(error, match=cause):
+        unconfigured(any_dog, fault).drives.configure()
+
+
+def test_a_drive_that_does_not_take_its_mode_is_refused(dog):
+    with pytest.raises(LinkRefused, match=r"RL_hip: 6061h:0 .* is 1, wanted 8"):
+        unconfigured(dog, "mode").drives.configure()
+
+
+def test_two_drives_with_one_id_are_told_and_never_enabled(any_dog):
+    rig = Rig(any_dog)
+    rig.sim.fault("twin", RL_HIP)
+    rig.reconnect()
+    rig.go(0.2)
+    told = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
+    assert re.match(told, health_of(rig.state(), 100).cause)
+    assert re.match(told, rig.ask(Ask.STAND))
+    assert rig.mode is Mode.OFF
+
+
+@pytest.mark.parametrize("fault", ["overcurrent", "hot"])
+def test_a_fault_of_a_resting_dog_is_told_and_reset_by_command_only(any_dog, fault):
+    rig = Rig(any_dog)
+    rig.sim.fault(fault, RL_HIP)
+    rig.go(1.5)
+    assert rig.state().fault.startswith("RL_hip: ")
+    assert "send reset_faults" in rig.ask(Ask.STAND)
+    rig.ask(Ask.RESET)
+    rig.go(0.1)
+    assert rig.state().fault == ""
+    rig.stand()
+
+
+def test_a_dog_with_an_empty_battery_does_not_stand_up(any_dog):
+    rig = Rig(any_dog)
+    rig.sim.fault("battery", 5.0)
+    rig.go(1.1)
+    assert rig.ask(Ask.STAND) == "battery: 5 %, it sits down at 10 %"
+
+
+# -- links that go and come --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fault", ["mute", "silent"])
+def test_drives_that_go_away_while_it_rests_are_a_lost_link(any_dog, fault):
+    rig = Rig(any_dog)
+    rig.go(0.1)
+    rig.sim.fault(fault, RL_HIP)
+    with pytest.raises(LinkLost, match=r"id \d+ (on bus 'a' is silent|.*)"):
+        rig.go(3.0)
+
+
+def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any_dog):
+    rig = walking(any_dog)
+    rig.sim.fault("reboot", RL_HIP)
+    rig.go(3.0)
+    assert rig.mode is Mode.OFF
+    assert rig.ask(Ask.RESET) == ""
+    with pytest.raises(LinkLost, match="RL_hip: id 8"):
+        rig.go(0.1)
+
+
+def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_is_off_and_stays_so(any_dog):
+    rig = walking(any_dog)
+    rig.buses["a"].cut = True
+    with pytest.raises(LinkLost, match="bus 'a' is gone"):
+        rig.go(0.1, Twist(0.4))
+    for _ in range(30):
+        rig.sim.advance(0.01)
+    assert all(motor.kp == 0 for motor in rig.sim.world.motors)
+    rig.buses["a"].cut = False
+    rig.reconnect()
+    rig.go(1.0, Twist(0.4))
+    assert rig.mode is Mode.OFF
+    assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
+    rig.ask(Ask.RESET)
+    rig.go(0.1)
+    rig.stand()
+
+
+# -- time --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seconds", [0.3, 5.0])
+def test_a_controller_that_was_asleep_finds_its_drives_stopped_and_gives_up(any_dog, seconds):
+    rig = walking(any_dog)
+    for _ in range(round(seconds / 0.01)):
+        rig.sim.advance(0.01)
+    assert all(motor.kp == 0 for motor in rig.sim.world.motors)
+    rig.go(0.05, Twist(0.4))
+    assert rig.mode is Mode.DAMPED
+    assert re.match(r"FL_abad: .*(the drive is stopping|did not reach|jumped)", rig.fault)
+
+
+@pytest.mark.parametrize("seconds", [2.0, 3600.0])
+def test_a_clock_that_jumps_ahead_counts_as_a_long_silence_and_makes_no_jump_of_a_joint(any_dog, seconds):
+    rig = walking(any_dog)
+    before = [motor.target for motor in rig.sim.world.motors]
+    rig.skew = seconds
+    rig.go(0.01, Twist(0.4))
+    moved = [abs(a - motor.target) for a, motor in zip(before, rig.sim.world.motors, strict=True)]
+    assert max(moved) <= any_dog.safety.step
+    rig.go(0.5, Twist(0.4))
+    if any_dog.drive.protocol == "cia402":  # the heartbeats that came meanwhile are not seen
+        assert rig.fault.startswith(f"FL_abad: no heartbeat (700h) from id 1 for {seconds:.0f}.")
+        assert rig.mode is Mode.DAMPED
+    else:
+        assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+
+
+def test_an_order_from_before_a_jump_of_the_clock_stops_it_softly(mit_dog):
+    rig = walking(mit_dog)
+    rig.alive, rig.skew = False, 2.0
+    rig.go(2.0, Twist(0.4))
+    assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+
+
+# -- heat --------------------------------------------------------------------------------------------
+
+
+def test_a_warm_joint_slows_the_dog_before_it_sits_down(any_dog):
+    rig = walking(any_dog)
+    rig.go(1.0, Twist(0.8))
+    cool = rig.controller.body.walker.odometry.twist.x
+    rig.sim.fault("warm", RL_HIP)
+    rig.go(4.2, Twist(0.8))
+    assert rig.state().warning == "joints are warm: speed is held to 30%"
+    assert rig.controller.body.walker.odometry.twist.x < 0.6 * cool
+    assert max(told for told in rig.state().temperatures if told is not None) == pytest.approx(82, abs=2)
+
+
+# -- who resets --------------------------------------------------------------------------------------
+
+
+def test_a_fault_is_reset_by_a_rising_edge_and_never_unasked(dog):
+    rig = walking(dog)
+    rig.sim.fault("overcurrent", RL_HIP)
+    rig.go(3.0)
+    assert set(control_words(rig)) == {0x00}
+    rig.ask(Ask.RESET)
+    rig.go(0.02)
+    assert control_words(rig)[-4:] == [0x00, 0x80, 0x00, 0x00]
+
+
+def control_words(rig):
+    """Return the last control words that went to the failed drive."""
+    return [int.from_bytes(frame.data[:2], "little") for frame in rig.buses["a"].sent if frame.id == 0x208]

@@ -1,0 +1,174 @@
+"""What holds for every base, whatever is asked in whatever order: desk, adapter and board by one clock."""
+
+import asyncio
+import itertools
+import json
+import uuid
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fleet import Level, LinkLost
+from fleet.errors import WireError
+from fleet.host.asks import Decoder
+from fleet.host.desk import Desk
+from fleet.host.journal import RobotJournal
+from fleet.host.make import capabilities, make_adapter
+from fleet.host.safety.policy import STOPS
+from fleet.host.ticket import Ticket
+from fleet.link.memory import MemoryRobot
+from fleet.model.command import Setpoint, Way
+from fleet.testing.robot import RecordingRobot
+from fleet.wire.commands import VERBS
+from fleet_ugv import UgvAdapter
+from fleet_ugv.model import Wheels
+from fleet_ugv.sim.spec import SimSpec, board_of
+
+TICK = 0.02  # s
+QUANTUM = 0.01  # m/s that rounding to a board's units may add
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=32)
+ASKS = st.one_of(
+    st.builds(lambda verb, x: (verb, {"linear_x": x}), st.sampled_from(sorted(VERBS)), NUMBERS),
+    st.builds(lambda x, z: ("move", {"linear_x": x, "angular_z": z}), NUMBERS, NUMBERS),
+    st.builds(
+        lambda x, z, ms: ("velocity_command", contract(x, z, ms)), NUMBERS, NUMBERS, st.integers(0, 3000)
+    ),
+    st.builds(lambda x: ("set_linear_velocity", {"linear": x}), NUMBERS),
+    st.builds(lambda z: ("set_angular_velocity", {"angular": z}), NUMBERS),
+    st.sampled_from(["stop", "emergency_stop", "release_emergency_stop", "led_toggle", "get_status"]).map(
+        lambda name: (name, {})
+    ),
+)
+FAULTS = st.sampled_from(["reset", "echo", "partial", "garbage", "stall", "mute", "bump"]).map(
+    lambda name: ("fault", name)
+)
+STEPS = st.lists(
+    st.one_of(ASKS, ASKS, st.tuples(st.just("wait"), st.floats(0.02, 1.2)), FAULTS),
+    max_size=14,
+)
+_names = itertools.count()
+
+
+def contract(x, z, milliseconds):
+    return {
+        "contract": "locomotion.velocity_command.v1",
+        "linear_x": x,
+        "linear_y": 0.0,
+        "angular_z": z,
+        "duration_ms": milliseconds,
+    }
+
+
+class Bench:
+    """A desk, its adapter and a board that all live by one clock, which the test turns."""
+
+    def __init__(self, config, machine):
+        self.config, self.machine = config, machine
+        self.board = board_of(SimSpec(config.profile))
+        self.robot = RecordingRobot()
+        self.adapter = make_adapter(UgvAdapter, config)
+        can = capabilities(UgvAdapter)
+        self.desk = Desk(
+            config,
+            can,
+            publish=lambda _: None,
+            crashed=self.crashed,
+            restart=lambda: None,
+            journal=RobotJournal(),
+            clock=self.robot.clock,
+        )
+        self.limits = config.limits.over(can.limits)
+        self.decoder = Decoder(config, self.limits, planar=True)
+        self.may_move_until = 0.0
+        self.asked = []
+        self.heard = 0
+        self.desk.attach(self.adapter)
+
+    def crashed(self, error):
+        raise AssertionError("the adapter crashed") from error
+
+    @property
+    def now(self):
+        return self.robot.clock.monotonic()
+
+    async def tick(self):
+        """Let everything live for a moment, then look at the wheels."""
+        self.say(self.board.step(self.now - 1000.0))
+        await asyncio.sleep(0)
+        self.robot.advance(TICK)
+        if self.desk.deadman.expire(self.now):
+            self.desk.halt()
+            self.desk.lease_ran_out()
+        for data in self.machine.heard[self.heard :]:
+            self.say(self.board.receive(data, self.now - 1000.0))
+        self.heard = len(self.machine.heard)
+        await asyncio.sleep(0)
+        if self.robot.healths and self.robot.healths[-1].level < Level.OFFLINE:
+            self.desk.found()
+        self.check()
+
+    def say(self, data):
+        if data:
+            self.machine.say(data)
+
+    def check(self):
+        """See that no wheel is told more than the base may do, nor longer than somebody wants it."""
+        left, right = wheels = self.board.physics.wanted
+        body = self.config.kinematics.forward(Wheels(left, right))
+        assert max(map(abs, wheels)) <= self.config.base.fastest + QUANTUM, self.asked
+        assert abs(body.linear.x) <= self.limits.speed + QUANTUM, self.asked
+        assert abs(body.yaw_rate) <= self.limits.yaw_rate + 2 * QUANTUM / self.config.track, self.asked
+        assert wheels == [0.0, 0.0] or self.now <= self.may_move_until + TICK + 1e-6, self.asked
+
+    def ask(self, name, data):
+        """Ask as a message of the cloud does."""
+        message = {"source_type": "tele", "command": name, "data": data}
+        answers = []
+        try:
+            ask = self.decoder.decode("command", json.dumps(message).encode(), way=Way.CLOUD)
+        except WireError:
+            return
+        self.desk.receive(ask, Ticket(name, answers.append))
+        if name in STOPS:
+            self.may_move_until = self.now
+        if isinstance(ask, Setpoint) and answers[0].ok:
+            self.may_move_until = self.now + (ask.lease or self.config.setpoint_lease)
+
+    async def play(self, steps):
+        for _ in range(60):
+            await self.tick()
+        for step, value in steps:
+            self.asked.append((step, value))
+            if step == "fault":
+                self.board.set_fault(value, 1.0)
+            elif step != "wait":
+                self.ask(step, value)
+            for _ in range(round(value / TICK) if step == "wait" else 1):
+                await self.tick()
+
+
+async def live(config, steps):
+    """Play the steps; a board that went silent for good ends the run, and stands."""
+    with MemoryRobot(config.link.partition(":")[2]) as machine:
+        bench = Bench(config, machine)
+        run = asyncio.create_task(bench.adapter.run(bench.robot))
+        try:
+            await bench.play(steps)
+        except LinkLost:
+            assert "mute" in bench.board.faults
+            assert bench.board.physics.wanted == [0.0, 0.0]
+        finally:
+            run.cancel()
+            await asyncio.gather(run, return_exceptions=True)
+
+
+@pytest.mark.parametrize("profile", ["waveshare-beast", "ros-arduino", "hoverboard"])
+def test_no_wheel_is_told_more_than_its_limit_nor_longer_than_its_lease(make_config, profile):
+    @settings(max_examples=30)
+    @given(STEPS, st.sampled_from([{}, {"speed": 0.2}, {"yaw_rate": 20.0}]))
+    def check(steps, limits):
+        config = make_config(profile, f"memory:sequence-{next(_names)}", twin=uuid.uuid4(), limits=limits)
+        asyncio.run(live(config, steps))
+
+    check()

@@ -1,0 +1,138 @@
+"""The bridge while the broker is away: nothing that matters is lost, nothing old comes as if it were new."""
+
+import json
+
+import pytest
+
+from fleet.bridge.bridge import Bridge
+from fleet.clock import SystemClock
+from fleet.cloud.client import CloudClient
+from fleet.cloud.values import CloudSettings, CloudState
+from fleet.model.navigation import ActionState
+from fleet.model.report import NavigationReport
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.waiting import wait_until
+from fleet.wire.databus import encode_report
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+POSITION = f"cw/{TWIN}/data/position"
+STATUS = f"cw/{TWIN}/data/navigate_status"
+UNAVAILABLE = 0x88
+
+
+def settings(port, name):
+    return CloudSettings(
+        host="127.0.0.1", port=port, tls=False, client_id=name, keepalive=1, refused_backoff=(0.05, 0.1)
+    )
+
+
+@pytest.fixture
+def heard(broker):
+    """Hear all there is, as (leaf, message)."""
+    heard = []
+
+    def take(messages):
+        heard.extend((one.topic.partition(f"{TWIN}/")[2], json.loads(one.payload)) for one in messages)
+
+    client = CloudClient(
+        settings(broker.port, "listener"),
+        {"cyberwave/#": 1},
+        on_message=take,
+        on_state=lambda *_: None,
+        clock=SystemClock(),
+    )
+    client.start()
+    wait_until("the listener is in", lambda: client.state is CloudState.CONNECTED)
+    yield heard
+    client.close()
+
+
+@pytest.fixture
+def make_bridge(broker, topics, ports):
+    """Build bridges with a spool, and close what is still open."""
+    made = []
+
+    def make_bridge(**spool):
+        bridge = Bridge(
+            settings(broker.port, f"edge-{len(made)}"),
+            topics,
+            ports,
+            edge="yard-1",
+            soon=lambda call: call(),
+            alive=lambda _name: True,
+            clock=SystemClock(),
+            spool=Spool(SpoolSettings(**spool), SystemClock()),
+        )
+        made.append(bridge)
+        bridge.start()
+        return bridge
+
+    yield make_bridge
+    for bridge in made:
+        bridge.client.close()
+
+
+def in_or_out(bridge, *, connected):
+    wait_until("the state changes", lambda: (bridge.client.state is CloudState.CONNECTED) == connected)
+
+
+def tell_statuses(bridge, first, end):
+    for number in range(first, end):
+        report = NavigationReport(float(number), f"a{number}", ActionState.RUNNING, 0.0)
+        bridge.uplink.arrived(STATUS, encode_report(report, number))
+        bridge.turn()
+
+
+def actions(heard):
+    return [message["action_id"] for leaf, message in list(heard) if leaf == "navigate/status"]
+
+
+def test_after_an_outage_the_newest_state_comes_first_and_then_every_status_in_order(
+    broker, heard, make_bridge, pose, tmp_path
+):
+    bridge = make_bridge(folder=tmp_path)
+    in_or_out(bridge, connected=True)
+    tell_statuses(bridge, 0, 10)
+    wait_until("the first are heard", lambda: len(actions(heard)) == 10)
+    broker.broker.faults.refuse = UNAVAILABLE
+    broker.call(broker.broker.half_open, "edge-0")
+    in_or_out(bridge, connected=False)
+    for number in range(50):
+        bridge.uplink.arrived(POSITION, pose(float(number)))
+        tell_statuses(bridge, 10 + number, 11 + number)
+    before = len(heard)
+    broker.broker.faults.refuse = None
+    wait_until("all are heard", lambda: len(actions(heard)) == 60)
+    assert actions(heard) == [f"a{number}" for number in range(60)]
+    after = [(leaf, message) for leaf, message in heard[before:] if leaf != "telemetry"]
+    leaves = [leaf for leaf, _ in after]
+    assert {"position", "rotation"} == set(leaves[:2])
+    assert leaves.count("position") <= 2
+    assert dict(after[:2])["position"]["position"]["x"] == 49.0
+
+
+def test_what_an_edge_could_not_send_is_sent_by_the_next_one(broker, heard, make_bridge, tmp_path):
+    broker.broker.faults.refuse = UNAVAILABLE
+    first = make_bridge(folder=tmp_path)
+    tell_statuses(first, 0, 50)
+    first.client.close(0.0)
+    broker.broker.faults.refuse = None
+    second = make_bridge(folder=tmp_path)
+    tell_statuses(second, 50, 60)
+    wait_until("all are heard", lambda: len(actions(heard)) == 60)
+    assert actions(heard) == [f"a{number}" for number in range(60)]
+
+
+def test_what_was_lost_is_told_on_the_twins_telemetry(broker, heard, make_bridge):
+    broker.broker.faults.refuse = UNAVAILABLE
+    bridge = make_bridge(messages=10)
+    tell_statuses(bridge, 0, 60)
+    broker.broker.faults.refuse = None
+    wait_until("the rest is heard", lambda: len(actions(heard)) == 10)
+    in_or_out(bridge, connected=True)
+    for _ in range(2):
+        bridge.beat({})
+    wait_until("the gap is told", lambda: [m for leaf, m in heard if m.get("type") == "gap"])
+    (gap,) = [message for leaf, message in heard if message.get("type") == "gap"]
+    assert (gap["leaf"], gap["reason"], gap["lost"]) == ("navigate/status", "room", 50)
+    assert bridge.client.stats.dropped == 50

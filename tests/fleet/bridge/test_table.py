@@ -1,0 +1,210 @@
+"""Walks the table of topics against the bridge: every row is carried, and nothing that has no row."""
+
+import json
+
+import pytest
+
+from fleet.bridge.bridge import Bridge, Rules
+from fleet.cloud.values import CloudSettings, Message
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.navigation import ActionState
+from fleet.model.report import (
+    BatteryReport,
+    DepthReport,
+    FlightControllerReport,
+    FlightStateReport,
+    GpsReport,
+    ImuReport,
+    JointReport,
+    LogReport,
+    MetricsReport,
+    NavigationReport,
+    PhotoReport,
+    PointCloudReport,
+    PoseReport,
+    ScaleReport,
+    TelemetryReport,
+)
+from fleet.wire.databus import encode_report
+from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, REPLY_INBOX, RULES, Form, Taker, rule_of
+from fleet.wire.topics import Topics
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+PLACE = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c50"
+V = Vector3(1, 2, 3)
+REPORTS = [
+    PoseReport(1.0, V, Quaternion()),
+    ScaleReport(1.0, V),
+    JointReport(1.0, {"hip": 0.5}),
+    BatteryReport(1.0, 50.0),
+    GpsReport(1.0, GeoPoint(47, 8), "3d"),
+    ImuReport(1.0, V, V),
+    FlightStateReport(1.0, True),
+    FlightControllerReport(1.0, False, "HOLD", False),
+    MetricsReport(1.0),
+    NavigationReport(1.0, "a1", ActionState.RUNNING),
+    NavigationReport(1.0, "m1", ActionState.RUNNING, step=0),
+    TelemetryReport(1.0, "vehicle_state"),
+    PhotoReport(1.0, b"x", "jpeg", 1, 1),
+    DepthReport(1.0, b"xx", 1, 1, "uint16"),
+    PointCloudReport(1.0, b"x" * 12, 3),
+    LogReport(1.0, "INFO", "hello"),
+]
+SDP = {"target": "backend", "sdp": "v=0"}
+DOCUMENTS = {
+    "webrtc_offer": {"type": "offer", **SDP},
+    "webrtc_answer": {"type": "answer", **SDP},
+    "webrtc_candidate": {"type": "candidate", "target": "backend", "candidate": {}},
+    "event": {"event_type": "fall"},
+    "map_update": {"map_type": "point_cloud"},
+    "model_output": {},
+    "model_health": {},
+    "environment/update": {},
+}
+MESSAGES = {
+    "command": {"command": "takeoff"},
+    "navigate/command": {"command": "stop"},
+    "motion/command": {"linear": {"x": 1}},
+    "joint:update": {"positions": {"hip": 1}},
+    "mission/command": {"command": "start", "mission_execution_uuid": "m1"},
+    "webrtc-offer": {"type": "offer", "target": "edge", "sdp": "v=0"},
+    "webrtc-answer": {"type": "answer", "target": "edge", "sdp": "v=0"},
+    "webrtc-candidate": {"type": "candidate", "target": "edge", "candidate": {}},
+    "alert": {"name": "low battery"},
+    "commands/sync_workflows": {},
+    "edge_health": {"type": "edge_health", "edge_id": "yard-0", "uptime_seconds": 9999.0},
+    "ping:request": {"type": "ping"},
+    "pong:response": {"type": "pong"},
+    "workflow-run:status": {"status": "running"},
+    ENVIRONMENT: {},
+}
+"""A good message of each topic from the cloud."""
+
+
+class World:
+    """A bridge with everything switched on, whose client only writes down."""
+
+    def __init__(self, port, clock):
+        book = rulebook(
+            "lan",
+            [Changes({"joint_states": Change(on=True)}, {"workflow-run:status": Change(on=True)})],
+        )
+        self.published, self.put, self.claims = [], [], []
+        self.topics = Topics("")
+        self.clock = clock
+        self.bridge = Bridge(
+            CloudSettings(host="127.0.0.1", tls=False, client_id="us"),
+            self.topics,
+            {TWIN: port},
+            edge="yard-1",
+            rules=Rules({TWIN: of_a_twin(book)}, {PLACE: of_an_environment(book)}, of_any_run(book)),
+            put=lambda key, _sample: self.put.append(key),
+            soon=lambda call: call(),
+            alive=lambda _name: True,
+            claimed=lambda *claim: self.claims.append(claim),
+            clock=clock,
+        )
+        self.bridge.client.publish = self._publish
+
+    def _publish(self, topic, payload, **properties):
+        json.loads(payload)
+        self.published.append((self.topics.parse(topic).leaf, properties.get("qos", 0)))
+        return True
+
+    def hear(self, leaf, message, **properties):
+        uuid = PLACE if leaf == ENVIRONMENT else TWIN
+        topic = self.topics.twin(uuid, leaf.replace("+", "twin_added"))
+        self.bridge.downlink.arrived([Message(topic, json.dumps(message).encode(), **properties)])
+
+    def tell(self, channel, sample):
+        uuid = PLACE if channel.startswith("environment") else TWIN
+        self.bridge.uplink.arrived(f"cw/{uuid}/data/{channel}", sample)
+        for _ in self.bridge.turn():
+            pass
+
+
+@pytest.fixture
+def world(rex, clock):
+    world = World(rex, clock)
+    yield world
+    world.bridge.client.close()
+
+
+def samples():
+    yield from ((report.channel, encode_report(report, 0)) for report in REPORTS)
+    yield from ((channel, json.dumps({**one, "ts": 1.0}).encode()) for channel, one in DOCUMENTS.items())
+
+
+def test_every_channel_of_the_table_becomes_its_topics_at_their_qos(world):
+    carried = {}
+    for channel, sample in samples():
+        before = len(world.published)
+        world.tell(channel, sample)
+        carried[channel.partition("/")[0]] = world.published[before:]
+    assert carried.keys() == CHANNEL_LEAVES.keys()
+    for channel, leaves in CHANNEL_LEAVES.items():
+        wanted = [(leaf.replace("+", "update"), RULES[leaves[0]].qos) for leaf in leaves]
+        assert carried[channel] == wanted
+    assert world.bridge.refusals.counts() == {}
+
+
+def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
+    rex.answers = lambda *_: Reply("takeoff", ReplyStatus.REJECTED, "no")
+    world.bridge.beat({})
+    world.hear("ping:request", {"type": "ping"})
+    world.hear("command", {"command": "takeoff"})
+    world.hear("command", {"command": "takeoff"}, response_topic=f"cyberwave/twin/{TWIN}/command/a/response")
+    world.hear("mission/command", MESSAGES["mission/command"])
+    said = {
+        "command/+/response" if leaf == "command/a/response" else leaf: qos for leaf, qos in world.published
+    }
+    assert said == {rule.leaf: rule.qos for rule in RULES.values() if rule.form is Form.SAID}
+    assert REPLY_INBOX in said
+    assert all(rule_of(leaf) for leaf, _ in world.published)
+
+
+@pytest.mark.parametrize("rule", INWARD.values(), ids=lambda rule: rule.leaf)
+def test_every_topic_from_the_cloud_goes_where_the_table_says(world, rex, rule):
+    world.hear(rule.leaf, MESSAGES[rule.leaf])
+    world.hear(rule.leaf, MESSAGES[rule.leaf])
+    asked = [kind for kind, _, _ in rex.received]
+    assert asked == ([rule.taker.value] * 2 if rule.taker.asks else [])
+    assert bool(world.put) == (rule.taker is Taker.RELAY)
+    assert world.bridge.downlink.received == {rule.taker.value: 2}
+    assert world.bridge.refusals.counts() == {}
+    assert bool(world.claims) == (rule.leaf == "edge_health")
+
+
+@pytest.mark.parametrize("leaf", INWARD)
+def test_a_retained_message_of_any_topic_does_nothing(world, rex, leaf):
+    world.hear(leaf, MESSAGES[leaf], retain=True)
+    assert (rex.received, rex.emergencies, world.put, world.published, world.claims) == ([], [], [], [], [])
+    assert world.bridge.refusals.counts() == {"retained": 1}
+
+
+def test_the_subscriptions_are_those_of_the_table(world):
+    wanted = {
+        world.topics.filter(
+            rule.leaf,
+            PLACE if rule.leaf == ENVIRONMENT else None if rule.leaf.startswith("workflow") else TWIN,
+        ): rule.qos
+        for rule in INWARD.values()
+    }
+    assert world.bridge.client._subscriptions == wanted
+
+
+def test_a_parked_robot_repeats_at_1_hz_and_nothing_said_once_is_repeated(world, clock):
+    for channel, sample in samples():
+        world.tell(channel, sample)
+    world.published.clear()
+    for _ in range(500):
+        clock.advance(0.02)
+        for _ in world.bridge.turn():
+            pass
+    times = {leaf: [one for one, _ in world.published].count(leaf) for leaf, _ in world.published}
+    repeated = {leaf for leaf, rule in RULES.items() if rule.repeat}
+    assert times.keys() <= repeated
+    assert all(times[leaf] >= 10 for leaf in ("position", "rotation", "joint:update", "scale"))

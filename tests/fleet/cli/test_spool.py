@@ -1,0 +1,84 @@
+"""``fleet spool``: what a person sees of what waits, and how it is deleted."""
+
+import time
+
+import pytest
+
+from fleet.clock import SystemClock
+from fleet.spool.message import Outgoing
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.wire.rules import Traffic
+
+
+@pytest.fixture
+def state(place):
+    """Make the edge keep its state in the folder."""
+    text = (place / "fleet.yaml").read_text()
+    (place / "fleet.yaml").write_text(text.replace("id: yard-1", "id: yard-1, spool: {path: state}"))
+    return place / "state"
+
+
+@pytest.fixture
+def filled(state):
+    """Leave three messages on disk."""
+    spool = Spool(SpoolSettings(folder=state), SystemClock())
+    spool.put(Outgoing("T/telemetry", b'{"type": "connected"}', 1))
+    spool.put(Outgoing("T/telemetry", b"\xff", 1))
+    spool.put(Outgoing("T/navigate/status", b"{}", 1, Traffic.STATUS))
+    spool.close()
+    return state
+
+
+def test_an_edge_that_has_kept_nothing_is_told_so(fleet, state):
+    assert fleet("spool", "status").out == f"{state}: 0 messages; no edge uses it\n"
+    assert fleet("spool", "export", "--json").json == []
+    assert fleet("spool", "purge", "--yes").out == "deleted 0 messages\n"
+
+
+def test_what_waits_is_shown_by_topic_what_matters_most_first(fleet, filled):
+    lines = fleet("spool", "status").out.splitlines()
+    assert lines[0].split() == ["CLASS", "MESSAGES", "BYTES", "FIRST", "EXPIRES", "IN", "TOPIC"]
+    assert lines[1].split() == ["status", "1", "2", "24", "h", "T/navigate/status"]
+    assert lines[2].split() == ["event", "2", "22", "24", "h", "T/telemetry"]
+
+
+def test_programs_get_all_of_it(fleet, filled):
+    found = fleet("spool", "status", "--json").json
+    assert (found["messages"], found["bytes"], found["in_use"], found["lost"]) == (3, 24, False, [])
+    first, second, _ = fleet("spool", "export", "--json").json
+    assert first["payload"] == '{"type": "connected"}'
+    assert second["payload_base64"] == "/w=="
+    assert first["expires"] - time.time() > 86000
+
+
+def test_what_waits_is_printed_a_line_a_message(fleet, filled):
+    lines = fleet("spool", "export").out.splitlines()
+    assert [line.split(maxsplit=2)[1:] for line in lines] == [
+        ["T/telemetry", '{"type": "connected"}'],
+        ["T/telemetry", "\\xff"],
+        ["T/navigate/status", "{}"],
+    ]
+
+
+def test_a_spool_is_emptied_once_it_is_confirmed(fleet, filled, monkeypatch):
+    monkeypatch.setattr("click.termui.visible_prompt_func", lambda _: "n")
+    assert fleet("spool", "purge").code == 130
+    assert fleet("spool", "purge", "--yes", "--json").json == {"deleted": 3}
+    assert fleet("spool", "status", "--json").json["messages"] == 0
+
+
+def test_while_its_edge_runs_a_spool_is_shown_but_not_emptied(fleet, state):
+    spool = Spool(SpoolSettings(folder=state), SystemClock())
+    spool.put(Outgoing("T/telemetry", b"{}", 1))
+    assert fleet("spool", "status", "--json").json["in_use"]
+    result = fleet("spool", "purge", "--yes")
+    assert result.code == 1
+    assert "belongs to another edge that runs" in result.err
+    spool.close()
+
+
+def test_a_file_that_is_no_spool_is_told(fleet, state):
+    state.mkdir()
+    (state / "spool.db").write_text("rubbish" * 1000)
+    result = fleet("spool", "status")
+    assert (result.code, "cannot be read: file is not a database" in result.err) == (1, True)

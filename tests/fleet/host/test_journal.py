@@ -1,0 +1,235 @@
+"""What is remembered of commands and stops when the process dies, is started anew, or its disk fails."""
+
+import asyncio
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from fleet.host.journal import LOST, REMEMBERED, Journal, Past
+from fleet.model.command import ReplyStatus
+from fleet.model.report import NavigationReport
+from fleet.spool.place import JOURNAL
+from fleet.testing.clock import ManualClock
+
+ACCEPTED, REJECTED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED
+
+
+@pytest.fixture
+def clock():
+    return ManualClock()
+
+
+@pytest.fixture
+def opened(tmp_path, clock):
+    """Open the journal of a new process each time; close them all."""
+    journals = []
+
+    def opened():
+        while journals:
+            journals.pop().close()
+        journals.append(Journal(tmp_path, clock, tmp_path / "begun.main"))
+        return journals[-1]
+
+    yield opened
+    while journals:
+        journals.pop().close()
+
+
+@pytest.fixture
+def restarted(opened, make_bench):
+    """Return a desk of a new process."""
+
+    def restarted():
+        return make_bench(journal=opened().robot("rex"))
+
+    return restarted
+
+
+async def ended(answers):
+    """Wait until an ask has ended, with the disk between."""
+    async with asyncio.timeout(20):
+        while not answers:  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.005)
+
+
+async def test_a_command_is_not_carried_out_again_after_a_restart(restarted, asks):
+    bench = restarted()
+    await ended(bench.ask(asks.command("land", id="r1")))
+    assert bench.puppet.told == ["land"]
+    bench = restarted()
+    (answer,) = bench.ask(asks.command("land", id="r1"))
+    await asks.settle()
+    assert (bench.puppet.told, answer.status) == ([], ACCEPTED)
+    await ended(bench.ask(asks.command("land", id="r2")))
+    assert bench.puppet.told == ["land"]
+
+
+async def test_a_command_that_was_cut_off_is_refused_after_the_restart(restarted, asks):
+    bench = restarted()
+    bench.ask(asks.command("takeoff", id="r1"))
+    await asks.until(lambda: bench.puppet.told)
+    (answer,) = restarted().ask(asks.command("takeoff", id="r1"))
+    assert answer.status is REJECTED
+    assert answer.reason.startswith("it was begun before the edge restarted and was not seen to end")
+
+
+async def test_a_command_is_remembered_before_its_method_is_called(tmp_path, clock, restarted, asks):
+    bench = restarted()
+    seen = []
+
+    async def land():
+        journal = Journal(tmp_path, clock, tmp_path / "begun.other")
+        seen.extend(journal.robot("rex").past)
+        journal.close()
+
+    bench.puppet.land = land
+    await ended(bench.ask(asks.command("land", id="r1")))
+    assert [(past.identity, past.outcome) for past in seen] == [("r1", "")]
+
+
+async def test_an_action_that_was_cut_off_fails_once_and_is_not_begun_again(restarted, asks):
+    bench = restarted()
+    bench.ask(asks.goal("a1"))
+    await asks.until(lambda: bench.puppet.told)
+    for statuses in ([("a1", "failed")], []):
+        bench = restarted()
+        bench.desk.recall()
+        told = [one for one in bench.reports if isinstance(one, NavigationReport)]
+        assert [(one.action_id, one.state) for one in told] == statuses
+        bench.ask(asks.goal("a1"))
+        await asks.settle()
+        assert bench.puppet.told == []
+
+
+async def test_a_release_of_earlier_does_not_release_a_later_stop(restarted, asks):
+    bench = restarted()
+    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    bench = restarted()
+    bench.ask(asks.command("release_emergency_stop", id="r1"))
+    assert bench.desk.latched
+    bench.ask(asks.command("release_emergency_stop", id="r2"))
+    assert not bench.desk.latched
+    assert not restarted().desk.latched
+
+
+async def test_an_emergency_stop_survives_a_restart_and_nothing_moves_until_its_release(restarted, asks):
+    restarted().desk.emergency("asked by anna")
+    bench = restarted()
+    (refused,) = bench.ask(asks.setpoint())
+    assert "asked by anna" in refused.reason
+    assert bench.puppet.told == []
+
+
+def test_another_robots_stop_is_its_own(opened):
+    opened().robot("rex").latch("anna")
+    journal = opened()
+    assert (journal.robot("rex").latched, journal.robot("max").latched) == ("anna", "")
+
+
+def test_what_is_long_past_is_forgotten(opened, clock):
+    opened().robot("rex").note("r1", "land")
+    assert [past.identity for past in opened().robot("rex").past] == ["r1"]
+    clock.advance(REMEMBERED + 1)
+    opened().robot("rex").note("r2", "land")
+    assert [past.identity for past in opened().robot("rex").past] == ["r2"]
+
+
+def test_the_clock_of_a_computer_without_a_battery_does_not_make_it_forget(opened, clock):
+    opened().robot("rex").note("r1", "land")
+    clock.step(-clock.time())
+    assert [past.identity for past in opened().robot("rex").past] == ["r1"]
+
+
+def test_a_journal_that_cannot_be_read_is_set_aside_and_every_robot_is_stopped(tmp_path, opened):
+    (tmp_path / JOURNAL).write_bytes(b"not a database" * 1000)
+    rex = opened().robot("rex")
+    assert rex.latched == LOST
+    rex.latch("")
+    journal = opened()
+    assert (journal.robot("rex").latched, journal.robot("max").latched) == ("", LOST)
+    assert (tmp_path / f"{JOURNAL}.broken").exists()
+
+
+async def test_a_disk_that_fails_is_told_and_commands_go_on(tmp_path, clock, make_bench, asks):
+    (tmp_path / "file").write_text("in the way")
+    journal = Journal(tmp_path / "file", clock, tmp_path / "begun.main")
+    assert "cannot make" in journal.problem
+    bench = make_bench(journal=journal.robot("rex"))
+    await ended(bench.ask(asks.command("land", id="r1")))
+    assert bench.puppet.told == ["land"]
+    journal.close()
+
+
+def test_a_disk_that_fills_up_is_told_and_one_that_is_well_again_too(opened, asks):
+    journal = opened()
+    rex = journal.robot("rex")
+    journal._database.execute("PRAGMA max_page_count = 1")
+    rex.latch("x" * 100_000)
+    journal._waiting.put(None)
+    journal._thread.join()
+    assert "full" in journal.problem
+    journal._database.execute("PRAGMA max_page_count = 100000")
+    journal._commit([])
+    assert journal.problem == ""
+
+
+def test_what_the_disk_has_is_no_longer_kept_in_memory(tmp_path, opened):
+    journal = opened()
+    for number in range(100):
+        journal.robot("rex").note(f"r{number}", "land")
+    opened()
+    assert (tmp_path / "begun.main").read_bytes() == b""
+    assert len(opened().robot("rex").past) == 100
+
+
+def test_half_a_line_of_a_process_that_was_killed_is_none(tmp_path, opened):
+    (tmp_path / "begun.arm").write_bytes(b'["rex","r1","land",false,2e9]\n["rex","r2","la')
+    (tmp_path / "begun.main").write_bytes(b'["rex","r3","land",false,3e9]\n')
+    assert [past.identity for past in opened().robot("rex").past] == ["r1", "r3"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from fleet.testing.clock import ManualClock
+from fleet.host.journal import Journal
+
+def main():
+    folder = Path(sys.argv[1])
+    rex = Journal(folder, ManualClock(), folder / "begun.main").robot("rex")
+    rex.latch("asked by anna")
+    while not Journal(folder, ManualClock(), folder / "begun.other").robot("rex").latched:
+        pass
+    rex.note("r1", "takeoff")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+main()
+"""
+
+
+def test_a_killed_process_leaves_what_it_began_and_its_stop(tmp_path, opened):
+    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path], check=False)
+    assert run.returncode == -signal.SIGKILL
+    rex = opened().robot("rex")
+    assert rex.latched == "asked by anna"
+    assert [past.identity for past in rex.past] == ["r1"]
+
+
+def test_two_processes_write_one_journal(tmp_path, clock):
+    first, second = (Journal(tmp_path, clock, tmp_path / f"begun.{name}") for name in ("main", "arm"))
+    for number in range(50):
+        first.robot("rex").note(f"a{number}", "land")
+        second.robot("max").note(f"b{number}", "land")
+    first.close()
+    second.close()
+    third = Journal(tmp_path, clock, tmp_path / "begun.main")
+    assert (len(third.robot("rex").past), len(third.robot("max").past)) == (50, 50)
+    third.close()
+
+
+def test_the_answer_to_a_repeat_says_how_it_ended():
+    assert "ended failed" in Past("r1", "land", False, "failed").verdict

@@ -1,0 +1,129 @@
+import asyncio
+import json
+import socket
+import urllib.request
+
+import pytest
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.parser import text_string_to_metric_families
+
+from fleet.bridge.bridge import Bridge, Rules
+from fleet.clock import SystemClock
+from fleet.cloud.values import CloudSettings, Message
+from fleet.host.metrics import Metrics, MetricsError
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import EdgeState, RobotState
+from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.topics import Topics
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+
+
+class Rex:
+    name, twin, source_type, legacy_status = "rex", TWIN, "edge", False
+
+    def look_for_emergency(self, payload):
+        pass
+
+    def receive(self, kind, payload, *, way, answer, request_id=""):
+        answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
+
+
+class FakeEdge:
+    """An edge whose bridge has carried a few things."""
+
+    def __init__(self):
+        self.bridge = Bridge(
+            CloudSettings(host="127.0.0.1", tls=False, client_id="us"),
+            Topics(""),
+            {TWIN: Rex()},
+            edge="yard-1",
+            rules=Rules({TWIN: of_a_twin(rulebook())}),
+            put=lambda *_: None,
+            soon=lambda call: call(),
+            alive=lambda _name: True,
+            claimed=lambda *_: None,
+            clock=SystemClock(),
+        )
+        self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 1, "charge_pct": 50}')
+        self.bridge.uplink.arrived(f"cw/{TWIN}/data/battery", b'{"ts": 2, "charge_pct": 50}')
+        self.bridge.uplink.arrived(f"cw/{TWIN}/data/imu", b"garbage")
+        list(self.bridge.turn())
+        topic = f"cyberwave/twin/{TWIN}/command"
+        self.bridge.downlink.arrived([Message(topic, b"{}"), Message(topic, b"{}", retain=True)])
+
+    def state(self):
+        return EdgeState("yard-1", "0", 1.0, 5.0, threads=7)
+
+    def states(self):
+        return [RobotState("rex", TWIN, "toy", "yard-1", 1.0, health="ok", battery=50.0)]
+
+
+@pytest.fixture
+def metrics():
+    metrics = Metrics(FakeEdge())
+    yield metrics
+    metrics.close()
+    metrics._edge.bridge.client.close()
+
+
+def read(metrics):
+    """Return every sample by name and labels, as a scraper sees it."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{metrics.port}/metrics", timeout=20) as answer:
+        text = answer.read().decode()
+    return {
+        (sample.name, *(value for _, value in sorted(sample.labels.items()))): sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
+def test_a_scraper_reads_what_was_carried_by_class_and_refused_by_reason(metrics):
+    metrics.serve("127.0.0.1", 0)
+    seen = read(metrics)
+    assert seen["fleet_outward_received_total", "latest"] == 2
+    assert seen["fleet_outward_conflated_total", "latest"] == 1
+    assert seen["fleet_outward_sent_total", "latest"] == 1
+    assert seen["fleet_outward_dropped_total", "stream"] == 0
+    assert seen["fleet_refused_total", "unreadable"] == 1
+    assert seen["fleet_refused_total", "retained"] == 1
+    assert seen["fleet_inward_received_total", "command"] == 1
+    assert seen["fleet_commands_answered_total", "denied"] == 1
+    assert seen["fleet_command_latency_seconds_count", "rex"] == 1
+    assert seen["fleet_command_latency_seconds_bucket", "+Inf", "rex"] == 1
+    assert seen["fleet_robot_up", "ok", "rex"] == 1
+    assert seen["fleet_robot_battery_percent", "rex"] == 50
+    assert seen["fleet_cloud_window_messages",] == 0
+    assert ("fleet_cloud_round_trip_seconds",) not in seen, "unknown is no zero"
+
+
+def test_what_is_added_is_served_too(metrics):
+
+    metrics.sources.append(lambda: [GaugeMetricFamily("fleet_spool_messages", "Spooled.", 5.0)])
+    metrics.serve("127.0.0.1", 0)
+    assert read(metrics)["fleet_spool_messages",] == 5
+
+
+def test_a_port_that_is_taken_is_said(metrics):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(MetricsError, match=f"metrics: 127.0.0.1:{port} cannot be opened"):
+            metrics.serve("127.0.0.1", port)
+
+
+async def test_an_edge_serves_its_figures_when_asked_and_opens_no_port_otherwise(yard, run_edge, asks):
+    place = yard(rex={"worker": "main"})
+    fleet = json.loads(place.file.read_text())
+    place.file.write_text(json.dumps({**fleet, "metrics": {"port": 0}}))
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: edge.metrics.port)
+        await asks.until(lambda: place.words("rex") == ["run"])
+        seen = await asyncio.to_thread(read, edge.metrics)
+        assert seen["fleet_robot_up", "ok", "rex"] == 1
+    place.file.write_text(json.dumps(fleet))
+    quiet = place.edge()
+    async with run_edge(quiet):
+        assert quiet.metrics is None

@@ -1,0 +1,113 @@
+"""Two edges on one bus, in one process: of one twin only one of them runs the robot."""
+
+import contextlib
+import json
+import socket
+
+import pytest
+
+from fleet.bus import keys
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.host.claims import Claim, holder, read_claim
+from fleet.host.edge import Edge
+from fleet.model.command import Way
+
+HERE = {"worker": "main"}
+
+
+@pytest.fixture
+def two(yard):
+    """Return the yard of the first edge, and the maker of another that has one of its twins, and one more."""
+    place = yard(rex=HERE, max=HERE)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    fleet = json.loads(place.file.read_text())
+    fleet["bus"] = {"listen": [endpoint]}
+    place.file.write_text(json.dumps(fleet))
+
+    def second():
+        own = {**fleet["robots"][1], "name": "own", "twin": "6f0c9a1e-0000-4000-8000-000000000009"}
+        again = {**fleet["robots"][0], "name": "again"}
+        other = {
+            **fleet,
+            "edge": {"id": f"{place.id}-b"},
+            "bus": {"connect": [endpoint]},
+            "robots": [again, own],
+        }
+        file = place.file.with_name("second.yaml")
+        file.write_text(json.dumps(other))
+        return Edge(load(file), file, directory=place.runtime, clock=SystemClock())
+
+    return place, second
+
+
+def state_of(edge, name):
+    return next(state for state in edge.states() if state.name == name)
+
+
+async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_ends(two, run_edge, asks):
+    place, make_second = two
+    async with contextlib.AsyncExitStack() as second_stack:
+        async with run_edge(place.edge()):
+            await asks.until(lambda: place.words("rex") == place.words("max") == ["run"])
+            second = make_second()
+            await second_stack.enter_async_context(run_edge(second))
+            await asks.until(lambda: place.words("own") == ["run"])
+            await asks.until(lambda: place.id in state_of(second, "again").cause)
+            again = state_of(second, "again")
+            assert (again.health, place.words("again")) == ("offline", [])
+            assert again.cause == f"edge {place.id} has its twin; one of the two must leave it out"
+            refused = []
+            second.process.robots["again"].receive(
+                "command",
+                b'{"command": "hang", "source_type": "tele"}',
+                way=Way.BUS,
+                answer=refused.append,
+            )
+            assert not refused[0].ok
+        await asks.until(lambda: place.words("again") == ["run"])
+        assert state_of(second, "again").health == "ok"
+
+
+async def test_a_robot_that_runs_is_let_go_when_an_edge_that_was_first_shows_itself(two, run_edge, asks):
+    place, _ = two
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: place.words("rex") == ["run"])
+        twin = edge.process.robots["rex"].twin
+        edge.process.robots["rex"].receive(
+            "command",
+            b'{"command": "move_forward", "source_type": "tele"}',
+            way=Way.BUS,
+            answer=lambda _: None,
+        )
+        edge.process.held_in_the_cloud(twin, "yard-0")
+        await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
+        assert "halt" in place.words("rex")
+        assert place.words("max") == ["run"]
+        edge.process.held_in_the_cloud(twin, "")
+        await asks.until(lambda: place.words("rex").count("run") == 2)
+
+
+def test_whoever_claimed_first_has_it_and_both_come_to_that():
+    ours, theirs = Claim(5, "b"), Claim(4, "a")
+    assert (holder(ours, [theirs]), holder(theirs, [ours])) == ("a", "")
+    assert (holder(Claim(5, "b"), [Claim(5, "a")]), holder(Claim(5, "a"), [Claim(5, "b")])) == ("a", "")
+
+
+def test_whoever_has_not_claimed_yet_finds_any_claim_before_it():
+    assert holder(None, [Claim(9, "b"), Claim(8, "c")]) == "c"
+    assert holder(None, []) == ""
+
+
+@pytest.mark.parametrize(
+    "key", ["", "fleet/a", "fleet/a/claims/t", "fleet/a/claims/t/x", "fleet/a/claims/t/-1"]
+)
+def test_a_token_that_is_no_claim_is_none(key):
+    assert read_claim(key) is None
+
+
+def test_a_claim_is_read_from_its_token():
+    assert read_claim(keys.claim("yard-1", "t", 5)) == ("t", Claim(5, "yard-1"))

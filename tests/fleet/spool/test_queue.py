@@ -1,0 +1,439 @@
+"""The spool's decisions: order, bounds, holds, ages; with a disk that is a dictionary and sometimes fails."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from fleet.spool.losses import Reason
+from fleet.spool.message import OVERHEAD, Outcome, Outgoing
+from fleet.spool.queue import FETCHED_IN_NEED, GRACE, NEWEST_FIRST, Queue
+from fleet.spool.spool import AGES
+from fleet.wire.rules import Traffic
+
+REPLY, STATUS, EVENT = Traffic.REPLY, Traffic.STATUS, Traffic.EVENT
+WALL = 1_800_000_000.0
+
+
+class Bench:
+    """A queue, its disk, its time, and the broker that takes what it sends."""
+
+    def __init__(self, *, messages=5, size=10**6, disk=True, first=0):
+        self.now = 1000.0
+        self.rows = {}
+        self.queue = Queue(messages, size, AGES, disk=disk, first=first)
+        self.put_count = 0
+
+    def put(self, topic="t", traffic=EVENT, payload=b"", **more):
+        message = Outgoing(topic, payload or b"%d" % self.put_count, 1, traffic, **more)
+        self.put_count += 1
+        return self.queue.put(message, self.now, WALL)
+
+    def online(self):
+        self.queue.go_online(self.now)
+        self.now += NEWEST_FIRST
+        return self
+
+    def take(self, window=100, reserve=0):
+        return self.queue.take(self.now, window=window, reserve=reserve, size=10**6)
+
+    def send(self, window=100, outcome=Outcome.ACKED):
+        """Send what may go and have the broker answer; return the payloads."""
+        batch = self.take(window)
+        for message in batch:
+            self.queue.settle(message, outcome, self.now, WALL)
+        return [message.payload for message in batch]
+
+    def drain(self):
+        """Send and fetch until nothing more comes."""
+        sent = []
+        while part := [*self.send(), *(self.disk() or self.send())]:
+            sent += part
+        return sent
+
+    def disk(self, *, works=True):
+        """Do what the disk's thread does in one turn."""
+        work = self.queue.work(self.now)
+        if not works:
+            self.queue.not_written(work)
+            return
+        for message in work.rows:
+            self.rows[message.seq] = message
+        for seq in work.done:
+            self.rows.pop(seq, None)
+        self.queue.wrote(work)
+        self.fetch()
+
+    def fetch(self):
+        """Bring back from disk what is wanted."""
+        for fetch in self.queue.fetches():
+            found = [
+                Outgoing(
+                    row.topic,
+                    row.payload,
+                    1,
+                    row.traffic,
+                    seq=row.seq,
+                    stored=True,
+                    since=self.now,
+                    deadline=self.now + row.expires - WALL,
+                )
+                for row in sorted(self.rows.values(), key=lambda row: row.seq)
+                if row.topic == fetch.topic and row.seq > fetch.after
+            ]
+            part = found[: fetch.limit]
+            self.queue.fetched(fetch.topic, part, more=len(part) == fetch.limit)
+
+    def restarted(self, messages=5):
+        """Return what a new process makes of the disk."""
+        other = Bench(messages=messages)
+        other.rows, other.now, other.put_count = self.rows, self.now, self.put_count
+        for topic in dict.fromkeys(row.topic for row in self.rows.values()):
+            rows = [row for row in self.rows.values() if row.topic == topic]
+            other.queue.found(topic, rows[0].traffic, len(rows), max(row.seq for row in rows))
+        return other
+
+
+def numbers(first, end):
+    return [b"%d" % number for number in range(first, end)]
+
+
+def test_what_is_taken_in_time_never_touches_the_disk():
+    bench = Bench().online()
+    bench.put()
+    assert bench.send() == [b"0"]
+    bench.now += 2 * GRACE
+    work = bench.queue.work(bench.now)
+    assert (list(work.rows), list(work.done)) == ([], [])
+
+
+def test_what_is_not_taken_in_time_goes_to_disk_and_leaves_it_when_it_is_taken():
+    bench = Bench().online()
+    bench.put()
+    bench.disk()
+    assert bench.rows == {}
+    bench.now += GRACE
+    bench.disk()
+    assert len(bench.rows) == 1
+    assert bench.send() == [b"0"]
+    bench.disk()
+    assert bench.rows == {}
+
+
+def test_without_a_connection_everything_goes_to_disk_at_once():
+    bench = Bench()
+    bench.put()
+    bench.disk()
+    assert len(bench.rows) == 1
+
+
+def test_beyond_the_memory_it_waits_on_disk_alone_and_comes_back_in_order():
+    bench = Bench(messages=5)
+    for _ in range(30):
+        bench.put()
+        bench.disk()
+    assert (bench.queue.cold, bench.queue.waiting) == (25, 30)
+    bench.online()
+    assert bench.drain() == numbers(0, 30)
+    assert (bench.queue.cold, bench.queue.waiting, bench.rows) == (0, 0, {})
+
+
+def test_a_new_process_sends_what_the_old_one_left_before_its_own():
+    bench = Bench()
+    for _ in range(10):
+        bench.put()
+    bench.disk()
+    bench = bench.restarted()
+    bench.put()
+    assert bench.online().drain() == numbers(0, 11)
+
+
+def test_replies_go_before_status_and_events_wait_for_both():
+    bench = Bench(messages=100).online()
+    for topic, traffic in (("e", EVENT), ("s", STATUS), ("r", REPLY)):
+        bench.put(topic, traffic)
+    assert [message.topic for message in bench.take()] == ["r", "s", "e"]
+
+
+def test_the_end_of_the_window_is_for_replies():
+    bench = Bench(messages=100).online()
+    for number in range(10):
+        bench.put(f"e{number}")
+        bench.put(f"r{number}", REPLY)
+    taken = bench.take(window=12, reserve=2)
+    assert [message.traffic for message in taken] == [REPLY] * 10
+
+
+def test_the_newest_state_goes_before_what_has_waited_but_replies_do_not_wait_for_it():
+    bench = Bench()
+    bench.put("e")
+    bench.put("r", REPLY)
+    bench.queue.go_online(bench.now)
+    assert [message.topic for message in bench.take()] == ["r"]
+    bench.now += NEWEST_FIRST
+    assert [message.topic for message in bench.take()] == ["e"]
+
+
+def test_a_topic_that_nobody_hears_is_tried_again_ever_more_slowly_and_others_go_on():
+    bench = Bench(messages=100).online()
+    bench.put("deaf")
+    tried = []
+    for _ in range(600):
+        tried += [bench.now] * len(bench.send(outcome=Outcome.HELD))
+        bench.now += 0.1
+        bench.queue.tick(bench.now, WALL)
+    waits = [round(after - before) for before, after in pairwise(tried)]
+    assert waits == [1, 2, 4, 8, 15, 15]
+    bench.put("heard")
+    assert b"1" in bench.send()
+
+
+def test_somebody_who_comes_back_hears_all_topics_at_once():
+    bench = Bench(messages=100).online()
+    for topic in "ab":
+        bench.put(topic)
+    for _ in range(6):
+        bench.send(outcome=Outcome.HELD)
+        bench.now += 20.0
+        bench.queue.tick(bench.now, WALL)
+    first = bench.take(window=1)
+    assert bench.queue.held == 0
+    bench.queue.settle(first[0], Outcome.HELD, bench.now, WALL)
+    (second,) = bench.take()
+    bench.queue.settle(second, Outcome.ACKED, bench.now, WALL)
+    bench.queue.tick(bench.now, WALL)
+    assert [message.topic for message in bench.take()] == [first[0].topic]
+
+
+def test_one_message_asks_whether_anybody_hears_and_the_rest_follows():
+    bench = Bench(messages=100).online()
+    for _ in range(10):
+        bench.put()
+    assert len(bench.take()) == 1
+    bench.queue.go_offline()
+
+
+@pytest.mark.parametrize(("traffic", "age"), AGES.items())
+def test_what_is_too_old_is_dropped_and_counted(traffic, age):
+    bench = Bench(messages=100).online()
+    bench.put("t", traffic)
+    bench.now += age
+    bench.queue.tick(bench.now, WALL)
+    assert bench.take() == []
+    (gap,) = bench.queue.losses.take()
+    assert (gap.topic, gap.reason, gap.lost) == ("t", Reason.AGE, 1)
+
+
+def test_a_message_may_be_worth_less_time_but_not_more():
+    bench = Bench(messages=100).online()
+    bench.put("short", expiry=5.0)
+    bench.put("long", REPLY, expiry=10**6)
+    bench.now += 5.0
+    assert [message.topic for message in bench.take()] == ["long"]
+    assert bench.queue.losses.total == 1
+
+
+def test_without_a_disk_the_oldest_of_what_matters_least_is_pushed_out():
+    bench = Bench(messages=4, disk=False)
+    for topic, traffic in (("s", STATUS), ("e", EVENT), ("r", REPLY), ("e", EVENT), ("r", REPLY)):
+        assert bench.put(topic, traffic)
+    assert bench.put("s", STATUS)
+    assert not bench.put("huge", EVENT, b"x" * 10**7)
+    lost = {(gap.topic, gap.lost) for gap in bench.queue.losses.take()}
+    assert lost == {("e", 2), ("huge", 1)}
+    bench.online()
+    assert sorted(message.topic for message in bench.take()) == ["r", "s"]
+
+
+def test_what_matters_less_never_pushes_out_what_matters_more():
+    bench = Bench(messages=2, disk=False)
+    assert bench.put("r", REPLY)
+    assert bench.put("r", REPLY)
+    assert not bench.put("e", EVENT)
+
+
+def test_a_full_disk_bounds_memory_and_loses_nothing_within_the_bound():
+    bench = Bench(messages=5)
+    for _ in range(5):
+        bench.put()
+    bench.disk(works=False)
+    bench.put()
+    assert bench.queue.losses.total == 1
+    bench.online()
+    assert bench.drain() == numbers(1, 6)
+
+
+def test_what_was_cold_when_the_disk_failed_still_comes_in_order():
+    bench = Bench(messages=5)
+    for _ in range(8):
+        bench.put()
+    bench.disk()
+    bench.online()
+    sent = bench.send() + bench.send()
+    bench.disk(works=False)
+    bench.put()
+    bench.put()
+    for _ in range(10):
+        sent += bench.send()
+        bench.fetch()
+    assert sent == numbers(0, 10)
+
+
+def test_a_damaged_file_costs_what_was_on_it_alone_and_is_counted():
+    bench = Bench(messages=5)
+    for _ in range(8):
+        bench.put()
+    bench.disk()
+    bench.queue.lost_disk(WALL)
+    bench.rows.clear()
+    assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.CORRUPT, 3)]
+    bench.disk()
+    assert len(bench.rows) == 5
+    assert bench.online().drain() == numbers(0, 5)
+
+
+def test_what_is_evicted_from_disk_is_lost_unless_it_is_under_way():
+    bench = Bench(messages=5)
+    for _ in range(8):
+        bench.put()
+    bench.disk()
+    flying = bench.online().take()
+    removed = [bench.rows.pop(seq).seq for seq in sorted(bench.rows)[:6]]
+    bench.queue.removed("t", removed, Reason.ROOM, WALL)
+    assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.ROOM, 5)]
+    bench.queue.settle(flying[0], Outcome.ACKED, bench.now, WALL)
+    assert bench.drain() == numbers(6, 8)
+
+
+def test_a_refused_message_is_lost_and_counted_and_the_next_goes():
+    bench = Bench(messages=100).online()
+    bench.put()
+    bench.put()
+    assert bench.send(outcome=Outcome.REFUSED) == [b"0"]
+    assert bench.send() == [b"1"]
+    assert bench.queue.losses.total == 1
+
+
+def test_an_inbox_that_was_answered_is_forgotten():
+    bench = Bench(messages=100).online()
+    for number in range(50):
+        bench.put(f"inbox/{number}", REPLY)
+    bench.send()
+    assert bench.queue._lines == {}
+    bench.put("gone", REPLY)
+    bench.send(outcome=Outcome.HELD)
+    bench.now += AGES[REPLY]
+    bench.queue.tick(bench.now, WALL)
+    bench.take()
+    assert bench.queue._lines == {}
+    assert bench.queue.idle
+
+
+def test_memory_holds_no_more_than_its_bound_for_each_kind_of_bound():
+    bench = Bench(messages=100, size=3 * (OVERHEAD + 10), disk=False)
+    for _ in range(10):
+        assert bench.put(payload=b"x" * 10)
+    assert bench.queue.waiting == 3
+
+
+class Life(RuleBasedStateMachine):
+    """Through falls, full disks and violent deaths: order is kept, and what was on disk arrives."""
+
+    def __init__(self):
+        super().__init__()
+        self.bench = Bench(messages=4)
+        self.arrived = {topic: [] for topic in "ab"}
+        self.put = {topic: [] for topic in "ab"}
+        self.mourned = set()
+        self.flying = []
+
+    @rule(topic=st.sampled_from("ab"), count=st.integers(1, 4))
+    def publish(self, topic, count):
+        for _ in range(count):
+            self.put[topic].append(self.bench.put_count)
+            if not self.bench.put(topic):
+                self.mourned.add(self.bench.put_count - 1)
+
+    @rule(window=st.integers(1, 6))
+    @precondition(lambda self: self.bench.queue.online)
+    def send(self, window):
+        self.flying += self.bench.take(window)
+
+    @rule(count=st.integers(1, 6), heard=st.booleans())
+    def answer(self, count, heard):
+        answered, self.flying = self.flying[:count], self.flying[count:]
+        for message in answered:
+            if heard:
+                self._arrive(message)
+            outcome = Outcome.ACKED if heard else Outcome.HELD
+            self.bench.queue.settle(message, outcome, self.bench.now, WALL)
+        if not heard:  # nobody hears: that is so for all that is under way
+            for message in self.flying:
+                self.bench.queue.settle(message, Outcome.HELD, self.bench.now, WALL)
+            self.flying = []
+
+    def _arrive(self, message):
+        number = int(message.payload)
+        if number not in self.arrived[message.topic]:
+            self.arrived[message.topic].append(number)
+
+    @rule(works=st.booleans())
+    def disk(self, works):
+        self.bench.disk(works=works)
+
+    @rule(seconds=st.sampled_from([0.01, 0.3, 20.0]))
+    def wait(self, seconds):
+        self.bench.now += seconds
+        self.bench.queue.tick(self.bench.now, WALL)
+
+    @rule()
+    def come_and_go(self):
+        if self.bench.queue.online:
+            self.bench.queue.put_back(self.flying)
+            self.bench.queue.go_offline()
+            self.flying = []
+        else:
+            self.bench.online()
+
+    @rule()
+    def die(self):
+        """Lose all that is in memory, as a killed process does."""
+        kept = {int(row.payload) for row in self.bench.rows.values()}
+        self.mourned |= {one for numbers in self.put.values() for one in numbers} - kept
+        self.bench = self.bench.restarted(messages=4)
+        self.flying = []
+
+    @invariant()
+    def each_topic_is_in_order_and_the_figures_are_right(self):
+        for numbers in self.arrived.values():
+            assert numbers == sorted(numbers)
+        queue = self.bench.queue
+        lines = queue._lines.values()
+        inside = sum(not one.gone for line in lines for one in (*line.back, *line.memory))
+        assert queue.waiting == inside + queue.cold
+        assert queue.cold == sum(line.cold for line in lines)
+        assert queue._memory.count <= 2 * 4 + 2 * 2 * FETCHED_IN_NEED
+
+    def teardown(self):
+        self.disk(works=True)
+        if not self.bench.queue.online:
+            self.bench.online()
+        lost = self.bench.queue.losses.total
+        for _ in range(40):
+            self.disk(works=True)
+            self.wait(20.0)
+            self.send(100)
+            self.answer(1000, heard=True)
+            if not self.bench.queue.waiting:
+                break
+        missing = {
+            one for topic in "ab" for one in self.put[topic] if one not in self.arrived[topic]
+        } - self.mourned
+        assert len(missing) <= lost
+        assert (self.bench.queue.waiting, self.bench.queue.cold) == (0, 0)
+
+
+TestLife = Life.TestCase
+TestLife.settings = settings(max_examples=60, stateful_step_count=30)

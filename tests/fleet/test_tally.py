@@ -1,0 +1,50 @@
+import logging
+import threading
+
+from fleet.tally import MOST_REASONS, TELL_EVERY, Tally
+from fleet.testing.clock import ManualClock
+
+
+def tally():
+    clock = ManualClock()
+    return Tally(logging.getLogger("fleet.test"), clock), clock
+
+
+def test_each_reason_is_counted_and_told_on_its_own(caplog):
+    refusals, _ = tally()
+    for _ in range(3):
+        refusals.add("too large", "%d bytes", 5)
+        refusals.add("retained", "on %s", "t")
+    assert refusals.counts() == {"too large": 3, "retained": 3}
+    assert refusals.total == 6
+    assert caplog.messages == ["5 bytes", "on t"]
+
+
+def test_after_a_minute_a_reason_is_told_again_with_how_many_there_were(caplog):
+    refusals, clock = tally()
+    for _ in range(10):
+        refusals.add("retained", "on %s", "100%")
+    clock.advance(TELL_EVERY)
+    refusals.add("retained", "on %s", "x")
+    clock.advance(TELL_EVERY)
+    refusals.add("retained", "on %s", "y")
+    assert caplog.messages == ["on 100%", "on x (9 more like this before)", "on y"]
+
+
+def test_reasons_without_end_do_not_fill_the_log(caplog):
+    refusals, _ = tally()
+    for number in range(2 * MOST_REASONS):
+        refusals.add(str(number), "line")
+    assert len(caplog.messages) <= MOST_REASONS + 1
+
+
+def test_nothing_is_lost_when_many_threads_count():
+    refusals, _ = tally()
+    threads = [
+        threading.Thread(target=lambda: [refusals.add("x", "line") for _ in range(2000)]) for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert refusals.counts() == {"x": 8000}

@@ -1,0 +1,109 @@
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.wire.rulebook import (
+    PROFILES,
+    Change,
+    Changes,
+    Channel,
+    of_a_twin,
+    of_an_environment,
+    of_any_run,
+    rulebook,
+)
+from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, RULES, Form, Traffic
+
+CHANGES = st.builds(
+    Change,
+    st.none() | st.booleans(),
+    st.none() | st.floats(0.01, 100),
+    st.none() | st.sampled_from([Traffic.STATUS, Traffic.EVENT, Traffic.LATEST, Traffic.STREAM]),
+    st.none() | st.floats(0.1, 100),
+    st.none() | st.integers(1, 10**6),
+)
+
+
+def test_on_a_lan_the_table_is_as_it_stands():
+    book = rulebook()
+    assert book.off == {"joint_states"}
+    assert book.outward == {channel: RULES[leaves[0]] for channel, leaves in CHANNEL_LEAVES.items()}
+    assert book.inward == {leaf: rule for leaf, rule in INWARD.items() if rule.on}
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_profile_changes_only_topics_that_there_are_and_drops_nothing_that_must_arrive(profile):
+    chosen = PROFILES[profile]
+    assert chosen.changes.keys() <= RULES.keys()
+    book = rulebook(profile)
+    for leaf in ("navigate/status", "telemetry", "driverlog", "position", "event", "webrtc-offer"):
+        assert leaf not in book.off
+    assert book.outward["position"].repeat >= 1
+    assert book.outward["position"].max_rate >= 1
+
+
+def test_a_slower_way_never_carries_more():
+    order = [rulebook(name) for name in ("lan", "lte", "satellite")]
+    for wide, narrow in itertools.pairwise(order):
+        assert narrow.backlog < wide.backlog
+        for channel, rule in narrow.outward.items():
+            assert rule.size <= wide.outward[channel].size
+            assert rule.max_rate <= (wide.outward[channel].max_rate or float("inf"))
+
+
+def test_what_a_robot_says_wins_over_the_fleet_and_that_over_the_profile():
+    fleet = Changes({"position": Change(rate=7), "imu": Change(on=True)})
+    robot = Changes({"position": Change(rate=9)})
+    assert rulebook("satellite", [fleet]).outward["position"].max_rate == 7
+    book = rulebook("satellite", [fleet, robot])
+    assert book.outward["position"].max_rate == 9
+    assert book.outward["imu"].max_rate == RULES["imu"].max_rate
+
+
+@given(st.dictionaries(st.sampled_from(sorted(RULES)), CHANGES, max_size=6))
+def test_whatever_is_changed_the_rules_hold_together(changes):
+    book = rulebook("lan", [Changes(changes)])
+    for rule in book.outward.values():
+        assert rule.repeat == 0 or rule.repeat <= rule.max_rate or rule.max_rate == 0
+        if rule.traffic.durable:
+            assert (rule.repeat, rule.qos > 0) == (0, True)
+        elif rule.traffic is not RULES[rule.leaf].traffic:
+            assert rule.qos == 0
+
+
+def test_a_rate_never_thins_what_is_asked_of_a_robot():
+    inward = {leaf: Change(rate=0.001, size=10) for leaf in INWARD}
+    book = rulebook("lan", [Changes(inward=inward)])
+    for rule in book.inward.values():
+        assert rule.size == 10
+        assert rule.max_rate == (0 if rule.taker.asks else 0.001)
+
+
+def test_a_topic_from_the_cloud_can_be_left_alone():
+    book = rulebook("lan", [Changes(inward={"alert": Change(on=False)})])
+    assert "alert" not in book.inward
+    assert "alert" in rulebook().inward
+
+
+def test_an_added_channel_is_a_document_of_its_own():
+    book = rulebook("lan", (), {"thermal": Channel("sensors/thermal", Traffic.EVENT, 2.0, 5.0, 100)})
+    rule = book.outward["thermal"]
+    assert (rule.leaf, rule.qos, rule.max_rate, rule.max_age, rule.size) == (
+        "sensors/thermal",
+        1,
+        2.0,
+        5.0,
+        100,
+    )
+    assert rule.form is Form.DOCUMENT
+
+
+def test_twins_environments_and_runs_have_each_their_own_part():
+    book = rulebook("lan", [Changes(inward={"workflow-run:status": Change(on=True)})])
+    twin, place, run = of_a_twin(book), of_an_environment(book), of_any_run(book)
+    assert set(place.outward) == {"environment"}
+    assert (set(place.inward), set(run.inward)) == ({ENVIRONMENT}, {"workflow-run:status"})
+    assert set(twin.inward) | set(place.inward) | set(run.inward) == set(book.inward)
+    assert not set(twin.inward) & (set(place.inward) | set(run.inward))

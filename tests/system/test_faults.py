@@ -1,0 +1,107 @@
+"""A bad network between edge and broker: nothing is lost silently, done twice, or done late."""
+
+import json
+import time
+
+import pytest
+
+from fleet.testing.asker import PUPPETS, Asker, counted, executed
+from fleet.testing.journal import Rules, What, broken
+from fleet.testing.proxy import TcpProxy
+from fleet.testing.waiting import wait_until
+
+TWINS = {f"puppet-{n}": f"6f0c9a1e-3b1d-4c52-9b7e-0a4f5d6c7c{n:02d}" for n in range(4)}
+SLACK = 0.5  # s of a busy computer between the check of an age and the journal
+COMMANDS = Rules(max_age=5.0 + SLACK, gate=What.RECEIVED, replies=False)
+VELOCITIES = Rules(max_age=0.5 + SLACK, gate=What.EXECUTED, once=False, replies=False)
+
+
+class Storm:
+    """Puppets at one end of a proxy, and somebody who asks at the broker."""
+
+    def __init__(self, running, proxy, asker, journal):
+        self.running, self.proxy, self.asker, self.journal = running, proxy, asker, journal
+
+    def answered(self, *, every=1.0):
+        """Ask again until everything is answered."""
+        last = time.monotonic()
+
+        def done():
+            nonlocal last
+            if self.asker.unanswered() and time.monotonic() - last > every:
+                last = time.monotonic()
+                self.asker.insist()
+            return not self.asker.unanswered()
+
+        wait_until("all answers", done)
+
+    def executed(self):
+        return executed(self.journal, self.asker.asks)
+
+
+@pytest.fixture
+def storm(request, fleet, tmp_path):
+    """Run four puppets behind a proxy, in one process; the demo broker where nothing else is said."""
+    port = request.getfixturevalue(getattr(request, "param", "broker")).port
+    journal = tmp_path / "journal"
+    common = {"adapter": "puppet", "worker": "main", "rate": 5, "joints": 2, "journal": str(journal)}
+    robots = [{"name": name, "twin": twin, **common} for name, twin in TWINS.items()]
+    with TcpProxy(port) as proxy:
+        cloud = {"host": "127.0.0.1", "port": proxy.port, "tls": False, "keepalive": 2}
+        file = {"edge": {"id": "yard"}, "cloud": cloud, "plugins": [str(PUPPETS)], "robots": robots}
+        (tmp_path / "fleet.yaml").write_text(json.dumps(file))
+        running = fleet("run", "--json", folder=tmp_path)
+        for name in TWINS:
+            running.robot(name, "is well", lambda state: state["health"] == "ok")
+        asker = Asker(port, TWINS)
+        storm = Storm(running, proxy, asker, journal)
+        asker.ask("puppet-0")
+        storm.answered()
+        yield storm
+        asker.close()
+
+
+@pytest.mark.parametrize("storm", ["broker", "mosquitto"], indirect=True)
+def test_in_a_storm_of_resets_every_command_is_done_once_and_answered(storm):
+    for turn in range(8):
+        for number, name in enumerate(TWINS):
+            storm.asker.ask(name, "poke" if turn % 3 else "lunge")
+            if number == turn % 4:
+                storm.proxy.reset()
+        storm.answered(every=0.2)
+    assert counted(storm.executed()) == {str(number): 1 for number in storm.asker.asks}
+    assert broken([*storm.asker.events(), *storm.executed()], COMMANDS) == []
+    assert storm.proxy.accepted > 4
+
+
+def test_no_velocity_is_obeyed_that_was_long_under_way_and_fresh_ones_are(storm):
+    storm.asker.ask("puppet-1")  # from now on it knows the sender's clock
+    storm.answered()
+    storm.proxy.delay = 1.5  # longer than a velocity lives: all of these come too late
+    for _ in range(10):
+        storm.asker.drive("puppet-1")
+    last = storm.asker.ask("puppet-1")
+    storm.answered(every=10.0)
+    assert str(last.number) in counted(storm.executed())
+    assert [event for event in storm.executed() if event.moves] == []
+    storm.proxy.delay = 0.0
+
+    def obeyed():
+        storm.asker.drive("puppet-1")
+        return [event for event in storm.executed() if event.moves]
+
+    moved = wait_until("a fresh velocity is obeyed", obeyed)
+    assert [line for line in broken(moved, VELOCITIES) if "stale" in line] == []
+
+
+def test_a_silent_network_is_noticed_and_what_it_swallowed_is_done_once_when_asked_again(storm):
+    storm.proxy.blackhole = True
+    lost = [storm.asker.ask(name) for name in TWINS]
+    storm.running.line("cloud disconnected")
+    storm.proxy.blackhole = False
+    storm.answered(every=0.2)
+    fresh = [storm.asker.ask(name) for name in TWINS]
+    storm.answered()
+    counts = counted(storm.executed())
+    assert [counts[str(ask.number)] for ask in fresh] == [1, 1, 1, 1]
+    assert all(counts.get(str(ask.number), 0) <= 1 for ask in lost)
