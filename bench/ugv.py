@@ -1,4 +1,4 @@
-"""Wheeled robots: setpoint to bytes on the pty, CPU per base, and workers that are killed (SIGKILL).
+"""Wheeled robots: setpoint to bytes on the pty, CPU per base, pulled cables, killed workers (SIGKILL).
 
 The bases live in one process, the adapters in another, as edge and robots do.
 """
@@ -22,7 +22,7 @@ from pathlib import Path
 
 import psutil
 
-from fleet import NotReady, Vector3, Velocity
+from fleet import LinkLost, NotReady, Vector3, Velocity
 from fleet.clock import SystemClock
 from fleet.host.make import make_adapter
 from fleet.host.wheel import Wheel
@@ -34,6 +34,7 @@ from fleet_ugv.sim.spec import SimSpec
 BASES = 20
 SECONDS = 15.0
 KILLS = 100
+PULLS = 10
 LAST = 0.5  # m/s; the setpoint that ends the measurement
 PROFILE = "waveshare-beast"
 
@@ -55,7 +56,12 @@ class BenchRobot:
         """Nobody is told."""
 
     def every(self, seconds, call):
-        self.wheel.every(seconds, call, owner=self.name, failed=lambda error: sys.exit(str(error)))
+        self.wheel.every(seconds, call, owner=self.name, failed=self.failed)
+
+    def failed(self, error):
+        """A pulled cable is no surprise here; anything else is."""
+        if not isinstance(error, LinkLost):
+            sys.exit(str(error))
 
     def share(self, _key, make):
         return make()
@@ -179,6 +185,31 @@ def is_well(robot):
     return robot.health_now is not None and not robot.health_now.cause
 
 
+async def unplugs():
+    """Pull cables; measure until the adapter's run has ended."""
+    waits = []
+    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
+    wheel.start()
+    with tempfile.TemporaryDirectory() as folder:
+        server = Bases(Path(folder))
+        life = asyncio.create_task(server.run())
+        for _ in range(PULLS):
+            port = await server.add(SimSpec(PROFILE))
+            robot = BenchRobot(wheel)
+            run = asyncio.create_task(adapter_of(port.url).run(robot))
+            await until(lambda robot=robot: is_well(robot))
+            pulled = time.perf_counter()
+            port.unplug()
+            await asyncio.wait({run})
+            waits.append((time.perf_counter() - pulled) * 1000)
+            with contextlib.suppress(LinkLost):
+                run.result()
+        life.cancel()
+        await asyncio.gather(life, return_exceptions=True)
+    wheel.stop()
+    print(f"  {PULLS} cables pulled: noticed after at most {max(waits):.1f} ms")
+
+
 def drive_for_ever(url):
     """Drive in a forked child until it is killed."""
 
@@ -235,5 +266,6 @@ def kills():
 
 def run():
     kills()
+    asyncio.run(unplugs())
     asyncio.run(many())
     asyncio.run(latency())

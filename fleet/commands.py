@@ -40,7 +40,8 @@ def command(
 ) -> Callable[[MethodT], MethodT]:
     """Declare a method as the command ``names`` (the first is its name, the rest aliases).
 
-    The method is a coroutine (returning means: seen to be done) or an async generator of ``Progress``
+    The method is a coroutine (returning means: seen to be done; what it returns, plain JSON values, is the
+    answer of a command that asks for something) or an async generator of ``Progress``
     (the first yield means: the robot took it; the end means: seen to be done). On a FrameAdapter it yields
     the frames to write. Its parameters, all
     keyword-only or with defaults and annotated with plain types, are the command's data. It raises

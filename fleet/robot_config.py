@@ -158,6 +158,10 @@ class AdapterConfig(Topics):
     )
     origin: Origin | None = Field(None, description="World origin; left out, the robot's home is the origin.")
 
+    def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said
+        """Return the seconds until a command is given up, None: as the adapter declares it."""
+        return None
+
     @property
     def simulated(self) -> bool:
         """True when the robot is a simulation: its ``link`` begins with ``sim:``."""

@@ -1,10 +1,12 @@
 """What all tests share: MQTT brokers, and Hypothesis without clocks (the tests run on busy machines)."""
 
 import contextlib
+import importlib.util
 import os
 import shutil
 import socket
 import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -100,3 +102,17 @@ def broker():
 def pytest_asyncio_loop_factories():
     """Run tests on the loop that a fleet process runs on."""
     return {"fleet": FleetLoop}
+
+
+@pytest.fixture(scope="session")
+def module_at():
+    """Load a module of the tests by its path below tests/."""
+
+    def load(path):
+        place = Path(__file__).parent / path
+        spec = importlib.util.spec_from_file_location(place.stem, place)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load

@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator
 from typing import ClassVar
 
 from fleet import (
-    Adapter,
     FlyMission,
     GeoPoint,
     Limits,
@@ -25,8 +24,11 @@ from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
+from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.session import Session
+from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.upkeep import UpkeepCommands
 
 _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
@@ -34,33 +36,32 @@ _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
 
 
-class MavlinkAdapter(Adapter[MavlinkConfig]):
+class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
     Config = MavlinkConfig
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
 
-    def __init__(self, config: MavlinkConfig) -> None:
-        super().__init__(config)
-        self._session: Session | None = None
-
     async def run(self, robot: Robot) -> None:
         """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""
         config = self.config
         async with contextlib.AsyncExitStack() as stack:
-            url, sim = config.link, None
+            urls, sim = [config.link, *config.backup_links], None
             if config.simulated:
                 sim = await stack.enter_async_context(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
                 spec = SimSpec.parse(config.link, system_id=config.system_id)
-                url = await stack.enter_async_context(sim.robot(spec))
+                urls[0] = await stack.enter_async_context(sim.robot(spec))
             station = f"{config.own_system}/{config.own_component}"
             hub = await stack.enter_async_context(
                 robot.share(
-                    f"mavlink {url} {station}",
-                    lambda: open_hub(url, robot.clock, config.own_system, config.own_component),
+                    f"mavlink {' '.join(urls)} {station}",
+                    lambda: open_hub(urls, robot.clock, config.own_system, config.own_component),
                 )
             )
-            vehicle = stack.enter_context(hub.vehicle(config.system_id))
+            key = config.signing_key
+            signer = Signer(key_of(key.get_secret_value()), robot.clock.time) if key else None
+            claim = hub.vehicle(config.system_id, signer, accept_unsigned=config.accept_unsigned)
+            vehicle = stack.enter_context(claim)
             self._session = Session(config, config.limits.over(self.limits), hub, vehicle, robot)
             losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
             try:
@@ -97,12 +98,6 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
             steps = session.navigator.carry_out(task, origin)
         async for progress in steps:
             yield progress
-
-    def _open(self) -> Session:
-        """Return the session; raises NotReady without one."""
-        if self._session is None:
-            raise NotReady("the link is not open yet")
-        return self._session
 
     # -- flying --------------------------------------------------------------------------------------
 
@@ -166,6 +161,17 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Stop the motors; refused in the air, whatever ``force`` says."""
         await self._open().flight.disarm(force=force)
 
+    @command("kill", moves=False, safe=True)  # so that nothing is waited for before it
+    async def kill(self, *, force: bool = False) -> None:
+        """Stop the motors at once, in the air too: it falls. Takes ``force``, and a config that allows it."""
+        if not self.config.allow_kill:
+            raise Refused(
+                "kill is not allowed for this robot", hint="allow_kill: true in fleet.yaml allows it"
+            )
+        if not force:
+            raise Refused("kill stops the motors: in the air it falls", hint="say force=true")
+        await self._open().kill()
+
     @command("set_home_here", moves=False)
     async def set_home_here(self) -> None:
         """Make this place home."""
@@ -181,10 +187,12 @@ class MavlinkAdapter(Adapter[MavlinkConfig]):
         """Write the fail-safe parameters that fleet.yaml asks for; refused while the motors run."""
         await self._open().failsafes.set()
 
-    @command("reboot", "reboot_aircraft")
-    async def reboot(self) -> None:
-        """Restart the autopilot; refused while it is armed."""
-        await self._open().flight.reboot()
+    @command("set_home_location", moves=False)
+    async def set_home_location(
+        self, *, latitude: float, longitude: float, altitude: float | None = None
+    ) -> None:
+        """Make a place home (degrees; m above mean sea level, left out: as high as home is now)."""
+        await self._open().flight.set_home(latitude, longitude, altitude)
 
     @command("battery_check", moves=False, safe=True)
     async def battery_check(self) -> None:

@@ -6,11 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
+from fleet import Refused
 from fleet.model.geodesy import GeoPoint
-from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport
+from fleet_mavlink.flavour import CalibrationStep, Flavour
+from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport, Message
+from fleet_mavlink.payload_messages import EscTelemetry1To4, MagCalProgress, MagCalReport, RawImu
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
+from fleet_mavlink.texts import Sentence
+from fleet_mavlink.words import CUSTOM_MODE, MAG_CAL_SUCCESS, NAN, Cmd, Frame
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
@@ -62,6 +65,10 @@ class ArduCopter(Flavour):
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
     rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
+    imu: ClassVar[int] = RawImu.message_id
+    motors: ClassVar[int | None] = EscTelemetry1To4.message_id
+    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # kept by itself
+    compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
     bytewise_parameters: ClassVar[bool] = False
     data_streams: ClassVar[tuple[int, ...]] = (2, 6, 10, 12)  # status, position, attitude, the rest
 
@@ -104,9 +111,26 @@ class ArduCopter(Flavour):
         """Return CONDITION_YAW to an absolute heading by the shorter way."""
         return CommandLong(Cmd.CONDITION_YAW, param1=math.degrees(heading) % 360.0)
 
+    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+        """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, one for each compass."""
+        if not isinstance(said, MagCalProgress | MagCalReport):
+            return None
+        others = frozenset(each for each in range(8) if said.cal_mask >> each & 1) | {said.compass_id}
+        if isinstance(said, MagCalProgress):
+            return CalibrationStep(min(99.0, said.completion_pct), said.compass_id, others)
+        if said.cal_status != MAG_CAL_SUCCESS:
+            why = f"compass {said.compass_id}: status {said.cal_status}, fitness {said.fitness:.1f}"
+            raise Refused(f"the calibration failed ({why})", hint="away from metal, all axes")
+        return CalibrationStep(100.0, said.compass_id, others)
+
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:  # noqa: ARG002 - flags tell
+        """Return the estimator's own flags: home is known 20 s before the position is usable."""
+        flags = state.estimator_flags
+        if flags is None:
+            return None
+        return bool(flags & _POSITION_USABLE) and not flags & _CONSTANT_POSITION
+
     def ready_to_arm(self, state: VehicleState) -> bool | None:
         """Return the arming check and a usable position: the check alone passes too early in STABILIZE."""
-        if state.prearm_ok is None or state.estimator_flags is None:
-            return None
-        flags = state.estimator_flags
-        return state.prearm_ok and bool(flags & _POSITION_USABLE) and not flags & _CONSTANT_POSITION
+        usable = self.position_usable(state, 0.0)
+        return None if state.prearm_ok is None or usable is None else state.prearm_ok and usable

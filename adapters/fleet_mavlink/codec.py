@@ -15,8 +15,9 @@ import msgspec
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink import messages, mission_messages, transfer_messages
+from fleet_mavlink import messages, mission_messages, payload_messages, transfer_messages
 from fleet_mavlink.messages import Message
+from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
 _MAGIC_1 = 0xFE
 _MAGIC_2 = 0xFD
@@ -25,17 +26,32 @@ _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
 _SIGNED = 0x01  # the only incompatibility flag there is
-_SIGNATURE = 13
+_LAST_OF_1 = 255  # the largest message id in MAVLink 1
+_SIZES = {
+    "char": 1,
+    "uint8_t": 1,
+    "int8_t": 1,
+    "uint16_t": 2,
+    "int16_t": 2,
+    "uint32_t": 4,
+    "int32_t": 4,
+    "float": 4,
+    "uint64_t": 8,
+    "int64_t": 8,
+    "double": 8,
+}
 _HEAD = struct.Struct("<BBBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
 _CRC_EXTRA: dict[int, int] = {number: kind.crc_extra for number, kind in dialect.mavlink_map.items()}
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """A decoded message and who sent it."""
+    """A decoded message and who sent it; ``signed`` is the whole frame where it is signed."""
 
     system: int
     component: int
     message: Message
+    version: int = 2
+    signed: bytes = b""
 
 
 class _Layout:
@@ -45,11 +61,19 @@ class _Layout:
         wire = dialect.mavlink_map[kind.message_id]
         self.kind = kind
         self.crc_extra: int = wire.crc_extra
+        self.base_size = _base_size(wire)
         self._packing = struct.Struct(kind.packing) if kind.packing else wire.unpacker
         self._blank = list(self._packing.unpack(bytes(self._packing.size)))
         self._places = {name: _place(wire, index) for index, name in enumerate(wire.ordered_fieldnames)}
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
-        self._indexes = tuple(self._places[name].start for name in kind.__struct_fields__)
+        places = [place for _, place in self._wanted]
+        numbers = all(place.stop - place.start == 1 for place in places) and not self._has_text(wire)
+        self._indexes = tuple(place.start for place in places) if numbers else ()  # of plain numbers alone
+
+    def _has_text(self, wire: Any) -> bool:
+        """Return whether one of the wanted fields is a text."""
+        texts = dict(zip(wire.ordered_fieldnames, _texts(wire), strict=True))
+        return any(texts[name] for name, _ in self._wanted)
 
     def decode(self, payload: bytes) -> Message:
         """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
@@ -60,9 +84,31 @@ class _Layout:
     def encode(self, message: Message) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
         values = self._blank.copy()
-        for index, value in zip(self._indexes, msgspec.structs.astuple(message), strict=True):
-            values[index] = value.encode() if isinstance(value, str) else value
+        if self._indexes:
+            for index, value in zip(self._indexes, msgspec.structs.astuple(message), strict=True):
+                values[index] = value
+        else:
+            for name, place in self._wanted:
+                values[place] = _wire_values(getattr(message, name))
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
+
+
+def _base_size(wire: Any) -> int:
+    """Return the bytes of a payload without its extensions: those that ``crc_extra`` covers.
+
+    MAVLink 1 has no extensions, and a fixed length for each message.
+    """
+    kinds = dict(zip(wire.fieldnames, wire.fieldtypes, strict=True))
+    described = f"{wire.msgname} ".encode()
+    size = 0
+    for name, length in zip(wire.ordered_fieldnames, wire.array_lengths, strict=True):
+        kind = kinds[name]
+        described += f"{kind} {name} ".encode() + (bytes([length]) if length else b"")
+        size += _SIZES[kind] * max(int(length), 1)
+        folded = crc16.mcrf4xx(described)
+        if (folded & 0xFF) ^ (folded >> 8) == int(wire.crc_extra):
+            return size
+    raise ValueError(f"{wire.msgname}: its fields do not give its crc_extra")
 
 
 def _place(wire: Any, index: int) -> slice:
@@ -88,19 +134,46 @@ def _value(values: tuple[Any, ...]) -> Any:
     return value
 
 
-_MODULES = (messages, mission_messages, transfer_messages)
+def _wire_values(value: Any) -> tuple[Any, ...]:
+    """Return what a field is on the wire: its numbers, or its text as bytes."""
+    if isinstance(value, tuple):
+        return value
+    return (value.encode() if isinstance(value, str) else value,)
+
+
+_MODULES = (messages, mission_messages, payload_messages, transfer_messages)
 _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 
 
-def pack(message: Message, system: int, component: int, sequence: int) -> bytes:
-    """Return the MAVLink 2 frame of an outgoing message, from this system and component."""
+class Way(msgspec.Struct, frozen=True):
+    """How frames for one vehicle are made: in which version, signed by whom, on which of our links."""
+
+    version: int = 2
+    signer: Signer | None = None
+    link: int = 0
+
+
+PLAIN = Way()
+
+
+def pack(message: Message, system: int, component: int, sequence: int, way: Way = PLAIN) -> bytes:
+    """Return the frame of an outgoing message, from this system and component.
+
+    Version 1 is spoken to who speaks it; a message that it does not have goes out in version 2.
+    """
     number = message.message_id
     layout = _WRITE[number]
     payload = layout.encode(message)
+    if way.version == 1 and number <= _LAST_OF_1:
+        payload = payload.ljust(layout.base_size, b"\0")[: layout.base_size]
+        body = struct.pack("<BBBBB", len(payload), sequence & 0xFF, system, component, number) + payload
+        return bytes([_MAGIC_1]) + body + _checksum(body, layout.crc_extra)
+    flags = 0 if way.signer is None else _SIGNED
     place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
-    frame = _HEAD.pack(_MAGIC_2, len(payload), 0, 0, *place) + payload
-    return frame + _checksum(frame[1:], layout.crc_extra)
+    frame = _HEAD.pack(_MAGIC_2, len(payload), flags, 0, *place) + payload
+    frame += _checksum(frame[1:], layout.crc_extra)
+    return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
 
 
 def _checksum(body: bytes, crc_extra: int) -> bytes:
@@ -116,10 +189,10 @@ class Packer:
         self.component = component
         self._sequence = 0
 
-    def pack(self, message: Message) -> bytes:
+    def pack(self, message: Message, way: Way = PLAIN) -> bytes:
         """Return the frame of a message."""
         self._sequence = (self._sequence + 1) & 0xFF
-        return pack(message, self.system, self.component, self._sequence)
+        return pack(message, self.system, self.component, self._sequence, way)
 
 
 class Parser:
@@ -130,6 +203,7 @@ class Parser:
     """
 
     def __init__(self) -> None:
+        self.broken = 0  # frames whose checksum was wrong
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
@@ -148,6 +222,7 @@ class Parser:
                 frames.extend(_decoded(buffer[at : at + size]))
                 at += size
             else:
+                self.broken += size > 0
                 at += 1
         else:
             at = len(buffer)
@@ -169,7 +244,7 @@ def _frame_size(buffer: bytes, at: int) -> int | None:
         return None
     if int.from_bytes(buffer[at + 7 : at + 10], "little") not in _CRC_EXTRA:
         return 0
-    return _HEADER_2 + buffer[at + 1] + 2 + (_SIGNATURE if flags else 0)
+    return _HEADER_2 + buffer[at + 1] + 2 + (SIGNATURE_BYTES if flags else 0)
 
 
 def _is_unwanted(buffer: bytes, at: int, size: int) -> bool:
@@ -186,16 +261,19 @@ def _is_intact(buffer: bytes, at: int, size: int) -> bool:
         crc_extra = _CRC_EXTRA.get(buffer[at + 5])
     else:
         crc_extra = _CRC_EXTRA[int.from_bytes(buffer[at + 7 : at + 10], "little")]
-        end -= _SIGNATURE if buffer[at + 2] else 0
+        end -= SIGNATURE_BYTES if buffer[at + 2] else 0
     return crc_extra is not None and _checksum(buffer[at + 1 : end - 2], crc_extra) == buffer[end - 2 : end]
 
 
 def _decoded(frame: bytes) -> Iterable[Frame]:
     """Yield the message of an intact frame, if it is one that is wanted."""
     if frame[0] == _MAGIC_1:
-        number, (system, component), header = frame[5], frame[3:5], _HEADER_1
+        version, number, (system, component), header = 1, frame[5], frame[3:5], _HEADER_1
     else:
-        number, (system, component), header = int.from_bytes(frame[7:10], "little"), frame[5:7], _HEADER_2
+        number = int.from_bytes(frame[7:10], "little")
+        version, (system, component), header = 2, frame[5:7], _HEADER_2
     layout = _READ.get(number)
     if layout is not None:
-        yield Frame(system, component, layout.decode(frame[header : header + frame[1]]))
+        signed = frame if version == 2 and frame[2] else b""
+        message = layout.decode(frame[header : header + frame[1]])
+        yield Frame(system, component, message, version, signed)

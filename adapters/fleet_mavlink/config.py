@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, SecretStr, field_validator
 
 from fleet import AdapterConfig, LinkRefused
 from fleet.link.url import parse
@@ -33,6 +33,22 @@ class Rates(Model):
     battery: float = Field(0.5, ge=0.2, le=1, description="Battery, Hz.")
     state: float = Field(1.0, ge=0.2, le=5, description="Flight state and vehicle state, Hz.")
     metrics: float = Field(0.5, gt=0, le=2, description="Numbers for people, Hz.")
+    imu: float = Field(5.0, ge=0, le=50, description="Body rates and acceleration, Hz; 0: never.")
+    motors: float = Field(2.0, ge=0, le=20, description="Motors as joints, Hz; only with motor_joints.")
+
+
+class Timeouts(Model):
+    """How long is waited for what, seconds."""
+
+    answer: float = Field(1.0, ge=0.1, le=10, description="For an answer, until a command is sent again.")
+    tries: int = Field(4, ge=1, le=10, description="How often a command is sent at the most.")
+    working: float = Field(5.0, ge=1, le=120, description="For the next word after it said: in progress.")
+    takeoff: float = Field(90.0, ge=5, le=3600, description="For a take-off.")
+    land: float = Field(300.0, ge=5, le=3600, description="For a landing.")
+    return_to_home: float = Field(600.0, ge=5, le=7200, description="For a flight home.")
+
+
+_TIMED = frozenset({"takeoff", "land", "return_to_home"})
 
 
 class MavlinkConfig(AdapterConfig):
@@ -43,6 +59,12 @@ class MavlinkConfig(AdapterConfig):
         description="udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE?baud=N, "
         "sim:px4 or sim:ardupilot."
     )
+    backup_links: tuple[Annotated[str, AfterValidator(_checked_link)], ...] = Field(
+        (),
+        max_length=3,
+        description="More ways to the same vehicle, in the order in which they are taken when it is not "
+        "heard by the ones before; none of them sim:.",
+    )
     system_id: int = Field(1, ge=1, le=250, description="The vehicle's MAVLink system id.")
     own_system: int = Field(
         245,
@@ -52,6 +74,10 @@ class MavlinkConfig(AdapterConfig):
     )
     own_component: int = Field(191, ge=1, le=255, description="Our own MAVLink component id.")
     rates: Rates = Field(Rates(), description="How often things are reported.")
+    timeouts: Timeouts = Field(Timeouts(), description="How long is waited for what.")
+    motor_joints: tuple[str, ...] = Field(
+        (), max_length=4, description="The twin's joints that are the motors, in the autopilot's order."
+    )
     takeoff_altitude: float = Field(
         5.0, ge=1, le=120, description="Metres above home for a take-off that does not say."
     )
@@ -65,6 +91,31 @@ class MavlinkConfig(AdapterConfig):
         "return_to_home",
         description="What the autopilot must do by itself when this edge is not heard any more.",
     )
+    signing_key: SecretStr | None = Field(
+        None,
+        min_length=8,
+        description="Key of MAVLink 2 signing, as !secret: a passphrase, or 64 hex digits. What the vehicle "
+        "sends must then be signed with it.",
+    )
+    accept_unsigned: bool = Field(
+        False, description="Believe unsigned frames too, until the command setup_signing gave it the key."
+    )
+    allow_kill: bool = Field(
+        False, description="Allow the command kill, which stops the motors in the air too: it falls."
+    )
+
+    @field_validator("backup_links")
+    @classmethod
+    def _real(cls, links: tuple[str, ...]) -> tuple[str, ...]:
+        """Raise ValueError for a simulated one: a simulator is no second way to a vehicle."""
+        if any(link.startswith("sim:") for link in links):
+            raise ValueError("a simulated vehicle is no second way to one")
+        return links
+
+    def timeout_of(self, command: str) -> float | None:
+        """Return the seconds until a command is given up, None: as the adapter declares it."""
+        seconds: float | None = getattr(self.timeouts, command, None) if command in _TIMED else None
+        return seconds
 
     @property
     def keeping(self) -> Keeping:

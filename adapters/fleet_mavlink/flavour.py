@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
+import msgspec
+
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import (
     Vector3,
@@ -14,11 +16,20 @@ from fleet.model.geometry import (
     ned_from_enu,
     rotate_to_world,
 )
-from fleet_mavlink.messages import Ask, CommandLong, SetPositionTargetLocalNed
+from fleet_mavlink.messages import Ask, CommandLong, Message, SetPositionTargetLocalNed
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import AUTOPILOT, FORCE, Cmd, Frame
 
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: everything but velocity and yaw rate is ignored
+
+
+class CalibrationStep(msgspec.Struct, frozen=True):
+    """How far the calibration of one compass is, percent; ``others``: all compasses that are calibrated."""
+
+    percent: float
+    compass: int = 0
+    others: frozenset[int] = frozenset({0})
 
 
 class Flavour(ABC):
@@ -39,6 +50,10 @@ class Flavour(ABC):
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
     rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
+    imu: ClassVar[int]  # the message with rates and acceleration
+    motors: ClassVar[int | None]  # the message with the motors' speeds
+    compass_start: ClassVar[CommandLong]
+    compass_stop: ClassVar[CommandLong]
     bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
     data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
 
@@ -82,6 +97,14 @@ class Flavour(ABC):
     @abstractmethod
     def turn_command(self, heading: float) -> CommandLong | None:
         """Return what turns the vehicle once it arrived; None where the go command did it."""
+
+    @abstractmethod
+    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+        """Return what is told of a compass calibration, None for other words; Refused when it failed."""
+
+    @abstractmethod
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:
+        """Return whether the estimator's position can be flown by, None while it says nothing of it."""
 
     @abstractmethod
     def ready_to_arm(self, state: VehicleState) -> bool | None:

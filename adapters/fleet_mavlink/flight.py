@@ -7,8 +7,9 @@ import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 
-from fleet import Fault, GeoPoint, Limits, NotReady, Progress, Refused, TimedOut
+from fleet import Fault, GeoOrigin, GeoPoint, Limits, NotReady, Progress, Refused, TimedOut
 from fleet.errors import CommandError
+from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.driving import require_connection, require_heartbeat
@@ -21,6 +22,9 @@ from fleet_mavlink.words import Cmd, Frame
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
 _OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between looks at something that takes long
+_HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
+_DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
+_SAME_HOME = 2.0  # m
 _LOWEST = 1.0  # m above home; below it only landing goes
 _SLOW = 0.5  # m/s that counts as standing
 
@@ -219,16 +223,45 @@ class Flight:
         if state.position is None or not state.knows_where(self._now()):
             raise NotReady("position is unknown")
         here = state.position
-        altitude = await self._home_altitude() if state.in_air else here.altitude
+        altitude = None if state.in_air else here.altitude
+        await self.set_home(here.latitude, here.longitude, altitude)
+
+    async def set_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
+        """Make a place home, and wait until it is told to be; m AMSL, None: as high as home is now.
+
+        Raises Refused for what is no place, and for another altitude in the air: it is what heights count
+        from.
+        """
+        require_connection(self.vehicle)
+        numbers = (latitude, longitude, altitude or 0.0)
+        if not all(map(math.isfinite, numbers)) or not (abs(latitude) < 90 and abs(longitude) <= 180):
+            raise Refused("home must be a place on Earth, in degrees and metres")
+        if not _DEEPEST <= (altitude or 0.0) <= _HIGHEST:
+            raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
+        if altitude is not None and self.vehicle.state.in_air:
+            raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
+        home = GeoPoint(latitude, longitude, await self._home_altitude() if altitude is None else altitude)
+
+        def shown(state: VehicleState) -> bool:
+            return state.home is not None and _are_one(state.home, home)
+
         await self.commander.ask(
             CommandInt(
                 Cmd.DO_SET_HOME,
                 frame=Frame.GLOBAL,
-                x=round(here.latitude * 1e7),
-                y=round(here.longitude * 1e7),
-                z=altitude,
+                x=round(latitude * 1e7),
+                y=round(longitude * 1e7),
+                z=home.altitude,
             )
         )
+        if not await self.vehicle.until(shown, _HOME_WITHIN):
+            raise TimedOut("it took the command but tells another home")
+
+    async def kill(self) -> None:
+        """Stop the motors at once, wherever it is; returns once the heartbeat shows it."""
+        require_heartbeat(self.vehicle)
+        if self.vehicle.state.armed:
+            await self._arming(arm=False, force=True)
 
     async def reboot(self) -> None:
         """Restart the autopilot; raises Refused while it is armed."""
@@ -260,6 +293,12 @@ class Flight:
     def _now(self) -> float:
         """Return the clock's monotonic seconds."""
         return self.vehicle.clock.monotonic()
+
+
+def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
+    """Return whether two places are the same, as well as the wire can tell."""
+    away = world_from_geo(GeoOrigin(one.latitude, one.longitude, one.altitude), other)
+    return away.norm() <= _SAME_HOME
 
 
 def _height(state: VehicleState) -> float:

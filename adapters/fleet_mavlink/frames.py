@@ -6,7 +6,7 @@ import math
 
 from fleet import GeoOrigin, Pose
 from fleet.model.geodesy import world_from_geo
-from fleet.model.geometry import enu_rotation_from_ned
+from fleet.model.geometry import Vector3, enu_rotation_from_ned
 from fleet_mavlink.state import VehicleState
 
 
@@ -29,3 +29,8 @@ def pose_of(state: VehicleState, origin: GeoOrigin) -> Pose | None:
         position=world_from_geo(origin, state.position),
         rotation=enu_rotation_from_ned(angles.roll, angles.pitch, heading),
     )
+
+
+def flu_from_frd(vector: Vector3) -> Vector3:
+    """Turn an autopilot's body vector (forward, right, down) into ours (forward, left, up)."""
+    return Vector3(vector.x, -vector.y, -vector.z)

@@ -6,21 +6,27 @@ import asyncio
 import contextlib
 import logging
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from typing import Any
 
-from fleet import Clock, LinkLost, LinkRefused, open_link
+import msgspec
+
+from fleet import Clock, LinkLost, LinkRefused
 from fleet.link.base import Address, Link
-from fleet_mavlink.codec import Frame, Packer, Parser, pack
+from fleet_mavlink.codec import PLAIN, Frame, Packer, Parser, Way, pack
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message
 from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
+from fleet_mavlink.signing import Signer
+from fleet_mavlink.trust import Trust
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.ways import Ways, open_ways
 from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
 _SENDERS = 256  # addresses whose half frames are kept
 _ADDRESSED: tuple[type[Message], ...] = (CommandAck, *MISSION_MESSAGES)
+_BESIDE = 1  # the link id in signatures that are made beside the loop, in a time of their own
 _GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
 
 
@@ -36,6 +42,7 @@ class Hub:
         self._parsers: OrderedDict[Address, Parser] = OrderedDict()
         self._vehicles: dict[int, Vehicle] = {}
         self._heard: set[int] = set()
+        self.broken = 0  # frames whose checksum was wrong
 
     @property
     def heard(self) -> tuple[int, ...]:
@@ -43,13 +50,24 @@ class Hub:
         return tuple(sorted(self._heard))
 
     @contextlib.contextmanager
-    def vehicle(self, system: int) -> Iterator[Vehicle]:
-        """Give the vehicle with this id to one robot; raises LinkRefused when another has it."""
+    def vehicle(
+        self, system: int, signer: Signer | None = None, *, accept_unsigned: bool = False
+    ) -> Iterator[Vehicle]:
+        """Give the vehicle with this id to one robot; raises LinkRefused when another has it.
+
+        With a ``signer`` all that is sent to it is signed, and what it says must be, unless
+        ``accept_unsigned``.
+        """
         if system in self._vehicles:
             raise LinkRefused(
                 f"{self.link.url}: two robots have system_id {system}; give each its own in fleet.yaml"
             )
-        vehicle = self._vehicles[system] = Vehicle(system, self._clock, self.send)
+        trust = Trust(signer, accept_unsigned=accept_unsigned)
+
+        def send(message: Message, address: Address) -> None:
+            self.send(message, address, trust.way)
+
+        vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
         try:
             yield vehicle
         finally:
@@ -58,8 +76,11 @@ class Hub:
     def receive(self, data: bytes, address: Address) -> None:
         """Take what arrived from the link; never raises."""
         try:
-            for frame in self._parser(address).feed(data):
+            parser = self._parser(address)
+            before = parser.broken
+            for frame in parser.feed(data):
                 self._route(frame, address)
+            self.broken += parser.broken - before
         except Exception:  # noqa: BLE001 - one bad message must not end the link of all vehicles
             _LOG.exception("%s: dropped %d bytes from %s", self.link.url, len(data), address)
 
@@ -72,51 +93,64 @@ class Hub:
         return parser
 
     def _route(self, frame: Frame, address: Address) -> None:
-        """Give a message to its vehicle; only autopilots count, and only acks that are meant for us."""
-        message = frame.message
-        if frame.component != AUTOPILOT or frame.system == 0:
+        """Give a message to its vehicle; only autopilots are vehicles, and only acks for us count."""
+        message, flies = frame.message, frame.component == AUTOPILOT
+        if frame.system == 0:
             return
-        if isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
+        if flies and isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
             self._heard.add(frame.system)
         vehicle = self._vehicles.get(frame.system)
-        if vehicle is None or (isinstance(message, _ADDRESSED) and not self._is_for_us(message)):
+        if vehicle is None or not vehicle.trust.admits(frame):
             return
-        vehicle.take(message, address)
+        if isinstance(message, _ADDRESSED) and not self._is_for_us(message):
+            vehicle.trust.counts["answers to other stations"] += 1
+            return
+        if flies:
+            vehicle.take(message, address)
+        else:
+            vehicle.take_part(frame.component, message)
 
     def _is_for_us(self, answer: Any) -> bool:
         """Return whether an answer is for us; 0 is said by those who do not tell."""
         return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
-    def send(self, message: Message, address: Address) -> None:
+    def send(self, message: Message, address: Address, way: Way = PLAIN) -> None:
         """Write a message; raises LinkLost. Only on the loop's thread."""
-        self.link.send(self._packer.pack(message), address)
+        self.link.send(self._packer.pack(message, way), address)
 
-    def send_from_any_thread(self, messages: list[Message], address: Address) -> None:
-        """Write messages beside the loop, numbered by themselves; raises LinkLost."""
+    def send_from_any_thread(self, messages: list[Message], vehicle: Vehicle) -> None:
+        """Write messages to a vehicle beside the loop, numbered by themselves; raises LinkLost."""
+        way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
         for sequence, message in enumerate(messages):
-            self.link.send(pack(message, self.system, self.component, sequence), address)
+            self.link.send(pack(message, self.system, self.component, sequence, way), vehicle.address)
 
     async def beat(self) -> None:
         """Say once a second that we are here; ends when the link does."""
         with contextlib.suppress(LinkLost):
             while True:
-                for address in {vehicle.address for vehicle in self._vehicles.values()} or {None}:
-                    self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address)
+                ways = {(each.address, each.trust.way) for each in self._vehicles.values()}
+                if isinstance(self.link, Ways):  # those that are not in use are spoken to as well
+                    ways |= {(None, way) for _, way in ways}
+                for address, way in ways or {(None, PLAIN)}:
+                    self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, way)
                 await asyncio.sleep(_BEAT)
 
 
 @contextlib.asynccontextmanager
-async def open_hub(url: str, clock: Clock, system: int, component: int) -> AsyncIterator[Hub]:
-    """Open a link and beat on it until the last robot leaves; raises LinkRefused or LinkLost."""
+async def open_hub(urls: Sequence[str], clock: Clock, system: int, component: int) -> AsyncIterator[Hub]:
+    """Open a link, or several to the same vehicles, and beat until the last robot leaves.
+
+    Raises LinkRefused or LinkLost.
+    """
     hub: Hub | None = None
 
     def receive(data: bytes, address: Address) -> None:
         if hub is not None:
             hub.receive(data, address)
 
-    link = await open_link(url, receive)
+    link = await open_ways(urls, receive)
     hub = Hub(link, clock, system, component)
-    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {url}")
+    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {link.url}")
     try:
         yield hub
     finally:

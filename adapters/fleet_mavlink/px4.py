@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import ClassVar
 
+from fleet import Refused
 from fleet.model.geodesy import GeoPoint
-from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong
+from fleet_mavlink.flavour import CalibrationStep, Flavour
+from fleet_mavlink.messages import CommandInt, CommandLong, Message
+from fleet_mavlink.payload_messages import HighresImu
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_CAL = "[cal] "  # with which it begins what it says of a calibration
+_PROGRESS = re.compile(r"progress <(\d{1,3})>")
 
 
 class Px4(Flavour):
@@ -50,6 +56,10 @@ class Px4(Flavour):
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     rates: ClassVar[Mapping[int, float]] = {}
+    imu: ClassVar[int] = HighresImu.message_id
+    motors: ClassVar[int | None] = None  # what it says of them is no speed
+    compass_start: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION, param2=1.0)
+    compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
     bytewise_parameters: ClassVar[bool] = True
     data_streams: ClassVar[tuple[int, ...]] = ()
 
@@ -107,6 +117,22 @@ class Px4(Flavour):
     def turn_command(self, heading: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
         """Return nothing."""
         return None
+
+    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+        """Read its words, which begin with ``[cal]``."""
+        if not isinstance(said, Sentence) or not said.text.startswith(_CAL):
+            return None
+        words = said.text.removeprefix(_CAL)
+        if words.startswith(("calibration failed", "calibration cancelled")):
+            raise Refused(words)
+        if words.startswith("calibration done"):
+            return CalibrationStep(100.0)
+        percent = _PROGRESS.fullmatch(words)
+        return CalibrationStep(min(99.0, float(percent[1]))) if percent else None
+
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:
+        """Return whether positions come: it sends none that it does not use."""
+        return state.knows_where(now)
 
     def ready_to_arm(self, state: VehicleState) -> bool | None:
         """Return the arming check, once home is known."""

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 
 import msgspec
 
 from fleet import GeoOrigin, Robot
-from fleet.model.report import FlightControllerReport, Report, TelemetryReport
+from fleet.model.report import (
+    FlightControllerReport,
+    GpsReport,
+    JointReport,
+    MetricsReport,
+    PoseReport,
+    Report,
+    TelemetryReport,
+)
 from fleet_mavlink import reports
-from fleet_mavlink.config import Rates
+from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.messages import GpsRawInt
+from fleet_mavlink.motors import Motors
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
@@ -18,6 +29,7 @@ from fleet_mavlink.vehicle import Vehicle
 _CHANGES = 0.2  # s between looks for what has changed
 _REFRESH = 5.0  # s after which the flight controller's state is told again
 _REPEAT = 0.9  # s after which the vehicle's state is told again: at the look before the second is over
+_FIX_FRESH = 5.0  # s
 _LAST_SENTENCES = 8  # that go with the flight controller's state
 
 
@@ -25,10 +37,17 @@ class Reporter:
     """The reports of one vehicle; while it does not answer, only that is told."""
 
     def __init__(
-        self, vehicle: Vehicle, rates: Rates, robot: Robot, origin: Callable[[], GeoOrigin | None]
+        self,
+        vehicle: Vehicle,
+        config: MavlinkConfig,
+        robot: Robot,
+        origin: Callable[[], GeoOrigin | None],
+        counts: Callable[[], Mapping[str, int]],
     ) -> None:
         self._vehicle = vehicle
-        self._rates = rates
+        self._rates = config.rates
+        self._motors = Motors(config.motor_joints)
+        self._counts = counts
         self._robot = robot
         self._origin = origin
         self._controller: FlightControllerReport | None = None
@@ -39,11 +58,15 @@ class Reporter:
     def begin(self) -> None:
         """Hang everything on the host's wheel."""
         rates = self._rates
-        self._every(1 / rates.pose, lambda state, _, now: reports.pose_report(state, self._origin(), now))
-        self._every(1 / rates.gps, lambda state, _, now: reports.gps_report(state, now))
+        self._every(1 / rates.pose, self._pose)
+        self._every(1 / rates.gps, lambda state, _, now: self._gps(state, now))
         self._every(1 / rates.battery, lambda state, _, now: reports.battery_report(state, now))
         self._every(1 / rates.state, reports.flight_state_report)
-        self._every(1 / rates.metrics, reports.metrics_report)
+        self._every(1 / rates.metrics, self._metrics)
+        if rates.imu:
+            self._every(1 / rates.imu, lambda state, _, now: reports.imu_report(state, self._now(), now))
+        if rates.motors:
+            self._every(1 / rates.motors, self._joints)
         self._robot.every(_CHANGES, self._tell_changes)
 
     def battery(self) -> bool:
@@ -56,6 +79,27 @@ class Reporter:
     def said(self, sentence: Sentence) -> None:
         """Report a line that the autopilot said."""
         self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
+
+    def _pose(self, state: VehicleState, _flavour: Flavour, stamp: float) -> PoseReport | None:
+        """Return the pose; a position that is no longer told is not told again as a new one."""
+        return reports.pose_report(state, self._origin(), stamp) if state.knows_where(self._now()) else None
+
+    def _gps(self, state: VehicleState, stamp: float) -> GpsReport | None:
+        """Return the fix, while the receiver tells it."""
+        seen = self._vehicle.seen_at.get(GpsRawInt, -math.inf)
+        return reports.gps_report(state, stamp) if self._now() - seen <= _FIX_FRESH else None
+
+    def _metrics(self, state: VehicleState, flavour: Flavour, stamp: float) -> MetricsReport:
+        """Return the numbers for people, with what went wrong on the way."""
+        return reports.metrics_report(state, flavour, stamp, self._counts())
+
+    def _joints(self, state: VehicleState, _flavour: Flavour, stamp: float) -> JointReport | None:
+        """Return the motors."""
+        return self._motors.report(state.carried, self._now(), stamp)
+
+    def _now(self) -> float:
+        """Return the clock's monotonic seconds."""
+        return self._vehicle.clock.monotonic()
 
     def _every(self, seconds: float, make: Callable[[VehicleState, Flavour, float], Report | None]) -> None:
         """Report something from time to time, while it is known."""

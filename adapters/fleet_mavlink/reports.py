@@ -10,6 +10,7 @@ from fleet.model.report import (
     FlightControllerReport,
     FlightStateReport,
     GpsReport,
+    ImuReport,
     LogReport,
     MetricsReport,
     MissionProgress,
@@ -18,11 +19,12 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.frames import pose_of
+from fleet_mavlink.frames import flu_from_frd, pose_of
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import VEHICLE_TYPES
 
+_IMU_FRESH = 1.0  # s
 _LEVELS = ("CRITICAL", "CRITICAL", "CRITICAL", "ERROR", "WARNING", "INFO", "INFO", "DEBUG")
 
 
@@ -98,8 +100,19 @@ def flight_controller_report(
     )
 
 
-def metrics_report(state: VehicleState, flavour: Flavour, stamp: float) -> MetricsReport:
-    """Return the numbers for people: only those that are known."""
+def imu_report(state: VehicleState, now: float, stamp: float) -> ImuReport | None:
+    """Return body rates and acceleration, FLU, unless the newest are older than 1 s at monotonic ``now``."""
+    imu = state.carried.imu
+    if imu is None or now - state.carried.imu_at > _IMU_FRESH:
+        return None
+    return ImuReport(stamp, gyro=flu_from_frd(imu.gyro), accel=flu_from_frd(imu.accel))
+
+
+def metrics_report(
+    state: VehicleState, flavour: Flavour, stamp: float, counts: Mapping[str, int] | None = None
+) -> MetricsReport:
+    """Return the numbers for people: only those that are known; ``counts`` of what went wrong by its name."""
+    errors = tuple({"type": what, "count": count} for what, count in (counts or {}).items() if count)
     battery = state.battery
     power = {"battery_percent": battery.percent, "voltage": battery.voltage, "current": battery.current}
     navigation = {
@@ -108,7 +121,7 @@ def metrics_report(state: VehicleState, flavour: Flavour, stamp: float) -> Metri
         "ground_speed_ms": state.velocity.horizontal() if state.velocity else None,
         "heading_deg": state.heading,
     }
-    return MetricsReport(stamp, power=_known(power), navigation=_known(navigation))
+    return MetricsReport(stamp, power=_known(power), navigation=_known(navigation), errors=errors)
 
 
 def vehicle_state_report(state: VehicleState, flavour: Flavour, stamp: float) -> TelemetryReport:

@@ -5,30 +5,39 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable
 
-from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Robot, Vector3
+from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
-from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.driving import PERIOD, Driver
+from fleet_mavlink.compass import Compass
+from fleet_mavlink.config import MavlinkConfig, Timeouts
+from fleet_mavlink.driving import PERIOD, Driver, require_connection
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
+from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.hub import Hub
+from fleet_mavlink.logs import Logs
 from fleet_mavlink.messages import Message
 from fleet_mavlink.mission import Missions
 from fleet_mavlink.navigation import Navigator
 from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.texts import Sentence
+from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import AUTOPILOT
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
+_KEY_TOLD = 3  # times; nothing answers
+_SIGNS_WITHIN = 2.0  # s
 _LOOK = 0.25  # s between looks at the vehicle's health
 
 
@@ -45,7 +54,7 @@ class Session:
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
         self.authority = Authority(self._authority_lost)
-        self.commander = Commander(vehicle, Timing())
+        self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
         self.driver = Driver(
             vehicle,
@@ -56,8 +65,8 @@ class Session:
             spawn=self._spawn,
         )
         self.navigator = Navigator(self.flight, limits)
-        self.plans = Plans(vehicle)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.plans = Plans(vehicle)
         self.missions = Missions(self.flight, self.plans, limits, self._give_way)
         self.fence = config.fence and FenceKeeper(
             vehicle,
@@ -68,7 +77,6 @@ class Session:
             origin=self.origin,
             changed=self._look,
         )
-        self.streams = Streams(vehicle, self.commander, config.rates.pose)
         self.failsafes = Failsafes(
             vehicle,
             self.parameters,
@@ -77,7 +85,16 @@ class Session:
             station=config.own_system,
             changed=self._look,
         )
-        self._reporter = Reporter(vehicle, config.rates, robot, self.origin)
+        self.logs = Logs(vehicle)
+        self.compass = Compass(self.flight)
+        station = (config.own_system, config.own_component)
+        self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
+        self.camera = Camera(vehicle, self.commander.timing)
+        motors = config.rates.motors if config.motor_joints else 0.0
+        self.streams = Streams(
+            vehicle, self.commander, config.rates.pose, imu=config.rates.imu, motors=motors
+        )
+        self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)
         vehicle.on_heartbeat = self._heartbeat
         vehicle.on_sentence = self._sentence
 
@@ -87,6 +104,12 @@ class Session:
         if given is None:
             return origin_of(self.vehicle.state)
         return GeoOrigin(given.latitude, given.longitude, given.altitude, given.heading)
+
+    def counts(self) -> dict[str, int]:
+        """Return what was refused, or did not fit, on the way from the vehicle, by what it was."""
+        return dict(self.vehicle.trust.counts) | {
+            "frames with a wrong checksum on its link": self._hub.broken
+        }
 
     async def serve(self, *losses: Awaitable[None]) -> None:
         """Serve until one of ``losses`` raises, which is raised here."""
@@ -123,6 +146,12 @@ class Session:
         if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
             await self.flight.hold()
 
+    async def kill(self) -> None:
+        """Stop the motors at once; whatever is under way ends, and nothing more is streamed."""
+        self.commander.supersede("kill")
+        self.driver.end()
+        await self.flight.kill()
+
     def halt(self) -> None:
         """Write what stops the vehicle now; from any thread. The next tick goes on from there.
 
@@ -139,7 +168,22 @@ class Session:
         if self.vehicle.connected:
             self.authority.expect(flavour.hold)
             messages.append(self.commander.addressed(flavour.hold_command()))
-        self._hub.send_from_any_thread(messages, self.vehicle.address)
+        self._hub.send_from_any_thread(messages, self.vehicle)
+
+    async def setup_signing(self) -> None:
+        """Give the vehicle our key; returns once it signs with it. Raises Unsupported when it does not."""
+        require_connection(self.vehicle)
+        trust = self.vehicle.trust
+        if trust.signer is None:
+            raise Refused("there is no key", hint="give this robot a signing_key in fleet.yaml")
+        if self.vehicle.state.armed:
+            raise Refused("it is armed; a key is set up on the ground", hint="disarm first")
+        for _ in range(_KEY_TOLD):
+            key, stamp = tuple(trust.signer.key), trust.signer.stamp()
+            self.vehicle.send(SetupSigning(self.vehicle.system, AUTOPILOT, key, stamp))
+            if await self.vehicle.until(lambda _: trust.signed, _SIGNS_WITHIN):
+                return
+        raise Unsupported("it does not sign", hint="PX4 1.16 cannot; ArduPilot can")
 
     def report_battery(self) -> bool:
         """Report the battery now; False while it is unknown."""
@@ -166,26 +210,38 @@ class Session:
 
     def _health(self) -> Health:
         """Return how the vehicle is, with the cause."""
-        system = self.vehicle.system
-        if not self.vehicle.connected:
-            others = [str(each) for each in self._hub.heard if each != system]
-            hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
-            where = f"system {system} on {self._hub.link.url}"
-            if self.vehicle.state.heartbeat is None:
-                return Health(Level.OFFLINE, f"no heartbeat from {where} yet{hint}")
-            return Health(Level.OFFLINE, f"no heartbeat from {where} for {SILENCE:g} s{hint}")
-        if self.vehicle.clashing:
-            return Health(Level.FAULT, f"two vehicles use system id {system}: give each its own")
-        if self.vehicle.flavour is None:
-            return Health(Level.FAULT, f"system {system} is no multirotor on ArduPilot or PX4")
-        return self._well_being()
-
-    def _well_being(self) -> Health:
-        """Return how a vehicle is that answers and can be flown."""
-        if self.vehicle.state.failsafe:
-            return Health(Level.DEGRADED, "the autopilot is in a fail-safe")
-        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
+        vehicle = self.vehicle
+        if not vehicle.connected:
+            return Health(Level.OFFLINE, self._absence())
+        if vehicle.clashing:
+            return Health(Level.FAULT, f"two vehicles use system id {vehicle.system}: give each its own")
+        if vehicle.flavour is None:
+            return Health(Level.FAULT, f"system {vehicle.system} is no multirotor on ArduPilot or PX4")
+        troubles = self._troubles()
         return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
+
+    def _troubles(self) -> tuple[str, ...]:
+        """Return what is wrong with a vehicle that answers and can be flown."""
+        vehicle = self.vehicle
+        if vehicle.state.failsafe:
+            return ("the autopilot is in a fail-safe",)
+        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
+        if vehicle.trust.signer is not None and not vehicle.trust.signed:
+            return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
+        return troubles
+
+    def _absence(self) -> str:
+        """Say what is not heard, and what is heard instead."""
+        system = self.vehicle.system
+        where = f"system {system} on {self._hub.link.url}"
+        others = [str(each) for each in self._hub.heard if each != system]
+        hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
+        if self.vehicle.state.heartbeat is not None:
+            return f"no heartbeat from {where} for {SILENCE:g} s{hint}"
+        refused = [why for why in (UNSIGNED, FALSE) if self.vehicle.trust.counts[why]]
+        if refused:
+            return f"{where} sends {refused[0]}: see signing_key, accept_unsigned"
+        return f"no heartbeat from {where} yet{hint}"
 
     def _heartbeat(self) -> None:
         """Look whether somebody else changed the mode, and whether the vehicle is back."""
@@ -209,3 +265,8 @@ class Session:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
+
+
+def _timing(timeouts: Timeouts) -> Timing:
+    """Return how long commands wait, as the config says."""
+    return Timing(answer=timeouts.answer, tries=timeouts.tries, working=timeouts.working)

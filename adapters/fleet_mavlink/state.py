@@ -10,6 +10,8 @@ import msgspec
 
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3
+from fleet_mavlink.carried import CHANGES as CARRIED
+from fleet_mavlink.carried import Carried, reduce_carried
 from fleet_mavlink.messages import (
     Attitude,
     BatteryStatus,
@@ -87,6 +89,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     mission_current: int | None = None
     mission_total: int | None = None
     mission_reached: int | None = None
+    carried: Carried = Carried()
 
     @property
     def armed(self) -> bool:
@@ -133,6 +136,8 @@ class VehicleState(msgspec.Struct, frozen=True):
 def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
     """Return what is known once ``message`` arrived at monotonic ``now``."""
     state = _noticing_reboot(state, message)
+    if type(message) in CARRIED:
+        return msgspec.structs.replace(state, carried=reduce_carried(state.carried, message, now))
     change = _CHANGES.get(type(message))
     return msgspec.structs.replace(state, **change(state, message, now)) if change else state
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 
 from fleet.errors import CommandError
+from fleet_mavlink import payload_messages
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.messages import (
@@ -35,11 +36,14 @@ _LOOK = 1.0  # s between looks at what comes
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is asked for again
 _ASK_AGAIN = 5.0  # s between asking for the same message
 _OLD_WAY_AFTER = 2  # times asked for the attitude in vain
-_KIND = {kind.message_id: kind for kind in INCOMING}
+_KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
-def wanted_rates(pose: float, flavour: Flavour) -> Mapping[int, float]:
-    """Return message id -> Hz; ``pose`` is the rate of position and attitude."""
+def wanted_rates(
+    pose: float, flavour: Flavour, *, imu: float = 0.0, motors: float = 0.0
+) -> Mapping[int, float]:
+    """Return message id -> Hz; ``pose`` is the rate of position and attitude; 0 is not asked for."""
+    carried = {flavour.imu: imu, flavour.motors: motors}
     return {
         Attitude.message_id: pose,
         GlobalPositionInt.message_id: pose,
@@ -51,26 +55,37 @@ def wanted_rates(pose: float, flavour: Flavour) -> Mapping[int, float]:
         MissionCurrent.message_id: 0.5,
         SystemTime.message_id: 1.0,
         **flavour.rates,
+        **{message: rate for message, rate in carried.items() if message is not None and rate},
     }
 
 
 class Streams:
     """Keeps the rates of one vehicle as wanted."""
 
-    def __init__(self, vehicle: Vehicle, commander: Commander, pose: float) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        commander: Commander,
+        pose: float,
+        *,
+        imu: float = 0.0,
+        motors: float = 0.0,
+    ) -> None:
         self._vehicle = vehicle
         self._commander = commander
         self._pose = pose
+        self._carried = {"imu": imu, "motors": motors}
         self._asked_at: dict[int, float] = {}
         self._in_vain = 0
         self._refused: set[int] = set()
 
     async def keep(self) -> None:
         """Ask, look, ask again, until cancelled."""
-        reboots = 0
+        agreed = (0, 0)
         while True:
-            if not self._vehicle.connected or self._vehicle.state.reboots != reboots:
-                reboots = self._vehicle.state.reboots
+            begun = (self._vehicle.state.reboots, self._vehicle.switches)
+            if not self._vehicle.connected or begun != agreed:
+                agreed = begun
                 self._forget()
             flavour = self._vehicle.flavour
             if self._vehicle.connected and not self._vehicle.clashing and flavour is not None:
@@ -85,7 +100,7 @@ class Streams:
 
     async def _ask_for_missing(self, flavour: Flavour) -> None:
         """Ask for each message once, and again when it does not come."""
-        for message_id, rate in wanted_rates(self._pose, flavour).items():
+        for message_id, rate in wanted_rates(self._pose, flavour, **self._carried).items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
         if self._in_vain > _OLD_WAY_AFTER:

@@ -16,12 +16,16 @@ from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flavours import flavour_of
 from fleet_mavlink.heard import Heard, SaidT
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
+from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
-from fleet_mavlink.words import NO_AUTOPILOT
+from fleet_mavlink.trust import Trust
+from fleet_mavlink.ways import way_of
+from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
 
 _LOG = logging.getLogger(__name__)
 _REMEMBERED = 64  # sentences
+_SWITCH_AFTER = 1.5  # s without a word after which another way is taken
 
 Condition = Callable[[VehicleState], bool]
 
@@ -33,8 +37,15 @@ class Vehicle:
     what it says, before those who wait for a state are woken.
     """
 
-    def __init__(self, system: int, clock: Clock, send: Callable[[Message, Address], None]) -> None:
+    def __init__(
+        self,
+        system: int,
+        clock: Clock,
+        send: Callable[[Message, Address], None],
+        trust: Trust | None = None,
+    ) -> None:
         self.system = system
+        self.trust = trust or Trust()
         self.clock = clock
         self.state = VehicleState()
         self.address: Address = None
@@ -43,9 +54,11 @@ class Vehicle:
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
+        self.camera: Part | None = None
         self._send = send
         self._joiner = Joiner()
-        self._heard_at = -math.inf
+        self.switches = 0  # of the way to it
+        self._ways: dict[int, tuple[Address, float]] = {}  # its address on each, and when it was heard
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[Heard[Any]] = []
@@ -89,17 +102,40 @@ class Vehicle:
         self._pass_on(message)
         self._wake()
 
+    def take_part(self, component: int, message: Message) -> None:
+        """Take what a component beside the autopilot says: a camera of its own, or how a gimbal is turned."""
+        if isinstance(message, GimbalDeviceAttitudeStatus):
+            self.state = reduce(self.state, message, self.clock.monotonic())
+            self._wake()
+        elif component in CAMERAS:
+            camera = self.camera
+            if camera is None and isinstance(message, Heartbeat) and message.type == CAMERA_TYPE:
+                camera = self.camera = Part(self, component)
+            if camera is not None and camera.component == component:
+                camera.take(message, None)
+
     def _is_ours(self, address: Address, now: float) -> bool:
-        """Learn the address; another one within 3 s is another vehicle with the same id."""
-        if now - self._heard_at > SILENCE:
-            self.address = address
-        elif address != self.address:
+        """Learn the address; another one on the same way within 3 s is another vehicle with the same id.
+
+        Of several ways the first by which it is heard is believed and spoken to; the rest stand by.
+        """
+        way = way_of(address)
+        known, heard_at = self._ways.get(way, (address, -math.inf))
+        if now - heard_at > SILENCE:
+            known = address
+        elif address != known:
             if not self.clashing:
                 _LOG.error("two vehicles use system id %s: at %s and %s", self.system, self.address, address)
             self._clash_at = now
+            self.trust.counts["messages of a second vehicle with this id"] += 1
             return False
-        self._heard_at = now
-        return True
+        self._ways[way] = known, now
+        best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
+        if best != way_of(self.address):
+            _LOG.info("system %s is reached by way %s from now on", self.system, best)
+            self.switches += 1
+        self.address = self._ways[best][0]
+        return way == best
 
     @contextlib.contextmanager
     def hearing(self, *kinds: type[SaidT]) -> Iterator[Heard[SaidT]]:
@@ -147,6 +183,22 @@ class Vehicle:
         finally:
             self._waiting.remove(waiter)
         return True
+
+
+class Part(Vehicle):
+    """A component beside the autopilot that is asked by itself; it is reached as its vehicle is."""
+
+    def __init__(self, whole: Vehicle, component: int) -> None:
+        super().__init__(whole.system, whole.clock, lambda message, _address: whole.send(message))
+        self.component = component
+
+    def take(self, message: Message, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
+        """Believe what it says."""
+        self.state = reduce(self.state, message, self.clock.monotonic())
+        if isinstance(message, CommandAck):
+            self.on_ack(message)
+        self._pass_on(message)
+        self._wake()
 
 
 def _nothing() -> None:

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 NAN = math.nan
 AUTOPILOT = 1  # the component that flies the vehicle
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: stations, cameras, gimbals
+CAMERAS = range(100, 106)  # components
+CAMERA_TYPE = 30  # MAV_TYPE
 ARMED_FLAG = 0x80  # in the heartbeat's base_mode
 CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: the mode is the autopilot's own
 FORCE = 21196.0  # param2 of ARM_DISARM: without the checks
@@ -30,10 +32,18 @@ class Cmd(enum.IntEnum):
     DO_SET_HOME = 179
     DO_LAND_START = 189
     DO_REPOSITION = 192
+    PREFLIGHT_CALIBRATION = 241
     PREFLIGHT_REBOOT_SHUTDOWN = 246
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
+    RUN_PREARM_CHECKS = 401
     SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    IMAGE_START_CAPTURE = 2000
+    DO_START_MAG_CAL = 42424
+    DO_CANCEL_MAG_CAL = 42426
     NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
     NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
 
@@ -87,6 +97,7 @@ class Status(enum.IntEnum):
     FLIGHT_TERMINATION = 8
 
 
+MAG_CAL_SUCCESS = 4  # MAG_CAL_STATUS
 FIX_TYPES: Mapping[int, str] = {
     2: "2d",
     3: "3d",

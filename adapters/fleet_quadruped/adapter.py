@@ -11,30 +11,24 @@ import msgspec
 from fleet import (
     Adapter,
     Fault,
-    FlyMission,
-    FollowPath,
-    Goal,
-    GoTo,
     Limits,
     NotReady,
     Progress,
     Refused,
-    RelativeMove,
     Robot,
-    Task,
     TimedOut,
     Unsupported,
     Velocity,
     command,
 )
-from fleet.model.geometry import ZERO_VELOCITY, Quaternion, rotate_to_world
+from fleet.camera.picture import photograph
+from fleet.model.geometry import ZERO_VELOCITY
+from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Errand, Order, State
-from fleet_quadruped.follow import REACHED, Place, towards
 from fleet_quadruped.process import BodyProcess
 from fleet_quadruped.reports import health_of, motion_reports, slow_reports
-from fleet_quadruped.robot.description import Description, load_description
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -50,11 +44,12 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     Config = QuadrupedConfig
     limits = Limits(speed=0.8, yaw_rate=1.0)
+    holonomic = True
 
     def __init__(self, config: QuadrupedConfig) -> None:
         super().__init__(config)
         self._body: BodyProcess | None = None
-        self._dog: Description | None = None
+        self._dog: AnyBody | None = None
         self._robot: Robot | None = None
         self._order = Order()
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
@@ -64,7 +59,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     async def run(self, robot: Robot) -> None:
         """Start the body controller and report what it says until it ends."""
-        self._dog = load_description(self.config.body_file)
+        self._dog = load_body(self.config.body_file)
         self._robot = robot
         async with BodyProcess(self.config) as body:
             self._body = body
@@ -95,7 +90,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._until(lambda: self._state.stopped >= number, "the emergency stop")
             return
         self.halt()
-        await self._until(lambda: self._state.mode != "walking", "standing still", within=4.0)
+        await self._until(lambda: self._state.mode != "walking", "standing still", within=6.0)
 
     def halt(self) -> None:
         """Order to stand still; from any thread."""
@@ -147,12 +142,19 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     async def battery_check(self) -> None:
         """Report the battery now."""
         robot = self._running()
-        if self._dog is None or self._dog.battery is None:
+        timeout = self._dog.battery_timeout if self._dog else None
+        if timeout is None:
             raise Unsupported("this dog's description has no battery")
-        if self._state.battery_age is None or self._state.battery_age > self._dog.battery.timeout:
+        if self._state.battery_age is None or self._state.battery_age > timeout:
             raise NotReady("the battery says nothing", hint="check its CAN frames")
         for report in slow_reports(self._state, robot.clock.time()):
             robot.report(report)
+
+    @command("take_photo", timeout=10.0, moves=False, safe=True)
+    async def take_photo(self) -> None:
+        """Publish a picture of the configured camera."""
+        robot = self._running()
+        robot.report(await photograph(self.config.camera, robot.clock))
 
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
         """Change the height, or all of the posture."""
@@ -199,53 +201,6 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         except TimeoutError:
             raise TimedOut(f"{what}: the dog is {self._state.mode} after {within:g} s") from None
 
-    # -- navigation ----------------------------------------------------------------------------------
-
-    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
-        """Walk to one place after the other on leg odometry."""
-        places = self._places(task)
-        reached = task.constraints.tolerance or REACHED
-        most = min(task.constraints.max_speed or self.limits.speed or 0.5, self.limits.speed or 0.5)
-        for number, (place, wait) in enumerate(places):
-            async for _ in self._walk_to(place, most, reached):
-                yield Progress(100.0 * number / len(places))
-            await asyncio.sleep(wait)
-
-    async def _walk_to(self, place: Place, speed: float, reached: float) -> AsyncIterator[Progress]:
-        assert self._dog is not None
-        strafe = min(speed, self._dog.gait.strafe)
-        while True:
-            velocity = towards(
-                self._place(), place, speed=speed, strafe=strafe, turn=self._dog.gait.turn, reached=reached
-            )
-            self.drive(velocity or ZERO_VELOCITY)
-            if velocity is None:
-                return
-            yield Progress(0.0)
-            self._news.clear()
-            await self._news.wait()
-
-    def _places(self, task: Task) -> list[tuple[Place, float]]:
-        """Return where a task leads, with the seconds to stay there."""
-        self._reached()
-        here = self._place()
-        match task:
-            case GoTo():
-                return [_place_of(task.goal)]
-            case FollowPath():
-                return [_place_of(goal) for _ in range(task.loops) for goal in task.goals]
-            case RelativeMove():
-                move = task.translation
-                if task.body_frame:
-                    move = rotate_to_world(move, here.yaw or 0.0)
-                return [(Place(here.x + move.x, here.y + move.y, None), 0.0)]
-            case FlyMission():
-                raise Refused("it has no memory for missions", hint="send the goals as a path")
-
-    def _place(self) -> Place:
-        trim = self.config.trim
-        return Place(self._state.x * trim, self._state.y * trim, Quaternion(*self._state.rotation).yaw)
-
     # -- the body ------------------------------------------------------------------------------------
 
     def _reached(self) -> BodyProcess:
@@ -284,11 +239,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             return
         before = self._state
         self._state = self._body.states.get()
-        if self._state is not before:
+        if self._state is not before and self._state.stamp:  # before the first state nothing is known
             self._news.set()
             if self._dog is not None and self._robot is not None:
-                health = health_of(self._state, self._dog.drive.cycle_hz)
-                if before.stamp == 0.0 or health != health_of(before, self._dog.drive.cycle_hz):
+                health = health_of(self._state, 1.0 / self._dog.dt)
+                if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
                     self._robot.health(health)
 
     def _report_motion(self) -> None:
@@ -302,14 +257,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
                 self._robot.report(report)
 
 
-def _walking(velocity: Velocity, now: float) -> dict[str, float]:
+def _walking(velocity: Velocity, now: float) -> dict[str, object]:
     """Return what a velocity changes in the order, at the monotonic time ``now``."""
-    move = velocity.linear
-    return {"x": move.x, "y": move.y, "turn": velocity.yaw_rate, "until": now + _FOREVER}
-
-
-def _place_of(goal: Goal) -> tuple[Place, float]:
-    """Return a goal's place and the seconds to stay; raises Unsupported for a place on Earth."""
-    if goal.position is None:
-        raise Unsupported("this dog knows places in metres only, not latitude and longitude")
-    return Place(goal.position.x, goal.position.y, goal.yaw), goal.wait
+    move, gait = velocity.linear, "walk" if velocity.gait == "walk" else "trot"
+    return {"x": move.x, "y": move.y, "turn": velocity.yaw_rate, "gait": gait, "until": now + _FOREVER}

@@ -1,10 +1,11 @@
-"""A dog on the bench: its drives are heard and never enabled. What the ``fleet can`` tools share."""
+"""A dog on the bench: its drives are heard. What the ``fleet can`` tools share."""
 
 from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet_quadruped.can.bus import Bus
@@ -13,8 +14,11 @@ from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT
 from fleet_quadruped.drives.mit.frames import DISABLE
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.frames import Decoder
+from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.names import Twelve
+from fleet_quadruped.selfwalk.controller import SelfWalkController
+from fleet_quadruped.selfwalk.description import SelfWalker
 
 _SDO_REQUEST, _SDO_RESPONSE = 0x600, 0x580
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
@@ -73,28 +77,39 @@ def _note(frame: Frame, found: dict[tuple[str, int], str]) -> None:
 
 
 class Bench:
-    """A configured dog whose drives stay off."""
+    """Configured drives of a dog, all or those of some joints; ``look`` keeps them off."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus], clock: Clock) -> None:
+    def __init__(
+        self,
+        dog: Description,
+        buses: Mapping[str, CanBus],
+        clock: Clock,
+        joints: Sequence[Joint] | None = None,
+    ) -> None:
         self.dog = dog
+        self.joints = dog.all_joints if joints is None else joints
         self.frames: Counter[str] = Counter()
         self._buses = buses
         self._clock = clock
-        self._drives = drives_of(dog, buses)
-        self._drives.configure()
+        self.drives = drives_of(dog, buses, self.joints)
+        self.drives.configure()
 
     def look(self) -> tuple[JointFeedback, ...]:
         """Run one cycle, with the torque off; return what the drives say."""
+        return self.cycle(self.drives.disable)
+
+    def cycle(self, act: Callable[[], None]) -> tuple[JointFeedback, ...]:
+        """Run one cycle: hear the drives, then ``act``; return what they say."""
         now = self._clock.monotonic()
-        self._drives.begin_cycle(now)
+        self.drives.begin_cycle(now)
         until = now + self.dog.dt
         while (left := until - self._clock.monotonic()) > 0:
             for name, bus in self._buses.items():
                 for frame in bus.receive(min(left, 0.002)):
                     self.frames[name] += 1
-                    self._drives.take(name, frame, self._clock.monotonic())
-        self._drives.disable()
-        return self._drives.feedback(self._clock.monotonic())
+                    self.drives.take(name, frame, self._clock.monotonic())
+        act()
+        return self.drives.feedback(self._clock.monotonic())
 
     def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
         """Return what the drives say after some cycles."""
@@ -104,10 +119,10 @@ class Bench:
         return told
 
 
-def problems(dog: Description, told: tuple[JointFeedback, ...]) -> list[str]:
+def problems(joints: Sequence[Joint], told: tuple[JointFeedback, ...]) -> list[str]:
     """Return what keeps these joints from being enabled, a line each."""
     found = []
-    for joint, feedback in zip(dog.all_joints, told, strict=True):
+    for joint, feedback in zip(joints, told, strict=True):
         if feedback.age > 0.1:
             found.append(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent")
         elif feedback.fault:
@@ -126,3 +141,32 @@ def offsets(dog: Description, told: tuple[JointFeedback, ...], pose: Twelve) -> 
         joint.name: round(joint.motor(feedback.angle) / joint.kind.ratio - joint.sign * angle, 4)
         for joint, feedback, angle in zip(dog.all_joints, told, pose, strict=True)
     }
+
+
+class Heard(NamedTuple):
+    """What a machine that walks by itself tells: values by name, and a line for each missing frame."""
+
+    values: dict[str, float]
+    missing: list[str]
+
+
+def listen(walker: SelfWalker, buses: Mapping[str, CanBus], clock: Clock, seconds: float = 1.0) -> Heard:
+    """Hear a machine for a while; it is asked for its state and told nothing else."""
+    controller = SelfWalkController(walker, buses)
+    if walker.wire.node is not None:
+        controller.configure()
+    decoder, bus = Decoder((*walker.wire.state, *walker.wire.slow)), buses[walker.bus]
+    values: dict[str, float] = {}
+    heard: set[int] = set()
+    until = clock.monotonic() + seconds
+    while (now := clock.monotonic()) < until:
+        controller.begin(now)
+        for frame in bus.receive(walker.dt):
+            heard.add(frame.id)
+            values.update(decoder.decode(frame.id, frame.data) or {})
+    missing = [
+        f"frame {frame.id:03X}h ({', '.join(frame.fields)}) did not come"
+        for frame in walker.wire.state
+        if frame.id not in heard
+    ]
+    return Heard(values, missing)

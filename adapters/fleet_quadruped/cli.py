@@ -1,16 +1,21 @@
-"""``fleet can``: a dog on the bench. None of these commands enables a drive."""
+"""``fleet can``: a dog on the bench. Only ``jog`` enables a drive, one, after a person has agreed."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import click
 
 from fleet.clock import SystemClock
-from fleet.errors import LinkRefused
-from fleet_quadruped.bench import Bench, offsets, open_buses, problems, scan
-from fleet_quadruped.robot.description import Description, load_description
+from fleet.errors import ConfigError, LinkRefused
+from fleet_quadruped.bench import Bench, listen, offsets, open_buses, problems, scan
+from fleet_quadruped.bodies import AnyBody, load_body
+from fleet_quadruped.jog import MOST_DEGREES, MOST_SHARE, Jog, Jogger, Pressed, Stopped, direction
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.selfwalk.description import SelfWalker
 
 _BODY = click.argument("body", type=click.Path(dir_okay=False, path_type=Path))
 _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A bus: a=can:socketcan:can0.")
@@ -20,7 +25,7 @@ _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON list of lines for programs.")
 @click.pass_context
 def can(context: click.Context, *, as_json: bool) -> None:
-    """Look at a quadruped's CAN buses and drives; nothing here enables a drive."""
+    """Look at a quadruped's CAN buses and drives; only jog enables one, after asking."""
     context.obj = as_json
 
 
@@ -46,17 +51,21 @@ def scan_command(url: str, bitrate: int) -> int:
 @_BUS
 def check_command(body: Path, buses: tuple[str, ...]) -> int:
     """Check a description, and with --bus also the drives that it names."""
-    dog = load_description(body)
+    dog = load_body(body)
     lines = [
-        f"bus {bus}: {load:.0%} of {dog.buses[bus].bitrate} bit/s at {dog.drive.cycle_hz} cycles a second"
+        f"bus {bus}: {load:.0%} of {dog.buses[bus].bitrate} bit/s at {1 / dog.dt:.0f} cycles a second"
         for bus, load in dog.loads.items()
     ]
     if not buses:
         _show([*lines, f"{body}: ok; add --bus to look at the drives"])
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        found = problems(dog, Bench(dog, opened, SystemClock()).settle())
-    verdict = f"{len(found)} problems" if found else "all twelve drives answer, where their joints can be"
+        if isinstance(dog, Description):
+            found = problems(dog.all_joints, Bench(dog, opened, SystemClock()).settle())
+            good = "all twelve drives answer, where their joints can be"
+        else:
+            found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
+    verdict = f"{len(found)} problems" if found else good
     _show([*lines, *found, verdict])
     return 1 if found else 0
 
@@ -67,18 +76,32 @@ def check_command(body: Path, buses: tuple[str, ...]) -> int:
 @click.option("--seconds", type=click.FloatRange(0.1), default=5.0, show_default=True)
 def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
     """Show joints once a second: angle, torque, state, age of the feedback; frames a second."""
-    dog = load_description(body)
+    dog = load_body(body)
+    if isinstance(dog, SelfWalker):
+        with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+            for _ in range(max(1, round(seconds))):
+                heard = listen(dog, opened, SystemClock())
+                _show([*(f"{name:8} {value:9.3f}" for name, value in heard.values.items()), *heard.missing])
+        return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        bench = Bench(dog, opened, SystemClock())
+        clock = SystemClock()
+        bench = Bench(dog, opened, clock)
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
+            began = clock.monotonic()
             told = bench.settle(dog.drive.cycle_hz - 1)
+            took = clock.monotonic() - began
             lines = [
                 f"{joint.name:8} {feedback.angle:7.3f} rad {feedback.torque:6.2f} N m "
                 f"{feedback.power.value:9} {feedback.age * 1000:6.1f} ms  {feedback.fault}"
                 for joint, feedback in zip(dog.all_joints, told, strict=True)
             ]
-            _show([*lines, *(f"bus {name}: {count} frames/s" for name, count in bench.frames.items())])
+            _show(
+                [
+                    *lines,
+                    *(f"bus {name}: {count / took:.0f} frames/s" for name, count in bench.frames.items()),
+                ]
+            )
     return 0
 
 
@@ -89,13 +112,13 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
 @click.option("--yes", is_flag=True, help="The dog is in that pose; do not ask.")
 def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: bool) -> int:
     """Measure joint offsets of a dog that a person has put into a known pose; prints YAML, writes nothing."""
-    dog = load_description(body)
+    dog = _with_joints(body)
     if not yes:
         click.confirm(f"Is the dog in the pose {pose!r}, and are its drives off?", abort=True, err=True)
     wanted = dog.posture(dog.poses.fold) if pose == "fold" else dog.stance(dog.gait.height)
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         told = Bench(dog, opened, SystemClock()).settle()
-    silent = [line for line in problems(dog, told) if "is silent" in line]
+    silent = [line for line in problems(dog.all_joints, told) if "is silent" in line]
     if silent:
         raise LinkRefused(silent[0])
     found = offsets(dog, told, wanted)
@@ -103,7 +126,61 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
     return 0
 
 
-def _urls(dog: Description, given: tuple[str, ...]) -> dict[str, str]:
+@can.command("jog")
+@_BODY
+@_BUS
+@click.option("--joint", "name", type=click.Choice(JOINTS), required=True, help="The one joint that moves.")
+@click.option(
+    "--degrees",
+    type=click.FloatRange(-MOST_DEGREES, MOST_DEGREES),
+    default=2.0,
+    show_default=True,
+    help="How far, from where it is.",
+)
+@click.option("--torque", type=click.FloatRange(0.0, min_open=True), help="N m at most; left out, a tenth.")
+def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, torque: float | None) -> int:
+    """Move one joint a little and slowly, and ask for its sign; any key stops it. Asks before it moves."""
+    dog = _with_joints(body)
+    joint = dog.all_joints[JOINTS.index(name)]
+    most = MOST_SHARE * joint.kind.torque
+    jog = Jog(joint, math.radians(degrees), torque or 0.1 * joint.kind.torque)
+    if jog.torque > most:
+        raise LinkRefused(f"--torque {jog.torque:g}: at most {most:.1f} N m for {name} on the bench")
+    way = direction(joint, forwards=degrees > 0)
+    click.echo(
+        f"{name}: id {joint.id} on bus {joint.bus}. It will move by {degrees:+g} degrees ({way}), "
+        f"with at most {jog.torque:.1f} N m. Any key stops it.",
+        err=True,
+    )
+    click.confirm("Does the dog hang free, and is everybody clear?", abort=True, err=True)
+    pressed = Pressed()
+    with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
+        jogger = Jogger(dog, opened, SystemClock(), jog, pressed)
+        try:
+            with pressed.watching():
+                moved = jogger.move()
+        except Stopped:
+            _show([f"{name}: stopped by a key, and off"])
+            return 1
+    if abs(moved) < abs(jog.step) / 2:
+        _show(
+            [f"{name}: moved {math.degrees(moved):+.2f} of {degrees:+g} degrees; held, or --torque too low"]
+        )
+        return 1
+    right = click.confirm(f"Did it move {way}?", default=None, err=True)
+    _show([f"{name}: moved {math.degrees(moved):+.2f} degrees; sign: {joint.sign if right else -joint.sign}"])
+    return 0
+
+
+def _with_joints(body: Path) -> Description:
+    """Return a dog's description; raises ConfigError for a machine that walks by itself."""
+    dog = load_body(body)
+    if isinstance(dog, SelfWalker):
+        raise ConfigError(f"{body}: this machine walks by itself; it has no drives of ours")
+    return dog
+
+
+def _urls(dog: AnyBody, given: tuple[str, ...]) -> dict[str, str]:
     """Return the buses by name; raises LinkRefused when they are not those of the description."""
     urls = {name: url for name, _, url in (text.partition("=") for text in given)}
     if set(urls) != set(dog.buses):
@@ -111,5 +188,5 @@ def _urls(dog: Description, given: tuple[str, ...]) -> dict[str, str]:
     return urls
 
 
-def _bitrates(dog: Description) -> dict[str, int]:
+def _bitrates(dog: AnyBody) -> dict[str, int]:
     return {name: bus.bitrate for name, bus in dog.buses.items()}

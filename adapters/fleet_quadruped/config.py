@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from fleet import AdapterConfig
+from fleet.camera.picture import CameraText
 from fleet.sim.faults import parse_faults
 from fleet_quadruped.can.bus import BusText
 from fleet_quadruped.robot.description import EXAMPLE
-from fleet_quadruped.sim.faults import ALL_FAULTS
+from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
 from fleet_quadruped.sim.worlds import WORLDS
 
 
@@ -24,7 +25,7 @@ def simulation(link: str) -> tuple[str, dict[str, float]]:
         raise ValueError(
             f"{link!r} is not a simulated dog; write sim:auto or sim:mujoco?faults=loss:0.05 ({worlds})"
         )
-    return world, parse_faults(query.removeprefix("faults="), ALL_FAULTS)
+    return world, parse_faults(query.removeprefix("faults="), {**WALKER_FAULTS, **ALL_FAULTS})
 
 
 def _checked(link: str) -> str:
@@ -46,6 +47,8 @@ class QuadrupedConfig(AdapterConfig):
         None, description="A simulated dog: sim:auto, sim:mujoco or sim:kinematic, with ?faults=loss:0.05."
     )
     trim: float = Field(1.0, gt=0.5, lt=2.0, description="Real distance over leg odometry, measured once.")
+
+    camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
     @model_validator(mode="after")
     def _one_way(self) -> QuadrupedConfig:

@@ -27,17 +27,22 @@ def _scale(value: float) -> float:
     return value
 
 
-class FieldMap(BaseModel):
-    """One value: raw number at ``at``, times ``scale``, plus ``offset``."""
+class Number(BaseModel):
+    """How a value is stored: a raw number, times ``scale``, plus ``offset``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    at: int = Field(ge=0, le=63, description="First byte.")
     type: Type = Field(description="How it is stored.")
-    endian: Literal["big", "little"] = Field("little", description="Byte order.")
     scale: Annotated[float, AfterValidator(_scale)] = Field(1.0, description="Value of one unit.")
     offset: float = Field(0.0, description="Value of raw zero.")
     invalid: int | None = Field(None, description="Raw number that means: not known.")
+
+
+class FieldMap(Number):
+    """One value of a frame, at byte ``at``."""
+
+    at: int = Field(ge=0, le=63, description="First byte.")
+    endian: Literal["big", "little"] = Field("little", description="Byte order.")
 
     @cached_property
     def layout(self) -> struct.Struct:

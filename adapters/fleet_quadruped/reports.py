@@ -56,7 +56,7 @@ def slow_reports(state: State, stamp: float) -> Iterator[BatteryReport | Metrics
     yield MetricsReport(stamp, power=power, navigation=navigation, errors=errors)
 
 
-def health_of(state: State, cycle_hz: int) -> Health:
+def health_of(state: State, cycle_hz: float) -> Health:
     """Return how the dog is; of an emergency stop that is over only the host's latch keeps it from moving."""
     if state.fault == EMERGENCY_STOP:
         return Health(Level.DEGRADED, state.fault)
@@ -66,6 +66,6 @@ def health_of(state: State, cycle_hz: int) -> Health:
         return Health(Level.DEGRADED, state.warning)
     if 0 < state.timing.rate < SLOW_RATE * cycle_hz:
         return Health(
-            Level.DEGRADED, f"the body loop reaches {state.timing.rate:.0f} of {cycle_hz} cycles a second"
+            Level.DEGRADED, f"the body loop reaches {state.timing.rate:.0f} of {cycle_hz:.0f} cycles a second"
         )
     return Health()

@@ -21,11 +21,10 @@ from fleet import (
     command,
     open_link,
 )
+from fleet.camera.picture import photograph
 from fleet.link.url import parse
-from fleet.model.report import PhotoReport
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board
-from fleet_ugv.camera import Picture, take_picture
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import Odometry
@@ -241,11 +240,8 @@ class UgvAdapter(Adapter[UgvConfig]):
     @command("take_photo", moves=False, safe=True, timeout=10.0)
     async def take_photo(self) -> None:
         """Publish a picture of the configured camera."""
-        if self.config.camera is None:
-            raise Unsupported("no camera is configured", hint="camera: http://... in fleet.yaml")
         _, robot = self._observed()
-        picture: Picture = await take_picture(self.config.camera)
-        robot.report(PhotoReport(robot.clock.time(), picture.data, "jpeg", picture.width, picture.height))
+        robot.report(await photograph(self.config.camera, robot.clock))
 
     @command("start_video", "stop_video", moves=False, safe=True, timeout=2.0)
     async def video(self) -> None:

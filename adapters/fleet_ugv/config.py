@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from fleet import AdapterConfig, LinkRefused
+from fleet.camera.picture import CameraText
 from fleet.link.url import parse
 from fleet.robot_config import Model, Positive
 from fleet_ugv.battery import checked_curve
@@ -91,9 +92,7 @@ class UgvConfig(AdapterConfig):
     battery: list[tuple[float, float]] | None = Field(
         None, description="Points of (volts, percent), rising; over the profile's curve."
     )
-    camera: str | None = Field(
-        None, pattern=r"^(file:/|https?://|v4l2:/)\S+$", description="Where take_photo gets a JPEG picture."
-    )
+    camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
     @model_validator(mode="after")
     def _possible(self) -> UgvConfig:

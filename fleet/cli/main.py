@@ -25,6 +25,9 @@ COMMANDS: Mapping[str, str] = {
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.send:goto",
     "stop": "fleet.cli.send:stop",
+    "ready": "fleet.cli.ready:ready",
+    "params": "fleet.cli.params:params",
+    "logs": "fleet.cli.logs:logs",
     "spool": "fleet.cli.spool:spool",
     "calibrate": "fleet.cli.calibrate:calibrate",
     "adapters": "fleet.cli.adapters:adapters",
@@ -40,11 +43,14 @@ SUMMARIES: Mapping[str, str] = {
     "send": "Send a command to a robot and wait for its answer.",
     "goto": "Send a robot to a place.",
     "stop": "Stop robots at once.",
+    "ready": "Show whether an aircraft would take off now, and why not.",
+    "params": "Read and write a robot's own parameters.",
+    "logs": "List and fetch the logs that a robot keeps on board.",
     "spool": "Look at what waits for the cloud on this edge's disk, or delete it.",
     "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
-    "can": "Look at a quadruped's CAN buses and drives; enables nothing.",
+    "can": "Look at a quadruped's CAN buses and drives, move one joint.",
 }
 
 

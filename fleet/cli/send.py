@@ -201,6 +201,8 @@ def _last(out: Output, robot: RobotState, replies: Iterator[Reply], command: str
     last = None
     for last in replies:
         out.say(f"{robot.name}: {_sentence(last)}")
+        if last.data is not None:
+            out.say(json.dumps(last.data))
     if last is None:
         last = Reply(command, ReplyStatus.TIMEOUT, robot.cause or f"no answer within {timeout:g} s")
         out.note(f"{robot.name}: {_sentence(last)}")

@@ -11,12 +11,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from fleet import event_loop
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
+from fleet.event_loop import run as run_loop
 from fleet.host.edge import Edge
 from fleet.host.logs import log_to_stderr
 
@@ -28,7 +28,7 @@ def serve(
 ) -> ExitCode:
     """Run until Ctrl-C or SIGTERM; ``started`` is told once the edge is built."""
     log_to_stderr(LEVELS[min(verbose, 2)])
-    event_loop.run(_serve(loaded, path, out, started))
+    run_loop(_serve(loaded, path, out, started))
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 

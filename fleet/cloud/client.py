@@ -8,7 +8,6 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 
-from fleet import event_loop
 from fleet.clock import Clock
 from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
@@ -18,6 +17,7 @@ from fleet.cloud.session import Session, SessionRefused
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
 from fleet.errors import CloudError
+from fleet.event_loop import run as run_loop
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -162,7 +162,7 @@ class CloudClient:
 
     def _run(self) -> None:
         """Be the cloud thread."""
-        event_loop.run(self._main())
+        run_loop(self._main())
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""

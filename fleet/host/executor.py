@@ -117,8 +117,7 @@ class Executor:
             self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()
-            await walled(lambda: self._call(adapter, spec, ask, ticket))
-            ticket.done()
+            ticket.done(await walled(lambda: self._call(adapter, spec, ask, ticket)))
         except asyncio.CancelledError:
             if was_cancelled():
                 raise
@@ -142,15 +141,15 @@ class Executor:
         ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
         self._crashed(error)
 
-    async def _call(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> None:
-        """Call the adapter's method; its first progress is the receipt."""
+    async def _call(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> Any:
+        """Call the adapter's method, and return what it returns; its first progress is the receipt."""
         call = perform(adapter, spec, ask)
         if not spec.streams:
-            await call
-            return
+            return await call
         async with closing(call) as steps:
             async for _ in steps:
                 ticket.accept()
+        return None
 
 
 def may_still_move(spec: CommandSpec, ticket: Ticket, *, superseding: bool) -> bool:

@@ -15,7 +15,7 @@ from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
 from fleet.host.journal import RobotJournal
-from fleet.host.make import AdapterClass, capabilities, make_adapter
+from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
@@ -75,7 +75,7 @@ class LocalRobot:
         self._online = False
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         self._refusals = Tally(self._log, clock)
-        self._can = can = capabilities(plugin)
+        self._can = can = timed(capabilities(plugin), config)
         self._limits = config.limits.over(can.limits)
         self._decoder = Decoder(
             config,

@@ -36,6 +36,17 @@ class Capabilities(msgspec.Struct, frozen=True):
         return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
 
 
+def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
+    """Return capabilities whose commands are given up when the robot's config says so."""
+    commands = {
+        name: spec
+        if (limit := config.timeout_of(name)) is None
+        else msgspec.structs.replace(spec, timeout=limit)
+        for name, spec in can.commands.items()
+    }
+    return msgspec.structs.replace(can, commands=commands)
+
+
 class _NoParameters(msgspec.Struct):
     """The parameters of a plain verb: its data goes to ``encode`` as it is."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from typing import Any
 
 from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
 from fleet.model.command import Reply, ReplyStatus
@@ -47,10 +48,10 @@ class Ticket:
         """Give the answers that the first of its repeats got, and those that it is still to get."""
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
-    def done(self) -> None:
-        """Say that the robot was seen to have done it."""
+    def done(self, data: Any = None) -> None:
+        """Say that the robot was seen to have done it, with what was asked for."""
         self.accept()
-        self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True))
+        self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
     def reject(self, reason: str, *, hint: str = "") -> None:
         """Say that the host refused it."""

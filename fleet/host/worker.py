@@ -15,13 +15,13 @@ import signal
 import sys
 from pathlib import Path
 
-from fleet import event_loop
 from fleet.bus import keys
 from fleet.bus.session import join
 from fleet.bus.settings import runtime_dir
 from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
+from fleet.event_loop import run as run_loop
 from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.logs import log_to_stderr, publish_robot_logs
@@ -86,7 +86,7 @@ def main() -> int:
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
     try:
-        event_loop.run(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        run_loop(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

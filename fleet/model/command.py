@@ -69,7 +69,8 @@ class ReplyStatus(enum.StrEnum):
 class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
     """The one answer to a command, and, for whoever waits, how it ended.
 
-    ``done`` is None in the receipt, True once the robot was seen to have done it.
+    ``done`` is None in the receipt, True once the robot was seen to have done it. ``data`` is what was
+    asked for, plain JSON values, in the end of a command that asks for something.
     """
 
     command: str
@@ -79,6 +80,7 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
     device_result: str | None = None
     messages: tuple[str, ...] = ()
     done: bool | None = None
+    data: Any = None
 
     @property
     def ok(self) -> bool:

@@ -75,10 +75,14 @@ class Pose(msgspec.Struct, frozen=True):
 
 
 class Velocity(msgspec.Struct, frozen=True):
-    """A body-frame velocity: linear m/s (x forward, y left, z up), yaw rate rad/s, left positive."""
+    """A body-frame velocity: linear m/s (x forward, y left, z up), yaw rate rad/s, left positive.
+
+    ``gait`` is how legs are to do it: walk, trot, or empty for the robot's own choice.
+    """
 
     linear: Vector3 = Vector3()
     yaw_rate: float = 0.0
+    gait: str = ""
 
     @property
     def is_zero(self) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ class Asker:
     def __init__(self, port: int, twins: Mapping[str, str], *, name: str = "asker") -> None:
         self._twins = dict(twins)
         self._name = name
+        self._life = uuid.uuid4().hex  # an edge remembers what it was asked, also before it was restarted
         self._lock = threading.Lock()
         self._events: list[Event] = []
         self.asks: dict[int, Ask] = {}
@@ -97,7 +99,7 @@ class Asker:
             ask.payload,
             qos=1,
             response_topic=f"{ask.topic}/{self._name}/response",
-            correlation_data=str(ask.number).encode(),
+            correlation_data=f"{self._life} {ask.number}".encode(),
         )
 
     def _note(self, ask: Ask, what: What, *, ok: bool = True) -> None:
@@ -109,7 +111,7 @@ class Asker:
 
     def _took(self, packet: Any, _now: float) -> None:
         """Take a reply; on the connection's thread."""
-        ask = self.asks[int(packet.correlation_data)]
+        ask = self.asks[int(packet.correlation_data.split()[1])]
         ask.answered = True
         reply = json.loads(packet.payload)
         taken = reply["status"] == "accepted"

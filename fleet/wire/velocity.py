@@ -30,7 +30,7 @@ def read_velocity_contract(body: Mapping[str, Any], *, where: str) -> tuple[Velo
     """Return the velocity (body frame, signed) and its lease in seconds; a lease of 0.0 means stop.
 
     A duration of 0 ms and the gait ``stand`` mean stop; any other duration is held between 0.15 and
-    5 s. Raises WireError for what the contract does not allow.
+    5 s; the gaits ``walk`` and ``trot`` are passed on. Raises WireError for what the contract does not allow.
     """
     contract = body.get("contract")
     model = _CONTRACTS.get(contract) if isinstance(contract, str) else None
@@ -46,4 +46,4 @@ def read_velocity_contract(body: Mapping[str, Any], *, where: str) -> tuple[Velo
         return ZERO_VELOCITY, 0.0
     linear = Vector3(command.linear_x, command.linear_y, getattr(command, "linear_z", 0.0))
     lease = min(max(command.duration_ms / 1000.0, SHORTEST_LEASE), LONGEST_LEASE)
-    return Velocity(linear, command.angular_z), lease
+    return Velocity(linear, command.angular_z, getattr(command, "gait", "")), lease

@@ -2,6 +2,7 @@
 
 from fleet.registry import Registry
 from fleet.testing.contract import AdapterContract
+from fleet_quadruped.robot.description import EXAMPLE
 
 REGISTRY = Registry()
 
@@ -30,6 +31,11 @@ class TestUgv(AdapterContract):
 class TestQuadruped(AdapterContract):
     adapter = adapter("quadruped")
     config = {"adapter": "quadruped", "link": "sim:kinematic"}
+
+
+class TestSelfWalkingQuadruped(AdapterContract):
+    adapter = adapter("quadruped")
+    config = {"adapter": "quadruped", "link": "sim:auto", "body": str(EXAMPLE.with_name("self-walking.yaml"))}
 
 
 def test_every_installed_adapter_is_held_to_the_contract():

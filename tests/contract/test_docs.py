@@ -49,7 +49,8 @@ def test_the_example_in_the_plugins_folder_is_a_test(root, monkeypatch):
 
 def test_every_dependency_is_explained(root, project):
     extras = project["project"]["optional-dependencies"]
-    wanted = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    wanted = [*project["project"]["dependencies"]]
+    wanted += [package for packages in project["dependency-groups"].values() for package in packages]
     wanted += [package for extra, packages in extras.items() if extra != "all" for package in packages]
     assert {told.replace("any", "") for told in explained(root)} == set(wanted)
 

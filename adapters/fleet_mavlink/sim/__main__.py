@@ -35,7 +35,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--ready-after", default="real", help="seconds until armable (as the real one)")
     parser.add_argument("--speed", type=float, default=1.0, help="seconds of simulation in a second")
     parser.add_argument("--fault", default="", help=f"NAME:VALUE,... of {', '.join(sorted(FAULTS))}")
-    parser.add_argument("--with", dest="accessories", default="", help="gimbal,adsb: more components")
+    parser.add_argument("--with", dest="accessories", default="", help="gimbal,adsb,camera: more components")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--stdin", action="store_true", help="take JSON lines (fleet.sim.server); end with stdin"

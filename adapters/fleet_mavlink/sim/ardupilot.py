@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
@@ -41,6 +42,7 @@ class ArduPilot(Autopilot):
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
+    without_gimbal: ClassVar[int | None] = FAILED
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
 

@@ -9,13 +9,25 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.ask import ACCEPTED, DENIED, FAILED, IN_PROGRESS, UNSUPPORTED, Ask, whole
+from fleet_mavlink.sim.ask import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    IN_PROGRESS,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Ask,
+    whole,
+)
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
+    configure_gimbal,
     get_message_interval,
     message_interval,
     request_version,
+    requested,
+    turn_gimbal,
 )
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Takeoff, Turn, hold
 from fleet_mavlink.sim.streams import BUILDERS
@@ -198,12 +210,31 @@ def _interval(pilot: ArduPilot, ask: Ask) -> int:
 
 def _request(pilot: ArduPilot, ask: Ask) -> int:
     """Accept also while the message cannot be built yet: then nothing comes."""
-    build = BUILDERS.get(whole(ask.p1))
-    if build is None:
-        return FAILED
-    message = build(pilot)
+    message = requested(pilot, whole(ask.p1))
     if message is not None:
         pilot.out.append(message)
+    return ACCEPTED if message is not None or whole(ask.p1) in BUILDERS else FAILED
+
+
+def _check(pilot: ArduPilot, _ask: Ask) -> int:
+    """RUN_PREARM_CHECKS: tell at once what stands against arming."""
+    if pilot.armed:
+        return TEMPORARILY_REJECTED
+    for refusal in pilot.refusals(force=False):
+        pilot.say(CRITICAL, f"PreArm: {refusal}")
+    return ACCEPTED
+
+
+def _start_compass(pilot: ArduPilot, _ask: Ask) -> int:
+    if pilot.armed:
+        pilot.say(CRITICAL, "Disarm to allow calibration")
+        return FAILED
+    pilot.equipment.compass.start(pilot.time, pilot)
+    return ACCEPTED
+
+
+def _cancel_compass(pilot: ArduPilot, _ask: Ask) -> int:
+    pilot.equipment.compass.cancel(pilot)
     return ACCEPTED
 
 
@@ -224,6 +255,11 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
     mav.MAV_CMD_MISSION_START: _start_mission,
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_RUN_PREARM_CHECKS: _check,
+    mav.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE: configure_gimbal,
+    mav.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: turn_gimbal,
+    mav.MAV_CMD_DO_START_MAG_CAL: _start_compass,
+    mav.MAV_CMD_DO_CANCEL_MAG_CAL: _cancel_compass,
     mav.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
     mav.MAV_CMD_SET_MESSAGE_INTERVAL: _interval,
     mav.MAV_CMD_REQUEST_MESSAGE: _request,

@@ -18,6 +18,7 @@ from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_
 from fleet.model.geometry import Vector3
 from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask, ack
 from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, Idle, Manoeuvre, hold
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import Missions
@@ -45,6 +46,7 @@ class Boot:
     battery: Battery
     params: Params
     missions: Missions
+    equipment: Equipment
     random: random.Random
     faults: Mapping[str, float]
     epoch: float  # Unix time at time 0
@@ -70,6 +72,7 @@ class Autopilot(ABC):
     obeys_broadcast: ClassVar[bool] = False
     ack_delay: ClassVar[float] = 0.0
     ack_queue: ClassVar[int] = 1000
+    without_gimbal: ClassVar[int | None]  # its answer to a gimbal's commands; None: it gives none
 
     def __init__(self, boot: Boot, mode: Mode) -> None:
         self.system_id = boot.system_id
@@ -79,6 +82,7 @@ class Autopilot(ABC):
         self.params = boot.params
         self.speeds = self.speeds_type(boot.params)
         self.missions = boot.missions
+        self.equipment = boot.equipment
         self.random = boot.random
         self.faults = boot.faults
         self.time = boot.at
@@ -329,6 +333,7 @@ class Autopilot(ABC):
         self._send_due()
         self.out.extend(self.params.pending())
         self.out.extend(self.missions.overdue(now))
+        self.out.extend(self.equipment.tick(self, dt))
         if self.age(1.0):
             self.out.extend(self.streams.due(self, now))
 

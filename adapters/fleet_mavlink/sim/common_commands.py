@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ask import ACCEPTED, Ask, whole
-from fleet_mavlink.sim.streams import autopilot_version
+from fleet_mavlink.sim.streams import BUILDERS, autopilot_version
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -29,6 +29,27 @@ def get_message_interval(pilot: Autopilot, ask: Ask) -> int:
     every = pilot.streams.every(whole(ask.p1))
     pilot.out.append(mav.MAVLink_message_interval_message(whole(ask.p1), int(every * 1e6) if every else -1))
     return ACCEPTED
+
+
+def configure_gimbal(pilot: Autopilot, ask: Ask) -> int | None:
+    """DO_GIMBAL_MANAGER_CONFIGURE: who may turn the gimbal."""
+    gimbal = pilot.equipment.gimbal
+    return pilot.without_gimbal if gimbal is None else gimbal.configure(ask)
+
+
+def turn_gimbal(pilot: Autopilot, ask: Ask) -> int | None:
+    """DO_GIMBAL_MANAGER_PITCHYAW."""
+    gimbal = pilot.equipment.gimbal
+    return pilot.without_gimbal if gimbal is None else gimbal.turn(ask)
+
+
+def requested(pilot: Autopilot, message_id: int) -> Any:
+    """Return the message that REQUEST_MESSAGE names, None where there is none or nothing to tell."""
+    gimbal = pilot.equipment.gimbal
+    if message_id == mav.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION:
+        return None if gimbal is None else gimbal.information(pilot.boot_ms)
+    build = BUILDERS.get(message_id)
+    return build(pilot) if build is not None else None
 
 
 def request_version(pilot: Autopilot, _ask: Ask) -> int:

@@ -20,9 +20,12 @@ from fleet_mavlink.sim.ask import (
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Geo, Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
+    configure_gimbal,
     get_message_interval,
     message_interval,
     request_version,
+    requested,
+    turn_gimbal,
 )
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre, Takeoff
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
@@ -187,11 +190,30 @@ def _interval(pilot: Px4, ask: Ask) -> int:
 
 def _request(pilot: Px4, ask: Ask) -> int:
     """Denied when there is no such message, or nothing to tell yet."""
-    build = BUILDERS.get(whole(ask.p1))
-    message = build(pilot) if build is not None else None
+    message = requested(pilot, whole(ask.p1))
     if message is None:
         return DENIED
     pilot.out.append(message)
+    return ACCEPTED
+
+
+def _check(pilot: Px4, _ask: Ask) -> int:
+    """RUN_PREARM_CHECKS: tell at once what stands against arming."""
+    if pilot.armed:
+        return TEMPORARILY_REJECTED
+    for refusal in pilot.refusals(force=False):
+        pilot.say(CRITICAL, f"Preflight Fail: {refusal}")
+    return ACCEPTED
+
+
+def _calibrate(pilot: Px4, ask: Ask) -> int:
+    """PREFLIGHT_CALIBRATION: parameter 2 the compass; all zero stops one; the rest is over at once."""
+    if pilot.armed:
+        return TEMPORARILY_REJECTED
+    if ask.p2 == 1.0:
+        pilot.equipment.compass.start(pilot.time, pilot)
+    elif not any((ask.p1, ask.p2, ask.p3, ask.p4)):
+        pilot.equipment.compass.cancel(pilot)
     return ACCEPTED
 
 
@@ -206,10 +228,13 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_DO_CHANGE_ALTITUDE: _altitude,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_SET_ROI_NONE: accept,
-    mav.MAV_CMD_PREFLIGHT_CALIBRATION: accept,
+    mav.MAV_CMD_PREFLIGHT_CALIBRATION: _calibrate,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
     mav.MAV_CMD_MISSION_START: _start_mission,
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_RUN_PREARM_CHECKS: _check,
+    mav.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE: configure_gimbal,
+    mav.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: turn_gimbal,
     mav.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
     mav.MAV_CMD_SET_MESSAGE_INTERVAL: _interval,
     mav.MAV_CMD_REQUEST_MESSAGE: _request,

@@ -23,7 +23,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     ``home``: latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
     ``ready``: seconds of simulation until it can be armed; None: as the real one (42.6 s, 4.6 s).
     ``speed``: seconds of simulation in one second. ``faults``: from the start. ``accessories``: what
-    else speaks on its link, ``gimbal`` and ``adsb``.
+    else speaks on its link, ``gimbal``, ``adsb`` and ``camera``.
     """
 
     flavour: Literal["ardupilot", "px4"]
@@ -33,7 +33,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     speed: float = 1.0
     faults: dict[str, float] = {}
     seed: int = 1
-    accessories: tuple[Literal["gimbal", "adsb"], ...] = ()
+    accessories: tuple[Literal["gimbal", "adsb", "camera"], ...] = ()
 
     def __post_init__(self) -> None:
         """Raise ValueError for values that no vehicle can have."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import all as mav
 
+from fleet_mavlink.sim.physics import GRAVITY
+
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
@@ -219,7 +221,43 @@ def gps_global_origin(pilot: Autopilot) -> Any:
     )
 
 
+def _thrust(pilot: Autopilot) -> float:
+    """Return what the accelerometer measures upwards, m/s2: the ground or the motors hold it."""
+    body = pilot.body
+    return GRAVITY / (math.cos(body.roll) * math.cos(body.pitch))
+
+
+def raw_imu(pilot: Autopilot) -> Any:
+    """RAW_IMU as ArduPilot fills it (thousandths of g and of rad/s); PX4 is not asked for it."""
+    accel, turn = round(-1000 * _thrust(pilot) / GRAVITY), round(1000 * pilot.body.turn_rate)
+    return mav.MAVLink_raw_imu_message(pilot.boot_us, 0, 0, accel, 0, 0, turn, 224, 80, -528)
+
+
+def highres_imu(pilot: Autopilot) -> Any:
+    """HIGHRES_IMU (PX4 only)."""
+    if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
+        return None
+    motion = (0.0, 0.0, -_thrust(pilot), 0.0, 0.0, pilot.body.turn_rate)
+    return mav.MAVLink_highres_imu_message(
+        pilot.boot_us, *motion, 0.2, 0.1, -0.5, 956.0, 0.0, 488.0, 25.0, 0x1FFF
+    )
+
+
+def esc_telemetry(pilot: Autopilot) -> Any:
+    """ESC_TELEMETRY_1_TO_4 (ArduPilot only): the motors stand, idle, or carry it."""
+    if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        return None
+    rpm = (5200 if pilot.flying else 1200) if pilot.armed else 0
+    volts = int(pilot.battery.volts * 100)
+    return mav.MAVLink_esc_telemetry_1_to_4_message(
+        [32] * 4, [volts] * 4, [80] * 4, [1] * 4, [rpm] * 4, [0] * 4
+    )
+
+
 BUILDERS: Mapping[int, Builder] = {
+    mav.MAVLINK_MSG_ID_RAW_IMU: raw_imu,
+    mav.MAVLINK_MSG_ID_HIGHRES_IMU: highres_imu,
+    mav.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: esc_telemetry,
     mav.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     mav.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
     mav.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,

@@ -15,6 +15,7 @@ from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
 from fleet_mavlink.sim.ask import ask_of
 from fleet_mavlink.sim.autopilot import Autopilot, Boot
 from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, Missions
 from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
@@ -66,6 +67,7 @@ class SimVehicle:
         values = ardupilot_params(system_id) if ardupilot else px4_params(system_id)
         self._params = Params(values, "cast" if ardupilot else "bytewise")
         self._missions = Missions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
+        self.equipment = Equipment(ardupilot=ardupilot)
         self._gust = 0.0
         self._dark_until = now
         self.pilot = self._boot(now)
@@ -82,6 +84,7 @@ class SimVehicle:
             battery=self._battery,
             params=self._params,
             missions=self._missions,
+            equipment=self.equipment,
             random=self._random,
             faults=self.faults,
             epoch=self._epoch,
@@ -93,6 +96,7 @@ class SimVehicle:
         """Restart the autopilot: dark for a second, rates forgotten, parameters and mission kept."""
         self._params.reboot()
         self._missions.reboot()
+        self.equipment.reboot()
         self._dark_until = now + _DARK
         self.pilot = self._boot(self._dark_until)
 
@@ -229,11 +233,22 @@ def _no_files(_pilot: Autopilot, message: Any) -> Iterable[Any]:
     return [mav.MAVLink_file_transfer_protocol_message(0, *asker, list(answer))]
 
 
+def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """LOG_REQUEST_LIST: ArduPilot tells its logs on the ground only."""
+    if pilot.armed and isinstance(pilot, ArduPilot):
+        pilot.say_once(3, "Disarm for log download")
+        return []
+    return pilot.equipment.logs.asked_list(message)
+
+
 _HANDLERS: Mapping[str, Callable[[Any, Any], Iterable[Any] | None]] = {
     "COMMAND_INT": _command,
     "COMMAND_LONG": _command,
     "FILE_TRANSFER_PROTOCOL": _no_files,
     "HEARTBEAT": _heartbeat,
+    "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.asked_data(message),
+    "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.asked_end(),
+    "LOG_REQUEST_LIST": _list_logs,
     "MISSION_CLEAR_ALL": lambda pilot, message: pilot.missions.clear(message),
     "MISSION_COUNT": lambda pilot, message: pilot.missions.count(message, pilot.time),
     "MISSION_ITEM": lambda pilot, message: pilot.missions.item(message, pilot.time),

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from random import Random
 from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
 from fleet.sim.faults import BadWire
+from fleet_mavlink.sim.components import ACCESSORIES
 from fleet_mavlink.sim.vehicle import ARDUPILOT_GREETING, SimVehicle
-
-ACCESSORIES: Mapping[str, tuple[int, int]] = {  # name -> component, MAV_TYPE
-    "gimbal": (154, int(mav.MAV_TYPE_GIMBAL)),
-    "adsb": (156, int(mav.MAV_TYPE_ADSB)),
-}
 
 
 class Wire:
@@ -24,7 +20,7 @@ class Wire:
         self.vehicle = vehicle
         self._parser = _parser()
         self._packer = mav.MAVLink(None, srcSystem=vehicle.system_id, srcComponent=1)
-        self._accessories = [_Accessory(vehicle.system_id, *ACCESSORIES[name]) for name in accessories]
+        self._accessories = [ACCESSORIES[name](vehicle) for name in accessories]
         self._inbound = BadWire(vehicle.faults, Random(vehicle.system_id))  # noqa: S311 - repeatable
         self._outbound = BadWire(vehicle.faults, Random(vehicle.system_id + 1000))  # noqa: S311
 
@@ -35,57 +31,56 @@ class Wire:
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Take bytes from a station; return the frames that answer at once."""
-        answers: list[Any] = []
+        frames: list[bytes] = []
         for piece in self._inbound.carry([data], now):
-            answers.extend(self._handle(piece, now))
-        return self._send(answers, now)
+            frames.extend(self._handle(piece, now))
+        return self._outbound.carry(frames, now)
 
     def step(self, now: float) -> list[bytes]:
         """Move the vehicle on to ``now``; return the frames that are due."""
-        told: list[Any] = []
+        frames: list[bytes] = []
         for piece in self._inbound.carry((), now):
-            told.extend(self._handle(piece, now))
-        told.extend(self.vehicle.step(now))
-        frames = self._send(told, now)
+            frames.extend(self._handle(piece, now))
+        frames.extend(self._framed(self.vehicle.step(now)))
+        frames = self._outbound.carry(frames, now)
         for accessory in self._accessories:
             frames.extend(accessory.step(now))
         return frames
 
-    def _handle(self, data: bytes, now: float) -> list[Any]:
-        answers: list[Any] = []
+    def _handle(self, data: bytes, now: float) -> list[bytes]:
+        """Return the frames that answer what came, the autopilot's and its neighbours'."""
+        frames: list[bytes] = []
         for message in self._parser.parse_buffer(data) or ():
-            if message.get_type() != "BAD_DATA":
-                answers.extend(self.vehicle.handle(message, now))
-        return answers
+            if message.get_type() == "BAD_DATA":
+                continue
+            if message.get_type() == "SETUP_SIGNING":
+                self._sign(message)
+                continue
+            answers = [each.framed(said) for each in self._accessories if (said := each.asked(message, now))]
+            if answers:
+                frames.extend(answers[0])
+            else:
+                frames.extend(self._framed(self.vehicle.handle(message, now)))
+        return frames
 
-    def _send(self, messages: Iterable[Any], now: float) -> list[bytes]:
-        """Return the frames of messages as they come out of the wire at ``now``."""
+    def _sign(self, message: Any) -> None:
+        """Take a key, as ArduPilot does while it is disarmed; PX4 has no signing. Never answered."""
+        meant = message.target_system == self.vehicle.system_id
+        if self.vehicle.flavour != "ardupilot" or self.vehicle.pilot.armed or not meant:
+            return
+        signs = any(message.secret_key)
+        for end in (self._parser, self._packer):
+            end.signing.secret_key = bytes(message.secret_key) if signs else None
+            end.signing.timestamp = message.initial_timestamp
+            end.signing.sign_outgoing = signs
+
+    def _framed(self, messages: Iterable[Any]) -> list[bytes]:
+        """Return the frames of the autopilot's messages."""
         frames = []
         for message in messages:
             frames.append(bytes(message.pack(self._packer)))
             self._packer.seq = (self._packer.seq + 1) & 0xFF
-        return self._outbound.carry(frames, now)
-
-
-class _Accessory:
-    """A component that only shows that it is there: HEARTBEAT at 1 Hz."""
-
-    def __init__(self, system_id: int, component: int, kind: int) -> None:
-        self._packer = mav.MAVLink(None, srcSystem=system_id, srcComponent=component)
-        self._kind = kind
-        self._due = 0.0
-
-    def step(self, now: float) -> list[bytes]:
-        """Return the heartbeat when it is due."""
-        if now < self._due:
-            return []
-        self._due = now + 1.0
-        message = mav.MAVLink_heartbeat_message(
-            self._kind, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
-        )
-        frame = bytes(message.pack(self._packer))
-        self._packer.seq = (self._packer.seq + 1) & 0xFF
-        return [frame]
+        return frames
 
 
 def _parser() -> Any:

@@ -1,7 +1,9 @@
-"""The trot: where the feet are to be, from a velocity, step by step of time.
+"""Trot and walk: where the feet are to be, from a velocity, step by step of time.
 
-Feet are in the body frame (m): diagonal legs swing together. Zero velocity for two whole cycles ends it
-with all feet in their neutral places.
+Feet are in the body frame (m). In the trot diagonal legs swing together. In the walk one leg swings at a
+time, each side's rear leg before its front leg, and the body sways to the other side first, so that it is
+always over the feet that stand. Zero velocity for two whole cycles ends either with all feet in their neutral
+places.
 """
 
 from __future__ import annotations
@@ -13,10 +15,11 @@ from typing import NamedTuple
 from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.robot.parts import Gait
 
-PHASES = (0.0, 0.5, 0.5, 0.0)  # of FL, FR, RL, RR
 _FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
 _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
 _REST_CYCLES = 2.0
+_WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
+_FLAT = 1.6  # how early the body is aside: 1 is a plain sine
 
 
 class Twist(NamedTuple):
@@ -32,14 +35,46 @@ class Twist(NamedTuple):
         return abs(self.x) < 1e-4 and abs(self.y) < 1e-4 and abs(self.turn) < 1e-4
 
 
-class Trot:
+class Pattern(NamedTuple):
+    """When the feet of FL, FR, RL, RR are lifted: each at the share ``duty`` of its own cycle.
+
+    ``start``: where in the cycle it begins. ``sway``: how far the body goes aside, m.
+    """
+
+    period: float
+    duty: float
+    phases: tuple[float, float, float, float]
+    start: float
+    sway: float = 0.0
+
+    def shift(self, phase: float) -> float:
+        """Return how far the body is to the left, as a share of the sway."""
+        return -max(-1.0, min(1.0, _FLAT * math.sin(math.tau * phase))) if self.sway else 0.0
+
+
+def trot(gait: Gait) -> Pattern:
+    """Return the trot: fast, two feet on the ground."""
+    return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), gait.duty)
+
+
+def walk(gait: Gait) -> Pattern:
+    """Return the walk: slow, three feet on the ground, statically stable."""
+    lifts = (0.26, 0.76, 0.08, 0.58)
+    front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
+    phases = (front_left, front_right, rear_left, rear_right)
+    return Pattern(gait.walk.period, _WALK_DUTY, phases, 0.0, gait.walk.sway)
+
+
+class Steps:
     """The feet of a walking or standing dog."""
 
     def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
         self._gait = gait
         self._legs = legs
         self._radius = foot_radius
+        self._pattern = trot(gait)
         self._phase = 0.0
+        self._swaying = 0.0  # share of the sway that is in effect
         self._rest = _REST_CYCLES
         self.feet = [self._neutral(leg, gait.height) for leg in legs]
         self._lifted = list(self.feet)
@@ -49,6 +84,13 @@ class Trot:
     def walking(self) -> bool:
         """True while feet are lifted."""
         return self._rest < _REST_CYCLES
+
+    def choose(self, pattern: Pattern) -> bool:
+        """Take a pattern from now on; False while the feet still move in another: stand first."""
+        if self.walking and pattern != self._pattern:
+            return False
+        self._pattern = pattern
+        return True
 
     def stand(self, height: float) -> None:
         """Put all feet in their neutral places at once (the dog has just stood up)."""
@@ -66,9 +108,10 @@ class Trot:
         if not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE:
             self._rest = 0.0 if self.walking else self._start()
         elif self.walking:
-            self._rest += dt / self._gait.period
+            self._rest += dt / self._pattern.period
+        self._sway(dt)
         if self.walking:
-            self._phase = (self._phase + dt / self._gait.period) % 1.0
+            self._phase = (self._phase + dt / self._pattern.period) % 1.0
             for number in range(4):
                 self._move(number, dt, wanted, error)
         else:
@@ -76,9 +119,15 @@ class Trot:
         return [self._levelled(number, height, roll, pitch) for number in range(4)]
 
     def _start(self) -> float:
-        """Begin a cycle where the first diagonal lifts its feet."""
-        self._phase = self._gait.duty
+        """Begin a cycle."""
+        self._phase = self._pattern.start
         return 0.0
+
+    def _sway(self, dt: float) -> None:
+        """Bring the sway into effect while it walks, and out of it in its last cycle."""
+        goal = 1.0 if self._rest < _REST_CYCLES - 1.0 else 0.0
+        most = 2.0 * dt / self._pattern.period
+        self._swaying += max(-most, min(most, goal - self._swaying))
 
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""
@@ -94,9 +143,9 @@ class Trot:
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
         """Move one foot: with the ground, or through the air to its next place."""
-        phase = (self._phase + PHASES[number]) % 1.0
+        phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
-        if phase < self._gait.duty:
+        if phase < self._pattern.duty:
             self.stance[number] = True
             across = (x - (wanted.x - wanted.turn * y) * dt, y - (wanted.y + wanted.turn * x) * dt)
             self.feet[number] = (*across, 0.0)
@@ -104,7 +153,7 @@ class Trot:
         if self.stance[number]:
             self.stance[number] = False
             self._lifted[number] = self.feet[number]
-        share = (phase - self._gait.duty) / (1.0 - self._gait.duty)
+        share = (phase - self._pattern.duty) / (1.0 - self._pattern.duty)
         goal = self._goal(self._legs[number], wanted, error)
         start = self._lifted[number]
         smooth = share * share * (3 - 2 * share)
@@ -117,7 +166,7 @@ class Trot:
     def _goal(self, leg: Leg, wanted: Twist, error: Twist) -> tuple[float, float]:
         """Return where a foot is to come down: half a stance ahead of its neutral place."""
         x, y, _ = self._neutral(leg, self._gait.height)
-        half = self._gait.period * self._gait.duty / 2
+        half = self._pattern.period * self._pattern.duty / 2
         ahead_x = (wanted.x - wanted.turn * y) * half + _FEEDBACK * error.x
         ahead_y = (wanted.y + wanted.turn * x) * half + _FEEDBACK * error.y
         length = math.hypot(ahead_x, ahead_y)
@@ -129,4 +178,5 @@ class Trot:
         x, y, lift = self.feet[number]
         lift = max(0.0, lift) if self.walking else 0.0
         level = self._gait.posture * (roll * y - pitch * x) if self.stance[number] else 0.0
-        return x, y, -(height - self._radius) + lift + max(-0.05, min(0.05, level))
+        aside = self._pattern.sway * self._pattern.shift(self._phase) * self._swaying
+        return x, y - aside, -(height - self._radius) + lift + max(-0.05, min(0.05, level))

@@ -168,7 +168,7 @@ class Body:
         return Wanted(Wish.HOLD, targets)
 
     def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        if self._motion is None and self.walker.walking and self._since < 2 * self._dog.gait.period + 1.5:
+        if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
             return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
         self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)
         targets = self._motion.step(dt)

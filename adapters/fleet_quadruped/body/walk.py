@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
+from typing import Literal
 
-from fleet_quadruped.body.gait import Trot, Twist
+from fleet_quadruped.body.gait import Steps, Twist, trot, walk
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.odometry import Odometry
+from fleet_quadruped.body.pace import limited, ramped, within
 from fleet_quadruped.body.sense import Sense, Targets
 from fleet_quadruped.robot.description import Description, leg_angles
 from fleet_quadruped.robot.names import Twelve
@@ -18,35 +19,49 @@ _HEIGHT_SPEED = 0.1  # m/s
 
 
 class Walker:
-    """The gait with its velocity loop; ``speed_share`` below 1 slows a warm dog down."""
+    """The gait with its velocity loop; ``speed_share`` below 1 slows a warm dog down.
+
+    ``gait`` is trot or walk.
+    """
 
     def __init__(self, dog: Description) -> None:
         self._dog = dog
-        self._trot = Trot(dog.gait, dog.legs, dog.geometry.foot_radius)
+        self._steps = Steps(dog.gait, dog.legs, dog.geometry.foot_radius)
         self.odometry = Odometry(dog.legs, dog.geometry.foot_radius)
         self._ramped = Twist()
         self._added = Twist()
         self.height = dog.gait.height
         self.wanted_height = dog.gait.height
         self.speed_share = 1.0
+        self.gait: Literal["trot", "walk"] = "trot"
         self._last: Twelve | None = None
+        self._patterns = {"trot": (trot(dog.gait), dog.gait), "walk": (walk(dog.gait), dog.gait.walk)}
 
     @property
     def walking(self) -> bool:
         """True while feet are lifted or a velocity is being held."""
-        return self._trot.walking
+        return self._steps.walking
 
     def stand(self, height: float) -> None:
         """Begin anew, standing at this height."""
-        self._trot.stand(height)
+        self._steps.stand(height)
         self._ramped = self._added = Twist()
         self.height = self.wanted_height = height
         self._last = None
 
+    @property
+    def time_to_stand(self) -> float:
+        """Seconds after which it stands with all feet in place, told to at its highest speed."""
+        pattern, pace = self._patterns[self.gait]
+        return 2 * pattern.period + pace.speed / pace.acceleration + 0.5
+
     def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
-        """Return the joint targets after ``dt`` seconds."""
-        self.odometry.update(dt, sense, self._trot.stance)
-        self._ramp(dt, self._limited(wanted))
+        """Return the joint targets after ``dt`` seconds; another gait than before begins from standing."""
+        pattern, pace = self._patterns[self.gait]
+        if not self._steps.choose(pattern):
+            wanted = Twist()
+        self.odometry.update(dt, sense, self._steps.stance)
+        self._ramped = ramped(self._ramped, limited(wanted, pace, self.speed_share), pace, dt)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
@@ -54,29 +69,7 @@ class Walker:
         seen = self.odometry.twist
         error = Twist(seen.x - self._ramped.x, seen.y - self._ramped.y)
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
-        return self._targets(dt, self._trot.step(dt, given, error, self.height, tilt), sense)
-
-    def _limited(self, wanted: Twist) -> Twist:
-        """Return a velocity that the dog can hold; zero for what is no velocity."""
-        gait = self._dog.gait
-        if not all(map(math.isfinite, wanted)):
-            return Twist()
-        return Twist(
-            _within(wanted.x, gait.speed * self.speed_share),
-            _within(wanted.y, gait.strafe * self.speed_share),
-            _within(wanted.turn, gait.turn * self.speed_share),
-        )
-
-    def _ramp(self, dt: float, wanted: Twist) -> None:
-        """Change the velocity no faster than the gait allows."""
-        gait = self._dog.gait
-        most = (gait.acceleration * dt, gait.acceleration * dt, gait.turn_acceleration * dt)
-        self._ramped = Twist(
-            *(
-                now + _within(goal - now, step)
-                for now, goal, step in zip(self._ramped, wanted, most, strict=True)
-            )
-        )
+        return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt), sense)
 
     def _correct(self, dt: float) -> None:
         """Integrate what is missing of the velocity while it walks; forget it when it stops."""
@@ -86,7 +79,7 @@ class Walker:
         seen = self.odometry.twist
         self._added = Twist(
             *(
-                _within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
+                within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
                 for added, wanted, now in zip(self._added, self._ramped, seen, strict=True)
             )
         )
@@ -104,17 +97,13 @@ class Walker:
 
     def _carrying(self, sense: Sense) -> Twelve:
         """Return the torques that hold the weight on the standing feet."""
-        standing = sum(self._trot.stance) or 1
+        standing = sum(self._steps.stance) or 1
         weight = self._dog.robot.mass * GRAVITY / standing
         torques: list[float] = []
         for number, leg in enumerate(self._dog.legs):
-            if self._trot.stance[number]:
+            if self._steps.stance[number]:
                 abad, hip, knee = leg.jacobian(leg_angles(sense.angles, number))
                 torques += (-weight * abad[2], -weight * hip[2], -weight * knee[2])
             else:
                 torques += (0.0, 0.0, 0.0)
         return tuple(torques)
-
-
-def _within(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))

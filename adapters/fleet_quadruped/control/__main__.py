@@ -12,7 +12,8 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock, SystemClock
-from fleet.errors import ConfigError, LinkError, LinkLost
+from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
+from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.control.controller import Controller
@@ -20,10 +21,9 @@ from fleet_quadruped.control.exchange import Slot
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Order, State
 from fleet_quadruped.control.plan import Plan, Word
-from fleet_quadruped.robot.description import Description, load_description
-from fleet_quadruped.sim.dog import SimDog
-from fleet_quadruped.sim.lockstep import lockstep
-from fleet_quadruped.sim.worlds import make_world
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.selfwalk.controller import SelfWalkController
+from fleet_quadruped.sim.make import Simulated, on_buses
 
 
 class Memory:
@@ -57,34 +57,39 @@ def main(arguments: list[str]) -> int:
 
 
 def _run(plan: Plan, clock: Clock) -> None:
-    dog = load_description(Path(plan.body))
+    body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:
-        sim: SimDog | None = None
+        machine: Simulated | None = None
         if plan.sim:
-            sim, simulated = lockstep(dog, make_world(plan.sim, dog))
+            machine, simulated = on_buses(body, plan.sim)
             buses: dict[str, CanBus] = dict(simulated)
-            _begin(sim, plan.faults)
+            _begin(machine, plan.faults)
         else:
             buses = {
-                name: stack.enter_context(_opened(name, url, dog, clock)) for name, url in plan.buses.items()
+                name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
-        controller = Controller(dog, buses)
-        controller.drives.configure()
+        controller = (
+            Controller(body, buses) if isinstance(body, Description) else SelfWalkController(body, buses)
+        )
+        controller.configure()
         _say(Word(ready=True))
-        moved = sim.advance if sim else None
+        moved = machine.advance if machine else None
         Loop(controller, buses, Memory(plan), clock, owner=sys.stdin.fileno(), moved=moved).run()
 
 
-def _begin(sim: SimDog, faults: dict[str, float]) -> None:
-    """Begin the faults of a simulated dog."""
+def _begin(machine: Simulated, faults: dict[str, float]) -> None:
+    """Begin the faults of a simulated dog; raises LinkRefused for one that it does not have."""
     for name, value in faults.items():
-        sim.fault(name, value)
+        try:
+            machine.fault(name, value)
+        except ValueError as error:
+            raise LinkRefused(str(error)) from None
 
 
 @contextlib.contextmanager
-def _opened(name: str, url: str, dog: Description, clock: Clock) -> Iterator[Bus]:
+def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[Bus]:
     """Open a bus for the time of a block."""
-    bus = Bus(name, url, dog.buses[name].bitrate, clock)
+    bus = Bus(name, url, body.buses[name].bitrate, clock)
     try:
         yield bus
     finally:

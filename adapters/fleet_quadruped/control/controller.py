@@ -9,6 +9,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
 from fleet_quadruped.body.sense import ZEROS, Imu, Sense
 from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives import drives_of
@@ -30,7 +31,6 @@ class Controller:
         self.drives = drives_of(dog, buses)
         self.body = Body(dog)
         self.clamped = 0
-        self._buses = buses
         self._monitor = Monitor(dog)
         self._imu = Values(dog.imu) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
@@ -48,8 +48,26 @@ class Controller:
         self._errand = 0
         self._refusal = ""
         self._stops = 0
-        self._lamp: bool | None = None
+        self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
+
+    def configure(self) -> None:
+        """Configure the drives; raises LinkLost or LinkRefused."""
+        self.drives.configure()
+
+    @property
+    def dt(self) -> float:
+        """Seconds of one cycle."""
+        return self.dog.dt
+
+    @property
+    def resting(self) -> bool:
+        """True when it may be left alone."""
+        return self.body.mode is Mode.OFF
+
+    def complete(self) -> bool:
+        """Return True when all drives have answered since ``begin``."""
+        return self.drives.complete()
 
     def begin(self, now: float) -> None:
         """Begin a cycle: the drives are asked where they are."""
@@ -77,10 +95,11 @@ class Controller:
             self.body.trip(self._trip)
         self._obey(order, now, sense)
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
+        self.body.walker.gait = order.gait
         moving = now < order.until and now - order.alive < self.dog.safety.deadman
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), self._waiting())
         self._write(wanted, sense, dt)
-        self._light(order.lamp)
+        self._lamp.show(order.lamp)
 
     def state(self, now: float, timing: Timing) -> State:
         """Return the newest state."""
@@ -227,14 +246,6 @@ class Controller:
             case Wish.REST:
                 self.drives.disable()
         self._last = sense.angles
-
-    def _light(self, lamp: bool | None) -> None:  # noqa: FBT001 - three values, as it crosses the process
-        """Turn the lamp on or off when that is new."""
-        led = self.dog.led
-        if led is None or lamp is None or lamp == self._lamp:
-            return
-        self._lamp = lamp
-        self._buses[led.bus].send(Frame(led.id, bytes.fromhex(led.on if lamp else led.off)))
 
     def _warning(self) -> str:
         """Return what a person should know, empty when all is well."""

@@ -12,10 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
 
 from fleet.clock import Clock
-from fleet_quadruped.can.frame import CanBus
-from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.control.orders import Order, State, Timing
-from fleet_quadruped.safety.stages import Mode
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +22,39 @@ _GATHER = 0.6  # share of a cycle in which the drives may answer
 _LATE = 0.5  # share of a cycle after which one counts as an overrun
 _ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE
 _WAIT = 0.002  # s on one bus before the next is looked at
+
+
+class Controlled(Protocol):
+    """One cycle of a dog: one that moves its legs by our drives, or one that walks by itself."""
+
+    clamped: int
+
+    @property
+    def dt(self) -> float:
+        """Seconds of one cycle."""
+
+    @property
+    def resting(self) -> bool:
+        """True when it may be left alone."""
+
+    @property
+    def oldest(self) -> float:
+        """Age of the oldest feedback, s."""
+
+    def begin(self, now: float) -> None:
+        """Ask for feedback."""
+
+    def take(self, bus: str, frame: Frame, now: float) -> None:
+        """Take a received frame."""
+
+    def complete(self) -> bool:
+        """Return True when nothing more is waited for in this cycle."""
+
+    def finish(self, now: float, dt: float, order: Order) -> None:
+        """Decide, and write."""
+
+    def state(self, now: float, timing: Timing) -> State:
+        """Return the newest state."""
 
 
 class Exchange(Protocol):
@@ -70,7 +101,7 @@ class Loop:
 
     def __init__(
         self,
-        controller: Controller,
+        controller: Controlled,
         buses: Mapping[str, CanBus],
         exchange: Exchange,
         clock: Clock,
@@ -97,13 +128,13 @@ class Loop:
             self._cycle_on()
 
     def _cycle_on(self) -> None:
-        dt = self._controller.dog.dt
+        dt = self._controller.dt
         deadline = last = self._clock.monotonic()
         while True:
             now = self._clock.monotonic()
             order = self._cycle(now, min(max(now - last, dt / 2), 3 * dt))
             last = now
-            if order.leave and self._controller.body.mode is Mode.OFF:
+            if order.leave and self._controller.resting:
                 return
             deadline += dt
             rest = deadline - self._clock.monotonic()
@@ -116,8 +147,8 @@ class Loop:
         """Run one cycle and return the order that it obeyed."""
         controller = self._controller
         controller.begin(now)
-        self._gather(now + _GATHER * controller.dog.dt)
-        self._incomplete += not controller.drives.complete()
+        self._gather(now + _GATHER * controller.dt)
+        self._incomplete += not controller.complete()
         order = self._exchange.order()
         if self._orphan:
             order = Order(leave=True, alive=now, stop=order.stop, errand=order.errand)
@@ -135,9 +166,9 @@ class Loop:
         while True:
             for name, bus in self._buses.items():
                 left = until - self._clock.monotonic()
-                for frame in bus.receive(0.0 if controller.drives.complete() else max(0.0, min(left, _WAIT))):
+                for frame in bus.receive(0.0 if controller.complete() else max(0.0, min(left, _WAIT))):
                     controller.take(name, frame, self._clock.monotonic())
-            if controller.drives.complete() or self._clock.monotonic() >= until or self._moved is not None:
+            if controller.complete() or self._clock.monotonic() >= until or self._moved is not None:
                 return
 
     def _pause(self, seconds: float) -> None:

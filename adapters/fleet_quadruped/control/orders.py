@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
@@ -25,6 +27,7 @@ class Order(msgspec.Struct, frozen=True):
     x: float = 0.0
     y: float = 0.0
     turn: float = 0.0
+    gait: Literal["trot", "walk"] = "trot"
     until: float = 0.0
     alive: float = 0.0  # monotonic time at which the adapter wrote this
     errand: Errand = Errand()

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Protocol
 
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
 from fleet_quadruped.drives.mit.drive import MitDrives
-from fleet_quadruped.robot.description import Description
-
-PROTOCOLS: Mapping[str, Callable[[Description, Mapping[str, CanBus]], JointDrive]] = MappingProxyType(
-    {"cia402": Cia402Drives, "mit": MitDrives}
-)
+from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
 
-def drives_of(dog: Description, buses: Mapping[str, CanBus]) -> JointDrive:
-    """Return the drives of a dog, not yet configured."""
-    return PROTOCOLS[dog.drive.protocol](dog, buses)
+class Kind(Protocol):
+    """A class of drives."""
+
+    def __call__(
+        self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint], /
+    ) -> JointDrive:
+        """Return the drives of these joints."""
+
+    def bits(self, drive: Drive, joints: int, /) -> float:
+        """Return the bits a second that so many joints put on a bus."""
+
+
+PROTOCOLS: Mapping[str, Kind] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
+
+
+def drives_of(
+    dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
+) -> JointDrive:
+    """Return the drives of a dog, or of some of its joints, not yet configured."""
+    return PROTOCOLS[dog.drive.protocol](dog, buses, dog.all_joints if joints is None else joints)

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.robot.parts import Drive
 
 
 class Power(enum.StrEnum):
@@ -41,17 +42,28 @@ class JointFeedback(NamedTuple):
 
 
 class JointDrive(Protocol):
-    """Twelve drives on one or more buses. No method blocks but ``configure``.
+    """Drives of one dog, mostly all twelve, on one or more buses.
 
+    ``bits`` is asked of the class. No method blocks but ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
+
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second that so many joints put on a bus, all frames counted."""
 
     def configure(self) -> None:
         """Bring every drive into the state that the description wants and verify it by reading back.
 
         May be repeated. Raises LinkLost for a drive that does not answer, LinkRefused naming joint, object,
         wanted and actual for one that is wrong.
+        """
+
+    def limit_torque(self, torque: float | None) -> None:
+        """Let no joint push harder than this (N m of the joint); None: as before. While the drives are off.
+
+        Raises LinkRefused for a drive that cannot be limited.
         """
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
@@ -64,7 +76,7 @@ class JointDrive(Protocol):
         """Return True when all drives have answered since ``begin_cycle``."""
 
     def feedback(self, now: float) -> tuple[JointFeedback, ...]:
-        """Return what is known of the twelve joints."""
+        """Return what is known of the joints."""
 
     def enable(self) -> None:
         """Go one step towards enabled, at the measured place, without force."""

@@ -22,18 +22,12 @@ def bus_loads(
     drive: Drive, joints: Counter[str], sensors: list[Sensor], bitrates: dict[str, int]
 ) -> dict[str, float]:
     """Return each bus's load as a share; ``joints`` counts the drives on each bus."""
-    per_second = {bus: _drive_bits(drive, joints[bus]) if joints[bus] else 0.0 for bus in bitrates}
+    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+
+    bits = PROTOCOLS[drive.protocol].bits
+    per_second = {bus: bits(drive, joints[bus]) if joints[bus] else 0.0 for bus in bitrates}
     for sensor in sensors:
         rate = _BATTERY_HZ if isinstance(sensor, Battery) else drive.cycle_hz
         for frame in sensor.frames:
             per_second[sensor.bus] += rate * frame_bits(frame.length, extended=frame.id > 0x7FF)
     return {bus: bits / bitrates[bus] for bus, bits in per_second.items()}
-
-
-def _drive_bits(drive: Drive, joints: int) -> float:
-    """Return the bits a second for the drives of one bus."""
-    full = frame_bits(8)
-    if drive.protocol == "mit":
-        return drive.cycle_hz * joints * 2 * full
-    cyclic = joints * (2 + 1 / SLOW_EVERY) * full + frame_bits(0) + frame_bits(1)
-    return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat

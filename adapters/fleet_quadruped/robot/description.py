@@ -7,10 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from fleet.errors import ConfigError
 from fleet_quadruped.body.legs import Angles, Leg
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
 from fleet_quadruped.robot.names import JOINTS, LEGS, PARTS, Part, Twelve
@@ -30,6 +28,7 @@ from fleet_quadruped.robot.parts import (
     Switch,
     Wiring,
 )
+from fleet_quadruped.robot.reading import checked, read_tree
 
 EXAMPLE = Path(__file__).parents[1] / "robots" / "example.yaml"
 
@@ -74,7 +73,7 @@ class Description(Section):
     @model_validator(mode="after")
     def _whole(self) -> Description:
         """Refuse what cannot be walked with; every problem at once."""
-        problems = _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
+        problems = _protocol(self) or _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
         if problems:
             raise ValueError("; ".join(problems))
         return self
@@ -93,6 +92,11 @@ class Description(Section):
     def dt(self) -> float:
         """Seconds of one control cycle."""
         return 1.0 / self.drive.cycle_hz
+
+    @property
+    def battery_timeout(self) -> float | None:
+        """Seconds for which a word of its battery counts; None when it has none."""
+        return self.battery.timeout if self.battery else None
 
     @property
     def loads(self) -> dict[str, float]:
@@ -141,6 +145,14 @@ class Description(Section):
 def leg_angles(posture: Twelve, leg: int) -> Angles:
     """Return the three angles of one leg out of twelve."""
     return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
+
+
+def _protocol(dog: Description) -> list[str]:
+    """Return that nobody speaks the drives' protocol."""
+    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+
+    known, asked = ", ".join(PROTOCOLS), dog.drive.protocol
+    return [] if asked in PROTOCOLS else [f"drive.protocol: there is no {asked!r}; there are {known}"]
 
 
 def _missing(dog: Description) -> list[str]:
@@ -209,21 +221,4 @@ def _loads(dog: Description) -> list[str]:
 
 def load_description(path: Path) -> Description:
     """Read a dog's YAML file; raises ConfigError with one line for each problem."""
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        place = getattr(error, "problem_mark", None)
-        where = f"{path}:{place.line + 1}" if place else str(path)
-        raise ConfigError(f"{where}: {getattr(error, 'problem', None) or 'is not UTF-8 text'}") from None
-    try:
-        return Description.model_validate(tree)
-    except ValidationError as error:
-        lines = [f"{path}: {_place(problem['loc'])}{problem['msg']}" for problem in error.errors()]
-        raise ConfigError("\n".join(lines)) from None
-
-
-def _place(location: tuple[int | str, ...]) -> str:
-    """Return where in the file a problem is, empty for the file as a whole."""
-    return f"{'.'.join(map(str, location))}: " if location else ""
+    return checked(path, read_tree(path), Description)

@@ -70,7 +70,7 @@ class Temperature(Section):
 class Drive(Section):
     """How the joint drives are spoken to."""
 
-    protocol: Literal["cia402", "mit"] = Field(description="CiA 402 cyclic synchronous position, or MIT.")
+    protocol: str = Field(description="cia402: cyclic synchronous position; mit: MIT and its kin.")
     profile: str = Field("", description="MIT: the motor, which fixes the ranges of its frames.")
     eds: str = Field("", description="CiA 402: an EDS file; every object that is used must be in it.")
     vendor: int | None = Field(None, description="CiA 402: the vendor in object 1018h:1 that must be there.")
@@ -107,7 +107,27 @@ class Wiring(Section):
     offset: float = Field(0.0, description="Motor angle at joint zero, over the ratio, rad.")
 
 
-class Gait(Section):
+class Pace(Section):
+    """How fast it walks, and how suddenly."""
+
+    speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
+    strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
+    turn: Positive = Field(1.0, description="Highest turning speed, rad/s.")
+    acceleration: Positive = Field(0.8, description="m/s2.")
+    turn_acceleration: Positive = Field(2.5, description="rad/s2.")
+
+
+class Walk(Pace):
+    """The slow gait with three feet on the ground."""
+
+    speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
+    strafe: Positive = Field(0.08, description="Highest sideways speed, m/s.")
+    turn: Positive = Field(0.35, description="Highest turning speed, rad/s.")
+    period: float = Field(1.4, gt=0.5, le=5, description="Seconds for one full cycle of four steps.")
+    sway: Positive = Field(0.04, description="How far the body goes to the side of the standing feet, m.")
+
+
+class Gait(Pace):
     """How it walks."""
 
     height: Positive = Field(0.27, description="Hip axes above the ground while standing, m.")
@@ -117,11 +137,7 @@ class Gait(Section):
     duty: float = Field(0.58, ge=0.5, lt=0.9, description="Share of the cycle a foot is on the ground.")
     swing: Positive = Field(0.06, description="How high a foot is lifted, m.")
     reach: Positive = Field(0.16, description="Farthest step from the neutral place, m.")
-    speed: Positive = Field(0.8, description="Highest forward speed, m/s.")
-    strafe: Positive = Field(0.3, description="Highest sideways speed, m/s.")
-    turn: Positive = Field(1.0, description="Highest turning speed, rad/s.")
-    acceleration: Positive = Field(0.8, description="m/s2.")
-    turn_acceleration: Positive = Field(2.5, description="rad/s2.")
+    walk: Walk = Field(Walk(), description="The gait walk of the velocity contract.")
     posture: Share = Field(0.5, description="How strongly the legs level the body.")
 
 
@@ -168,12 +184,17 @@ class Switch(Section):
     off: str = Field(pattern=r"^([0-9a-fA-F]{2}){1,8}$", description="Data that turns it off, hex.")
 
 
-class Safety(Section):
-    """When it stops, and how."""
+class Watch(Section):
+    """When it stops, whoever moves its legs."""
 
     deadman: float = Field(0.5, ge=0.1, le=5, description="Seconds without an order until it stands still.")
     abandoned: float = Field(10.0, ge=1, le=600, description="Seconds without its host until it sits down.")
     tilt: float = Field(0.785, gt=0.1, le=1.5, description="Tilt at which it lets go, rad.")
+
+
+class Safety(Watch):
+    """When it stops, and how."""
+
     following: float = Field(0.35, gt=0, le=1.5, description="Farthest from wanted to actual, rad.")
     following_time: float = Field(0.1, gt=0, le=1, description="Seconds it may be beyond that.")
     step: float = Field(0.2, gt=0, le=1, description="Largest change of a target in one cycle, rad.")

@@ -19,12 +19,13 @@ from pathlib import Path
 from fleet.clock import Clock, SystemClock
 from fleet.errors import FleetError
 from fleet.sim.faults import parse_faults
+from fleet_quadruped.bodies import load_body
 from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.control.loop import realtime
-from fleet_quadruped.robot.description import EXAMPLE, load_description
-from fleet_quadruped.sim.dog import SimDog
-from fleet_quadruped.sim.faults import ALL_FAULTS
-from fleet_quadruped.sim.worlds import WORLDS, make_world
+from fleet_quadruped.robot.description import EXAMPLE
+from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
+from fleet_quadruped.sim.make import Simulated, simulated
+from fleet_quadruped.sim.worlds import WORLDS
 
 log = logging.getLogger(__name__)
 
@@ -46,14 +47,14 @@ def main(arguments: list[str]) -> int:
     given = parser.parse_args(arguments)
     clock = SystemClock()
     try:
-        dog = load_description(given.body)
+        dog = load_body(given.body)
         with contextlib.ExitStack() as stack:
             buses: dict[str, Bus] = {}
             for name, _, url in (text.partition("=") for text in given.bus):
                 buses[name] = Bus(name, url, dog.buses[name].bitrate, clock)
                 stack.callback(buses[name].close)
-            sim = SimDog(dog, make_world(given.world, dog), lambda bus, frame: buses[bus].send(frame))
-            for fault, value in parse_faults(given.faults, ALL_FAULTS).items():
+            sim = simulated(dog, given.world, lambda bus, frame: buses[bus].send(frame))
+            for fault, value in parse_faults(given.faults, {**WALKER_FAULTS, **ALL_FAULTS}).items():
                 sim.fault(fault, value)
             realtime()
             sys.stdout.write("ready\n")
@@ -65,7 +66,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _serve(sim: SimDog, buses: Mapping[str, Bus], clock: Clock, sense_every: float) -> None:
+def _serve(sim: Simulated, buses: Mapping[str, Bus], clock: Clock, sense_every: float) -> None:
     """Keep the dog in step with real time."""
     begun, sensed = clock.monotonic() - sim.time, sim.time
     while True:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import MODE_DISPLAY, mapping_objects
+from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTIONAL, mapping_objects
 from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -17,6 +17,7 @@ from fleet_quadruped.sim.drive import COOL, WARMING
 from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
 from fleet_quadruped.sim.world import Motor
 
+_NO_LIMIT = 0xFFFF  # in 6072h
 _STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
 _STATUS: Mapping[State, int] = MappingProxyType(
     {
@@ -71,7 +72,7 @@ class SimDrive:
         self._begun = 0.0  # when the way from _from to _to began
         self._time = 0.0
         self._look_at = 0.0
-        self._next_beat = self._beat = self._timeout = math.inf
+        self._next_beat = self._beat = self._timeout = self._reach = math.inf
         self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
         self._syncs = 0
@@ -122,6 +123,11 @@ class SimDrive:
         """Be an I/O module."""
         self.sdo.objects[0x1000, 0].value = 0x0003_0191
 
+    def be_plain(self) -> None:
+        """Have neither torque offset (60B2h) nor torque (6077h)."""
+        del self.sdo.objects[0x60B2, 0], self.sdo.objects[0x6077, 0]
+        self.sdo.unmappable = frozenset(OPTIONAL)
+
     def refuse(self) -> None:
         """Refuse the first entry of the target PDO's mapping."""
         self.sdo.refusals[0x1600, 1] = 0x06040041
@@ -160,6 +166,8 @@ class SimDrive:
             motor.target = self._from + motor.target_speed * passed
         else:
             motor.target, motor.target_speed = self._to, 0.0
+        if self._reach < math.inf:
+            motor.target = max(motor.angle - self._reach, min(motor.angle + self._reach, motor.target))
 
     def _look(self) -> None:
         """Look after the watchdog and the heartbeat, and what was configured."""
@@ -180,6 +188,8 @@ class SimDrive:
         self._timeout = (value[0x1016, 1] & 0xFFFF) / 1000 or math.inf
         self._beat = value[0x1017, 0] / 1000 or math.inf
         self._next_beat = min(self._next_beat, self._time + self._beat)
+        limit = value[MAX_TORQUE]
+        self._reach = math.inf if limit == _NO_LIMIT else limit / 1000 * self.joint.kind.rated_torque / _STIFF
         exponent = value[0x60C2, 2]
         self._cycle = value[0x60C2, 1] * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
 
@@ -210,7 +220,8 @@ class SimDrive:
         angle = self._units.counts(self.motor.angle + self._jump)
         torque = self._units.per_mille(self.motor.torque)
         status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
-        self._say(wire.TPDO1, wire.pack_told(wire.Told(status, angle, torque)))
+        told = wire.pack_told(wire.Told(status, angle, torque))
+        self._say(wire.TPDO1, told[:6] if self.sdo.unmappable else told)
         self._syncs += 1
         if self._syncs % 10 == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
@@ -257,6 +268,9 @@ def _dictionary(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, 
         (0x60C2, 1): (1, 1),
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),
+        MAX_TORQUE: (2, _NO_LIMIT),
+        (0x60B2, 0): (2, 0),
+        (0x6077, 0): (2, 0),
     }
     objects.update({(item.place, item.sub): (item.size, 0) for item in mapping_objects(drive, joint.id)})
     return objects

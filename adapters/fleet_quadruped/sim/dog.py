@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import random
-import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from fleet.sim.faults import BadWire, check_fault
+from fleet.sim.faults import check_fault
 from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.frames import encode
@@ -16,10 +14,10 @@ from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
 from fleet_quadruped.sim.mit import SimMitDrive
+from fleet_quadruped.sim.wires import BadBuses
 from fleet_quadruped.sim.world import Motor, World
 
 STEP = 0.002  # s between two steps of the drives' own loops
-_HEAD = struct.Struct("<I")
 _MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDrive, "mit": SimMitDrive})
 
 
@@ -37,12 +35,9 @@ class SimDog:
         self.time = 0.0
         self.percent = 80.0
         self._heard = heard
-        self._faults: dict[str, float] = {}
+        self._wires = BadBuses(dog.buses, seed)
         self._imu_silent = False
         self._next_battery = 0.0
-        chance = random.Random(seed)  # noqa: S311 - faults must be the same on every run
-        self._in = {bus: BadWire(self._faults, chance) for bus in dog.buses}
-        self._out = {bus: BadWire(self._faults, chance) for bus in dog.buses}
         self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
         self.drives: list[AnyDrive] = []
         for joint, motor in zip(dog.all_joints, world.motors, strict=True):
@@ -60,7 +55,7 @@ class SimDog:
         elif name == "battery":
             self.percent = value
         else:
-            self._faults[name] = value
+            self._wires.faults[name] = value
 
     def _fault_on(self, joint: int, name: str) -> None:
         """Begin a fault of one drive."""
@@ -83,13 +78,13 @@ class SimDog:
 
     def clear(self, name: str) -> None:
         """End a fault of the wire, or of the IMU."""
-        self._faults.pop(name, None)
+        self._wires.faults.pop(name, None)
         if name == "imu":
             self._imu_silent = False
 
     def take(self, bus: str, frame: Frame) -> None:
         """Take a frame that was sent to the dog."""
-        for arrived in self._carried(self._in[bus], [frame]):
+        for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(bus, arrived)
 
     def advance(self, dt: float, *, sense: bool = True) -> None:
@@ -101,13 +96,13 @@ class SimDog:
             self.world.step(dt / steps)
         self.world.measure()
         self.time += dt
-        for bus, wire in self._in.items():
-            for frame in self._carried(wire, ()):
+        for bus in self.dog.buses:
+            for frame in self._wires.to_dog(bus, (), self.time):
                 self._deliver(bus, frame)
         if sense:
             self._sense()
-        for bus, wire in self._out.items():
-            for frame in self._carried(wire, ()):
+        for bus in self.dog.buses:
+            for frame in self._wires.from_dog(bus, (), self.time):
                 self._heard(bus, frame)
 
     def _deliver(self, bus: str, frame: Frame) -> None:
@@ -132,20 +127,8 @@ class SimDog:
 
     def _send(self, bus: str, frame: Frame) -> None:
         """Put a frame of the dog on a bus."""
-        if not self._faults:
-            self._heard(bus, frame)
-            return
-        for arrived in self._carried(self._out[bus], [frame]):
+        for arrived in self._wires.from_dog(bus, [frame], self.time):
             self._heard(bus, arrived)
-
-    def _carried(self, wire: BadWire, frames: list[Frame] | tuple[()]) -> list[Frame]:
-        """Return the frames that come through a wire now."""
-        if not self._faults and not frames:
-            return []
-        if not self._faults:
-            return list(frames)
-        raw = wire.carry([_HEAD.pack(frame.id) + frame.data for frame in frames], self.time)
-        return [Frame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]
 
 
 def imu_values(imu: Imu) -> dict[str, float]:

@@ -27,6 +27,17 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "battery": "percent that the battery has",
     }
 )
+WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
+    {
+        **WIRE_FAULTS,
+        "mute": "any number: it says nothing any more",
+        "battery": "percent that the battery has",
+        "error": "number of its error",
+        "tip": "rad that it is tilted",
+    }
+)
+"""Faults of a machine that walks by itself."""
+
 ALL_FAULTS: Mapping[str, str] = MappingProxyType({**WIRE_FAULTS, **DOG_FAULTS})
 
 ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(

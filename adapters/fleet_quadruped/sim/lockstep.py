@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
+from typing import Protocol
 
 from fleet.errors import LinkLost
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World
+
+
+class Takes(Protocol):
+    """A machine that takes frames."""
+
+    def take(self, bus: str, frame: Frame) -> None:
+        """Take a frame that was sent to it."""
 
 
 class SimBus:
@@ -18,10 +27,11 @@ class SimBus:
         self.name = name
         self.cut = False
         self.sent: deque[Frame] = deque(maxlen=64)
-        self._dog: SimDog | None = None
+        self._dog: Takes | None = None
         self._arrived: deque[Frame] = deque()
+        self._news = threading.Event()
 
-    def connect(self, dog: SimDog) -> None:
+    def connect(self, dog: Takes) -> None:
         """Join the dog."""
         self._dog = dog
 
@@ -29,6 +39,7 @@ class SimBus:
         """Take a frame from the dog."""
         if not self.cut:
             self._arrived.append(frame)
+            self._news.set()
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the dog."""
@@ -37,8 +48,11 @@ class SimBus:
         self.sent.append(frame)
         self._dog.take(self.name, frame)
 
-    def receive(self, wait: float) -> list[Frame]:  # noqa: ARG002 - nothing more comes by waiting
-        """Return what the dog has sent; raises LinkLost when the bus is cut."""
+    def receive(self, wait: float) -> list[Frame]:
+        """Return what the dog has sent, waiting for what another thread asks it; raises LinkLost if cut."""
+        if wait > 0 and not self._arrived:
+            self._news.wait(wait)
+        self._news.clear()
         if self.cut:
             raise LinkLost(f"bus {self.name!r} is gone")
         frames = []

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fleet_quadruped.can.frame import Frame
 
 REQUEST, RESPONSE = 0x600, 0x580
-NO_OBJECT, TOO_LONG, READ_ONLY = 0x06020000, 0x06070010, 0x06010002
+NO_OBJECT, TOO_LONG, READ_ONLY, NOT_MAPPABLE = 0x06020000, 0x06070010, 0x06010002, 0x06040041
 _UNKNOWN_COMMAND = 0x05040001
 _PDO_OFF = 1 << 31
 
@@ -32,6 +32,7 @@ class SdoServer:
         self._send = send
         self.objects = {place: Entry(size, value) for place, (size, value) in objects.items()}
         self.refusals: dict[tuple[int, int], int] = {}
+        self.unmappable: frozenset[int] = frozenset()  # values that a mapping must not have
         self.silent = False
         self.changed = True  # since the owner looked last
 
@@ -61,6 +62,8 @@ class SdoServer:
         entry = self.objects.get(place)
         size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
         problem = NO_OBJECT if entry is None else self._refusal(place, entry, size)
+        if int.from_bytes(data[4 : 4 + size], "little") in self.unmappable:
+            problem = NOT_MAPPABLE
         if entry is None or problem:
             self._abort(place, problem)
             return

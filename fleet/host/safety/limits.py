@@ -12,7 +12,7 @@ def clamp(velocity: Velocity, limits: Limits) -> Velocity:
     scale = _scale(linear.horizontal(), limits.speed)
     vertical = linear.z * _scale(abs(linear.z), limits.vertical_speed)
     yaw_rate = velocity.yaw_rate * _scale(abs(velocity.yaw_rate), limits.yaw_rate)
-    return Velocity(Vector3(linear.x * scale, linear.y * scale, vertical), yaw_rate)
+    return Velocity(Vector3(linear.x * scale, linear.y * scale, vertical), yaw_rate, velocity.gait)
 
 
 def _scale(length: float, limit: float | None) -> float:

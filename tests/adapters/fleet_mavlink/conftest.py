@@ -153,9 +153,9 @@ class LoopRobot:
 class Sky:
     """A simulated vehicle, and the adapter that flies it over a memory link."""
 
-    def __init__(self, flavour, *, ready=0.0, faults=None, **config):
+    def __init__(self, flavour, *, ready=0.0, faults=None, accessories=(), **config):
         self.sim = SimVehicle(flavour, ready_after=ready, faults=faults)
-        self.wire = Wire(self.sim)
+        self.wire = Wire(self.sim, accessories)
         self.commands = []  # every COMMAND_LONG and COMMAND_INT that was heard
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
         self.order = []  # the command, or 0 for a setpoint, of all that was heard
@@ -252,13 +252,12 @@ class Sky:
         await self.until(lambda: self.adapter._session and self.state.home_altitude is not None)
         return self
 
-    async def do(self, name, **data):
-        """Carry out a command; return its progress in percent."""
+    async def do(self, name, /, **data):
+        """Carry out a command; return its answer, or its progress in percent."""
         spec = self.adapter.commands()[name]
         doing = getattr(self.adapter, spec.method)(**arguments(spec, data))
         if not spec.streams:
-            await doing
-            return []
+            return await doing
         async with contextlib.aclosing(doing):
             return [progress.percent async for progress in doing]
 

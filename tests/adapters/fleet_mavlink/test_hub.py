@@ -168,8 +168,10 @@ def test_a_fault_in_one_message_does_not_end_the_link(hub, frame_of, caplog):
     assert "dropped" in caplog.text
 
 
-def test_what_is_sent_beside_the_loop_is_well_formed(hub, wire):
-    hub.send_from_any_thread([CommandLong(176, 1), CommandLong(192, 1)], ONE)
+def test_what_is_sent_beside_the_loop_is_well_formed(hub, wire, frame_of):
+    with hub.vehicle(1) as vehicle:
+        hub.receive(frame_of(COPTER), ONE)
+        hub.send_from_any_thread([CommandLong(176, 1), CommandLong(192, 1)], vehicle)
     read = mav.MAVLink(None).parse_buffer(bytearray(b"".join(data for _, data in wire.sent)))
     assert [message.command for message in read] == [176, 192]
     assert {address for address, _ in wire.sent} == {ONE}
@@ -178,7 +180,7 @@ def test_what_is_sent_beside_the_loop_is_well_formed(hub, wire):
 async def test_it_beats_with_an_id_of_its_own_until_it_is_left():
     beating = asyncio.Event()
     with MemoryRobot("hub-beat", lambda _: beating.set() or b"") as robot:
-        async with open_hub("memory:hub-beat", SystemClock(), 245, 191), asyncio.timeout(20):
+        async with open_hub(["memory:hub-beat"], SystemClock(), 245, 191), asyncio.timeout(20):
             await beating.wait()
         (beat,) = mav.MAVLink(None).parse_buffer(bytearray(robot.heard[0]))
         assert (beat.get_srcSystem(), beat.get_srcComponent()) == (245, 191)

@@ -9,19 +9,19 @@ import pytest
 
 from fleet import (
     BatteryReport,
-    Goal,
-    GoTo,
     Level,
     LinkLost,
     LinkRefused,
     NotReady,
     PoseReport,
     Refused,
+    Unsupported,
     Vector3,
     Velocity,
 )
-from fleet.model.report import ImuReport, JointReport, MetricsReport
+from fleet.model.report import ImuReport, JointReport, MetricsReport, PhotoReport
 from fleet_quadruped import QuadrupedConfig
+from fleet_quadruped.robot.description import EXAMPLE
 
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 
@@ -30,20 +30,43 @@ async def all_of(command):
     return [progress async for progress in command]
 
 
-async def test_it_stands_walks_to_a_place_and_sits_down(running):
+async def test_it_stands_walks_and_sits_down(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
-        await all_of(adapter.navigate(GoTo(Goal(Vector3(0.5, 0.2)))))
+        adapter.drive(Velocity(Vector3(0.4)))
+        await robot.until(
+            lambda: any(
+                isinstance(report, PoseReport) and report.position.x > 0.2 for report in robot.reports
+            )
+        )
         await adapter.stop("arrived")
         await all_of(adapter.sit_down())
-        pose = [report for report in robot.reports if isinstance(report, PoseReport)][-1]
-        assert (pose.position.x, pose.position.y) == pytest.approx((0.5, 0.2), abs=0.15)
         await robot.until(
             lambda: {JointReport, ImuReport, BatteryReport, MetricsReport} <= set(map(type, robot.reports))
         )
     joints = next(report for report in robot.reports if isinstance(report, JointReport))
     assert list(joints.positions)[:3] == ["FL_abad", "FL_hip", "FL_knee"]
     assert len(joints.positions) == len(joints.velocities) == len(joints.efforts) == 12
+
+
+@pytest.mark.parametrize("kind", ["self-walking", "self-walking-canopen"])
+async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind):
+    async with running(link="sim:auto", body=EXAMPLE.with_name(f"{kind}.yaml")) as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        adapter.drive(Velocity(Vector3(0.4), 0.2))
+        await robot.until(
+            lambda: any(
+                isinstance(report, PoseReport) and report.position.x > 0.1 for report in robot.reports
+            )
+        )
+        await adapter.stop("there")
+        await all_of(adapter.sit_down(delta_z=0.05))
+        await adapter.battery_check()
+        await adapter.stop("emergency_stop")
+        with pytest.raises(Refused, match="it is damped"):
+            await all_of(adapter.stand_up())
+        await adapter._until(lambda: adapter._state.mode == "off", "lying")
+        await all_of(adapter.stand_up())
 
 
 async def test_a_dog_that_lies_does_not_walk(running):
@@ -101,6 +124,24 @@ async def test_the_height_changes_only_while_it_stands(running):
         await all_of(adapter.stand_up())
         await all_of(adapter.sit_down(delta_z=0.05))
         await robot.until(lambda: adapter._state.height == pytest.approx(0.22))
+
+
+async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, tmp_path):
+    (tmp_path / "shot.jpg").write_bytes(bytes.fromhex("ffd8ffc000110801e002800301110002110003110000"))
+    async with running(camera=f"file:{tmp_path}/shot.jpg") as (adapter, robot, _):
+        await adapter.take_photo()
+        await adapter.led_toggle()
+        await robot.until(lambda: bool(adapter._state.battery))
+        await adapter.battery_check()
+    photo = next(report for report in robot.reports if isinstance(report, PhotoReport))
+    assert (photo.width, photo.height) == (640, 480)
+    assert next(report for report in robot.reports if isinstance(report, BatteryReport)).percent == 80
+
+
+async def test_without_a_camera_a_photo_is_refused(running):
+    async with running() as (adapter, _, _):
+        with pytest.raises(Unsupported, match="no camera"):
+            await adapter.take_photo()
 
 
 async def test_a_killed_body_controller_is_a_lost_link(running):

@@ -39,6 +39,12 @@ def test_whoever_waits_hears_the_end(fleet, yard):
     assert asked[0].parameters["wait"] == "1"
 
 
+def test_what_was_asked_for_is_shown(fleet, yard):
+    yard.answers("rex", Reply("look", ReplyStatus.ACCEPTED, done=True, data={"height": 3}))
+    result = fleet("send", "rex", "look", "--wait")
+    assert (result.code, result.out) == (0, 'rex: look done\n{"height": 3}\n')
+
+
 def test_a_refusal_is_told_with_what_to_do(fleet, yard):
     yard.answers("rex", DENIED)
     result = fleet("send", "rex", "takeoff")
@@ -87,6 +93,7 @@ def test_json_has_every_field_of_every_answer(fleet, yard):
                 "device_result": "MAV_RESULT_DENIED",
                 "messages": [],
                 "done": None,
+                "data": None,
             }
         ]
     }

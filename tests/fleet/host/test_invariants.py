@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.commands import command
 from fleet.host.desk import Desk
+from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
 from fleet.host.safety.latch import RELEASE
 from fleet.host.ticket import Ticket
@@ -73,6 +74,7 @@ class Life:
             publish=lambda _: None,
             crashed=self.crashes.append,
             restart=lambda: None,
+            journal=RobotJournal(),
             clock=self.clock,
         )
         admission = self.desk._admission

@@ -52,9 +52,11 @@ async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other
 
 async def test_a_third_block_in_a_minute_is_a_quarantine_with_the_advice_of_a_worker(served, asks):
     process, place = served
-    for number in range(3):
-        await block_as(process, "rex")
-        await asks.until(lambda n=number: len(process.robots["rex"].runner._strikes) > n)
+    strikes = process.robots["rex"].runner._strikes
+    for _ in range(20):  # on a busy machine the watchdog is late too, and then blames nobody
+        if len(strikes) < 3 and "quarantined" not in process.robots["rex"].state().cause:
+            await block_as(process, "rex")
+            await asyncio.sleep(0.1)
     await asks.until(lambda: "quarantined" in process.robots["rex"].state().cause)
     assert "worker: rex" in process.robots["rex"].state().cause
     assert place.words("max") == ["run"]

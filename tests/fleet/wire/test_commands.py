@@ -267,7 +267,7 @@ def velocity(body, command="velocity_command"):
 @pytest.mark.parametrize("command", ["velocity_command", "locomotion_velocity"])
 def test_a_locomotion_velocity_stands_beside_the_data_and_is_signed(command):
     setpoint = velocity(LOCOMOTION, command)
-    assert setpoint.velocity == Velocity(Vector3(0.3, -0.1, 0), -0.2)
+    assert setpoint.velocity == Velocity(Vector3(0.3, -0.1, 0), -0.2, "walk")
     assert setpoint.lease == 0.5
 
 

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
@@ -17,8 +18,10 @@ from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,
+    MAX_TORQUE,
     MODE_DISPLAY,
     MODES,
+    OPTIONAL,
     PROFILE_402,
     Object,
     all_objects,
@@ -32,6 +35,7 @@ log = logging.getLogger(__name__)
 _MODE_TRIES = 20  # times the mode display is read
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
+_NO_SUB = 0x06090011
 _ABORTS = {
     0x05040000: "the drive did not go on with the transfer",
     0x06010002: "it is read-only",
@@ -42,6 +46,14 @@ _ABORTS = {
     0x06090030: "the value is out of the drive's range",
     0x08000022: "not in this state of the drive",
 }
+
+
+class Addressed(NamedTuple):
+    """A node as it is named when something is wrong with it."""
+
+    name: str
+    bus: str
+    id: int
 
 
 class Wire(canopen.Network):
@@ -76,19 +88,45 @@ class Wire(canopen.Network):
             thread.join()
 
 
-def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> None:
+def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> dict[str, frozenset[int]]:
     """Configure the drives of one bus and start them (NMT operational).
 
+    Returns by joint which of the ``OPTIONAL`` entries its drive does not have.
     Raises LinkLost when a drive does not answer, LinkRefused naming joint, object, wanted and actual.
     """
     wire = Wire(bus)
     dictionary = _dictionary(drive)
     with wire.pumped(), ThreadPoolExecutor(len(joints), thread_name_prefix="sdo") as pool:
         nodes = [(joint, wire.add_node(canopen.RemoteNode(joint.id, dictionary))) for joint in joints]
-        for outcome in [pool.submit(_configure, node, joint, drive) for joint, node in nodes]:
-            outcome.result()
+        under_way = {joint.name: pool.submit(_configure, node, joint, drive) for joint, node in nodes}
+        missing = {name: outcome.result() for name, outcome in under_way.items()}
         for _, node in nodes:
             node.nmt.send_command(0x01)
+    return missing
+
+
+def write_node(bus: CanBus, who: Addressed, objects: list[Object]) -> None:
+    """Configure one node of any profile and start it; raises LinkLost or LinkRefused, see ``commission``."""
+    wire = Wire(bus)
+    with wire.pumped():
+        node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
+        node.nmt.send_command(0x80)
+        write_all(node, who, objects)
+        node.nmt.send_command(0x01)
+
+
+def limit_drive(bus: CanBus, joint: Joint, per_mille: int) -> int:
+    """Set a drive's highest torque (6072h, per mille of the rated one); return what it was.
+
+    Raises LinkLost or LinkRefused.
+    """
+    wire, who = Wire(bus), _who(joint)
+    limit = Object(*MAX_TORQUE, 2, per_mille, "highest torque, per mille of the rated one")
+    with wire.pumped():
+        node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
+        before = _read(node, who, *MAX_TORQUE)
+        write_all(node, who, [limit])
+    return before
 
 
 def _dictionary(drive: Drive) -> ObjectDictionary:
@@ -99,86 +137,108 @@ def _dictionary(drive: Drive) -> ObjectDictionary:
         dictionary = canopen.import_od(drive.eds)
     except (OSError, ValueError, KeyError) as error:
         raise LinkRefused(f"drive.eds: {drive.eds} cannot be read: {error}") from None
-    lacking = {item.place for item in all_objects(drive, 1)} - set(dictionary)
+    lacking = {item.place for item in all_objects(drive, 1, OPTIONAL)} - set(dictionary)
     if lacking:
         names = ", ".join(f"{index:04X}h" for index in sorted(lacking))
         raise LinkRefused(f"drive.eds: {drive.eds} has no {names}: this drive cannot be used")
     return dictionary
 
 
-def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
-    """Configure one drive in pre-operational, where mappings may be changed."""
+def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozenset[int]:
+    """Configure one drive in pre-operational, where mappings may be changed; return what it does not have."""
     node.nmt.send_command(0x80)
     _identify(node, joint, drive)
-    objects = all_objects(drive, joint.id)
+    who = _who(joint)
+    missing = frozenset(entry for entry in OPTIONAL if not _has(node, who, entry >> 16, entry >> 8 & 0xFF))
+    if missing:
+        log.info("%s: its drive has no %s", joint.name, ", ".join(f"{entry >> 16:04X}h" for entry in missing))
+    write_all(node, who, all_objects(drive, joint.id, missing))
+    _await_mode(node, who)
+    return missing
+
+
+def _has(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> bool:
+    """Return False for an object that the drive says it does not have; raises LinkLost."""
+    try:
+        node.sdo.upload(index, sub)
+    except SdoAbortedError as error:
+        return error.code not in {_NO_OBJECT, _NO_SUB}
+    except SdoCommunicationError:
+        raise _silent(who) from None
+    return True
+
+
+def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -> None:
+    """Write objects in their order and read the final values back; raises LinkLost or LinkRefused."""
     for item in objects:
-        _write(node, joint, item)
+        _write(node, who, item)
     for item in final_values(objects):
-        actual = _read(node, joint, item.place, item.sub)
+        actual = _read(node, who, item.place, item.sub)
         if actual != item.value:
-            raise LinkRefused(
-                f"{joint.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}"
-            )
-
-    _await_mode(node, joint)
+            raise LinkRefused(f"{who.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}")
 
 
-def _await_mode(node: canopen.RemoteNode, joint: Joint) -> None:
+def _await_mode(node: canopen.RemoteNode, who: Addressed) -> None:
     """Wait until the drive shows the mode that it was given; raises LinkRefused when it does not."""
     for _ in range(_MODE_TRIES):
-        shown = _read(node, joint, *MODE_DISPLAY)
+        shown = _read(node, who, *MODE_DISPLAY)
         if shown == CYCLIC_POSITION:
             return
     raise LinkRefused(
-        f"{joint.name}: 6061h:0 (mode shown) is {shown}, wanted {CYCLIC_POSITION}: it does not take the mode"
+        f"{who.name}: 6061h:0 (mode shown) is {shown}, wanted {CYCLIC_POSITION}: it does not take the mode"
     )
 
 
 def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
     """Refuse a device that is not the drive that the description means."""
-    kind = _read(node, joint, *DEVICE_TYPE) & 0xFFFF
+    who = _who(joint)
+    kind = _read(node, who, *DEVICE_TYPE) & 0xFFFF
     if kind != PROFILE_402:
         raise LinkRefused(
             f"{joint.name}: 1000h:0 says profile {kind}, wanted 402: another device has id {joint.id}"
         )
     for sub, wanted in ((1, drive.vendor), (2, drive.product)):
-        if wanted is not None and (actual := _read(node, joint, 0x1018, sub)) != wanted:
+        if wanted is not None and (actual := _read(node, who, 0x1018, sub)) != wanted:
             raise LinkRefused(
                 f"{joint.name}: 1018h:{sub} is {actual:#x}, wanted {wanted:#x}: another make of drive"
             )
-    modes = _read(node, joint, *MODES)
+    modes = _read(node, who, *MODES)
     if not modes >> (CYCLIC_POSITION - 1) & 1:
         raise LinkRefused(f"{joint.name}: 6502h:0 is {modes:#x}: it has no cyclic synchronous position mode")
 
 
-def _write(node: canopen.RemoteNode, joint: Joint, item: Object) -> None:
+def _write(node: canopen.RemoteNode, who: Addressed, item: Object) -> None:
     """Write an object; what is read-only is left to the reading back."""
     try:
         node.sdo.download(item.place, item.sub, item.value.to_bytes(item.size, "little"))
     except SdoAbortedError as error:
         if error.code != _READ_ONLY:
-            raise _refused(joint, item.name, item.what, error) from None
-        log.info("%s: %s is read-only", joint.name, item.name)
+            raise _refused(who, item.name, item.what, error) from None
+        log.info("%s: %s is read-only", who.name, item.name)
     except SdoCommunicationError:
-        raise _silent(joint) from None
+        raise _silent(who) from None
 
 
-def _read(node: canopen.RemoteNode, joint: Joint, index: int, sub: int) -> int:
+def _read(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> int:
     """Return an object as an unsigned number."""
     try:
         return int.from_bytes(node.sdo.upload(index, sub), "little")
     except SdoAbortedError as error:
-        raise _refused(joint, f"{index:04X}h:{sub}", "to be read", error) from None
+        raise _refused(who, f"{index:04X}h:{sub}", "to be read", error) from None
     except SdoCommunicationError:
-        raise _silent(joint) from None
+        raise _silent(who) from None
 
 
-def _refused(joint: Joint, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
+def _refused(who: Addressed, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
     why = _ABORTS.get(error.code, "the drive refused it")
-    return LinkRefused(f"{joint.name}: {name} ({what}): {why} (SDO abort {error.code:08X}h)")
+    return LinkRefused(f"{who.name}: {name} ({what}): {why} (SDO abort {error.code:08X}h)")
 
 
-def _silent(joint: Joint) -> LinkLost:
+def _silent(who: Addressed) -> LinkLost:
     return LinkLost(
-        f"{joint.name}: id {joint.id} on bus {joint.bus!r} does not answer; check power, wiring, id, bitrate"
+        f"{who.name}: id {who.id} on bus {who.bus!r} does not answer; check power, wiring, id, bitrate"
     )
+
+
+def _who(joint: Joint) -> Addressed:
+    return Addressed(joint.name, joint.bus, joint.id)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import JointFeedback, Power
-from fleet_quadruped.drives.cia402.commission import commission
+from fleet_quadruped.drives.cia402.commission import commission, limit_drive
 from fleet_quadruped.drives.cia402.frames import (
     BOOT_UP,
     EMERGENCY,
@@ -27,8 +27,11 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_slow,
     unpack_told,
 )
+from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
 from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, follows, state_of
+from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
 
@@ -49,16 +52,18 @@ class _Node:
     beat_at: float | None = None
     answers: Answers = field(default_factory=Answers)
     fault: str = ""
+    feeds: bool = True  # it takes a torque besides the target
     restarted: bool = False  # it is not trusted until it is configured again
 
 
 class Cia402Drives:
     """All drives of a dog, on the buses by their names."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
-        self._nodes = [_Node(joint, Units(joint)) for joint in dog.all_joints]
+        self._nodes = [_Node(joint, Units(joint)) for joint in joints]
+        self._full: dict[str, int] = {}  # joints to the torque limits they had
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
             for node in self._nodes
@@ -71,15 +76,34 @@ class Cia402Drives:
         }
         self.voltage: float | None = None
 
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second: PDOs, SYNC and heartbeats."""
+        cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
+        return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat
+
     def configure(self) -> None:
         """Configure and start all drives; see ``commission``."""
+        missing: dict[str, frozenset[int]] = {}
         for name, bus in self._buses.items():
-            joints = [joint for joint in self._dog.all_joints if joint.bus == name]
+            joints = [node.joint for node in self._nodes if node.joint.bus == name]
             if joints:
-                commission(bus, joints, self._dog.drive)
+                missing |= commission(bus, joints, self._dog.drive)
         for node in self._nodes:
             node.told_at = node.beat_at = None
             node.fault, node.restarted = "", False
+            node.feeds = TORQUE_OFFSET not in missing.get(node.joint.name, ())
+
+    def limit_torque(self, torque: float | None) -> None:
+        """Write 6072h of each drive; its own limit is kept, and written again at the end."""
+        for node in self._nodes:
+            joint = node.joint
+            before = self._full.get(joint.name)
+            if torque is None and before is None:
+                continue
+            limit = before if torque is None else node.units.per_mille(joint.sign * torque)
+            found = limit_drive(self._buses[joint.bus], joint, limit or 0)
+            self._full.setdefault(joint.name, found)
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
@@ -138,7 +162,8 @@ class Cia402Drives:
 
     def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
         joint, units = node.joint, node.units
-        data = pack_target(control_word(goal, node.state), units.counts(angle), units.per_mille(torque))
+        extra = units.per_mille(torque) if node.feeds else None
+        data = pack_target(control_word(goal, node.state), units.counts(angle), extra)
         self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
 
     def _feedback(self, node: _Node, now: float) -> JointFeedback:

@@ -2,6 +2,7 @@
 
 Little-endian throughout. RPDO1 = 6040h, 607Ah, 60B2h; TPDO1 = 6041h, 6064h, 6077h; TPDO2 = 6079h, 603Fh and
 the maker's object for the temperature, where the description names one.
+60B2h and 6077h are left out for a drive that does not have them.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ OPERATIONAL = 0x05
 BOOT_UP = 0x00
 
 _CYCLIC = struct.Struct("<Hih")
+_WITHOUT_TORQUE = struct.Struct("<Hi")
 _SLOW = struct.Struct("<IH")
 _TEMPERATURE = struct.Struct("<h")
 _EMERGENCY = struct.Struct("<HB")
@@ -64,8 +66,10 @@ class Emergency(NamedTuple):
         return f"{meaning(self.code)} (emergency {self.code:04X}h, register {self.register:02X}h)"
 
 
-def pack_target(control: int, counts: int, per_mille: int) -> bytes:
-    """Return RPDO1; numbers out of range are clamped, never wrapped."""
+def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
+    """Return RPDO1, without a torque for None; numbers out of range are clamped, never wrapped."""
+    if per_mille is None:
+        return _WITHOUT_TORQUE.pack(control & 0xFFFF, _clamp(counts, _I32))
     try:
         return _CYCLIC.pack(control, counts, per_mille)
     except struct.error:
@@ -74,7 +78,7 @@ def pack_target(control: int, counts: int, per_mille: int) -> bytes:
 
 def unpack_target(data: bytes) -> Told | None:
     """Return what RPDO1 says (the drive's side); None when it is too short."""
-    return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
+    return unpack_told(data)
 
 
 def pack_told(told: Told) -> bytes:
@@ -83,7 +87,10 @@ def pack_told(told: Told) -> bytes:
 
 
 def unpack_told(data: bytes) -> Told | None:
-    """Return what TPDO1 says; None when it is too short."""
+    """Return what TPDO1 says, torque 0 where it tells none; None when it is too short."""
+    if len(data) == _WITHOUT_TORQUE.size:
+        status, counts = _WITHOUT_TORQUE.unpack(data)
+        return Told(status, counts, 0)
     return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
 
 

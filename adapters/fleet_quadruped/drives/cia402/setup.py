@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from fleet_quadruped.drives.cia402.frames import MASTER, RPDO1, TPDO1, TPDO2
@@ -12,6 +12,10 @@ from fleet_quadruped.robot.parts import Drive
 DEVICE_TYPE = (0x1000, 0)
 PROFILE_402 = 402
 MODES = (0x6502, 0)
+MAX_TORQUE = (0x6072, 0)
+TORQUE_OFFSET, TORQUE = 0x60B2_0010, 0x6077_0010
+OPTIONAL = (TORQUE_OFFSET, TORQUE)
+"""Entries of the PDOs, as a mapping names them, that a drive need not have; each is the last of its PDO."""
 MODE_DISPLAY = (0x6061, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
@@ -64,17 +68,26 @@ def _period(cycle_hz: int) -> tuple[int, int]:
     return max(1, min(255, round(10_000 / cycle_hz))), -4
 
 
-def mapping_objects(drive: Drive, node: int) -> list[Object]:
-    """Return the PDOs in the order that CiA 301 wants: off, none, entries, how many, on."""
-    receive = _pdo(0x1400, 0x1600, RPDO1 + node, 1, (0x60400010, 0x607A0020, 0x60B20010))
-    fast = _pdo(0x1800, 0x1A00, TPDO1 + node, 1, (0x60410010, 0x60640020, 0x60770010))
+def mapping_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
+    """Return the PDOs; ``missing``: the optional entries that this drive does not have."""
+    receive = _without(missing, 0x60400010, 0x607A0020, TORQUE_OFFSET)
+    told = _without(missing, 0x60410010, 0x60640020, TORQUE)
     temperature = [] if drive.temperature is None else [drive.temperature.entry]
-    slow = _pdo(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010, *temperature))
-    return receive + fast + slow
+    return [
+        *pdo_objects(0x1400, 0x1600, RPDO1 + node, 1, receive),
+        *pdo_objects(0x1800, 0x1A00, TPDO1 + node, 1, told),
+        *pdo_objects(0x1801, 0x1A01, TPDO2 + node, SLOW_EVERY, (0x60790020, 0x603F0010, *temperature)),
+    ]
 
 
-def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: Sequence[int]) -> list[Object]:
-    """Return the objects of one PDO."""
+def _without(missing: Collection[int], *entries: int) -> tuple[int, ...]:
+    return tuple(entry for entry in entries if entry not in missing)
+
+
+def pdo_objects(
+    communication: int, mapping: int, cob: int, kind: int, entries: Sequence[int]
+) -> list[Object]:
+    """Return the objects of one PDO in the order that CiA 301 wants: off, none, entries, how many, on."""
     mapped = [Object(mapping, sub, 4, entry, "mapping") for sub, entry in enumerate(entries, start=1)]
     return [
         Object(communication, 1, 4, _DISABLED | cob, "PDO off"),
@@ -86,9 +99,9 @@ def _pdo(communication: int, mapping: int, cob: int, kind: int, entries: Sequenc
     ]
 
 
-def all_objects(drive: Drive, node: int) -> list[Object]:
+def all_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
     """Return everything that is written, in its order."""
-    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(drive, node)]
+    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(drive, node, missing)]
 
 
 def final_values(objects: list[Object]) -> list[Object]:

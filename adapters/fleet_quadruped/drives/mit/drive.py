@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from fleet.errors import LinkLost, LinkRefused
@@ -16,11 +16,15 @@ from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES, Profile
+from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
 
-_TRIES, _WAIT = 5, 0.02  # rounds of questions, s each
+_TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look
+_TOLD = {Power.ENABLED: Power.ENABLED, Power.STOPPING: Power.STOPPING, Power.DISABLED: Power.STOPPING}
+"""What an enabled motor is called, by what is wanted of it: it is not off before it says so."""
 _NAMES = ("PMAX", "VMAX", "TMAX")
 
 
@@ -48,15 +52,21 @@ Answered = Callable[[_Motor], bool]
 class MitDrives:
     """All motors of a dog, on the buses by their names."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+    def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
         self._profile = profile_of(dog)
-        self._motors = [_Motor(joint) for joint in dog.all_joints]
+        self._motors = [_Motor(joint) for joint in joints]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
+        self._most: float | None = None  # N m
         self.voltage: float | None = None
+
+    @staticmethod
+    def bits(drive: Drive, joints: int) -> float:
+        """Return the bits a second: a command and a reply for each joint in each cycle."""
+        return drive.cycle_hz * joints * 2 * frame_bits(8)
 
     def configure(self) -> None:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
@@ -90,6 +100,10 @@ class MitDrives:
             actual = self._register(motor, wire.TIMEOUT_REGISTER)
             if actual != timeout:
                 raise LinkRefused(f"{motor.joint.name}: register 9 (watchdog) is {actual!r}, not {timeout!r}")
+
+    def limit_torque(self, torque: float | None) -> None:
+        """Keep targets so near that the motors' own stiffness pushes no harder."""
+        self._most = torque
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
@@ -155,7 +169,7 @@ class MitDrives:
                 motor,
                 wire.pack_command(
                     MitCommand(
-                        joint.motor(targets.angles[number]),
+                        joint.motor(self._near(motor, targets.angles[number])),
                         joint.sign * targets.speeds[number] * joint.kind.ratio,
                         joint.kind.kp / joint.kind.ratio**2,
                         joint.kind.kd / joint.kind.ratio**2,
@@ -164,6 +178,13 @@ class MitDrives:
                     self._profile,
                 ),
             )
+
+    def _near(self, motor: _Motor, angle: float) -> float:
+        """Return a target that the torque limit allows."""
+        if self._most is None or motor.joint.kind.kp == 0:
+            return angle
+        reach = self._most / motor.joint.kind.kp
+        return max(motor.angle - reach, min(motor.angle + reach, angle))
 
     def damp(self, kd: float) -> None:
         """No stiffness, only damping: one frame each."""
@@ -193,7 +214,7 @@ class MitDrives:
         if motor.told_at is None:
             return JointFeedback()
         fault = ""
-        power = self._wanted if self._is_enabled(motor) else Power.DISABLED
+        power = _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED
         if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
             power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
         elif self._profile.error_at is not None and motor.status:
@@ -246,15 +267,24 @@ class MitDrives:
             for motor in self._motors:
                 if not answered(motor):
                     self._buses[motor.joint.bus].send(Frame(*question(motor)))
-            for name, bus in self._buses.items():
-                for frame in bus.receive(_WAIT):
-                    self.take(name, frame, 0.0)
+            for _ in range(_LISTENS):
+                if all(map(answered, self._motors)) or not self._listen():
+                    break
         for motor in self._motors:
             if not answered(motor):
                 joint = motor.joint
                 raise LinkLost(
                     f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check power, wiring, id"
                 )
+
+    def _listen(self) -> bool:
+        """Take what arrives; return False when all buses are quiet. Others may speak all the time."""
+        heard = False
+        for name, bus in self._buses.items():
+            for frame in bus.receive(_WAIT):
+                heard = True
+                self.take(name, frame, 0.0)
+        return heard
 
     def _check_ranges(self) -> None:
         """Refuse motors whose frames mean other numbers than the profile says."""

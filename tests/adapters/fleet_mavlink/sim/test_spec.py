@@ -41,7 +41,7 @@ def test_everything_can_be_said():
         ("sim:px4?ready=-1", "not 0 to 3600"),
         ("sim:px4?fault=los:1", "did you mean 'loss'"),
         ("sim:px4?fault=loss:2", "fault loss: 2"),
-        ("sim:px4?with=camera", "simulated vehicle"),
+        ("sim:px4?with=laser", "simulated vehicle"),
         ("sim:px4?seed=x", "seed"),
         ("sim:px4?seed=inf", "seed"),
         ("sim:px4?speed", "name=value"),

@@ -1,10 +1,12 @@
+import itertools
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.gait import Trot, Twist
+from fleet_quadruped.body.gait import Steps, Twist
+from fleet_quadruped.body.gait import walk as slow
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -13,7 +15,7 @@ speeds = st.builds(Twist, st.floats(-0.8, 0.8), st.floats(-0.3, 0.3), st.floats(
 
 
 def trot():
-    return Trot(DOG.gait, DOG.legs, DOG.geometry.foot_radius)
+    return Steps(DOG.gait, DOG.legs, DOG.geometry.foot_radius)
 
 
 def walk(gait, twist, seconds, dt=0.01):
@@ -79,3 +81,30 @@ def test_feet_stay_within_reach_whatever_the_cycle(twist, dt):
             away = math.hypot(x - leg.x, y - leg.y - leg.side * leg.offset)
             assert away < DOG.gait.reach + 0.1
             assert -0.35 < z < -0.15
+
+
+def margin(feet):
+    """Return how far (m) the body's centre is inside the feet that stand; negative outside."""
+    around = sorted(feet, key=lambda foot: math.atan2(foot[1], foot[0]))
+    edges = itertools.pairwise([*around, around[0]])
+    return min((a[0] * b[1] - a[1] * b[0]) / math.dist(a, b) for a, b in edges)
+
+
+@pytest.mark.parametrize("twist", [Twist(0.15), Twist(-0.15), Twist(0, 0.08), Twist(0, 0, 0.35)])
+def test_walking_the_body_is_always_over_the_feet_that_stand(twist):
+    gait = trot()
+    assert gait.choose(slow(DOG.gait))
+    walk(gait, twist, 2.0)
+    for _ in range(300):
+        feet = gait.step(0.01, twist, Twist(), 0.27, LEVEL)
+        standing = [foot[:2] for foot, stands in zip(feet, gait.stance, strict=True) if stands]
+        assert len(standing) >= 3
+        assert margin(standing) > 0.005
+
+
+def test_another_gait_begins_only_from_standing():
+    gait = trot()
+    walk(gait, Twist(0.4), 1.0)
+    assert not gait.choose(slow(DOG.gait))
+    walk(gait, Twist(), 1.0)
+    assert gait.choose(slow(DOG.gait))

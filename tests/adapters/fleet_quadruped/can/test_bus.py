@@ -1,4 +1,8 @@
 import errno
+import os
+import pty
+import tty
+from pathlib import Path
 
 import can
 import pytest
@@ -96,3 +100,51 @@ def test_what_is_no_bus_is_refused(text):
 
 def test_a_multicast_bus_has_its_port():
     assert parse_bus("can:udp_multicast:239.74.163.2?port=43113") == ("udp_multicast", "239.74.163.2", 43113)
+
+
+def test_frames_cross_a_serial_adapter_in_its_own_words(clock):
+    adapter, device = pty.openpty()
+    tty.setraw(device)
+    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    try:
+        os.read(adapter, 64)  # its setup
+        bus.send(Frame(0x181, b"\x01\x02"))
+        bus.send(Frame(0x18FF0102, b""))
+        said = b""
+        while said.count(b"\r") < 2:
+            said += os.read(adapter, 64)
+        assert said == b"t18120102\rT18FF01020\r"
+        os.write(adapter, b"t0803AABBCC\r")
+        assert bus.receive(5.0) == [Frame(0x080, b"\xaa\xbb\xcc")]
+    finally:
+        bus.close()
+        os.close(adapter)
+        os.close(device)
+
+
+def listen(bus):
+    """Read until the bus is lost."""
+    while True:
+        bus.receive(0.1)
+
+
+def test_a_serial_adapter_that_is_pulled_out_is_a_lost_bus(clock):
+    adapter, device = pty.openpty()
+    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    os.close(device)
+    os.close(adapter)
+    with pytest.raises(LinkLost, match="bus 'a'"):
+        listen(bus)
+    bus.close()
+
+
+def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clock):
+    if not Path("/sys/class/net/vcan0").exists():
+        with pytest.raises((LinkLost, LinkRefused), match="can:socketcan:vcan0"):
+            Bus("a", "can:socketcan:vcan0", 1_000_000, clock)
+        return
+    one, other = (Bus(name, "can:socketcan:vcan0", 1_000_000, clock) for name in "ab")
+    one.send(Frame(0x181, b"\x01"))
+    assert other.receive(5.0) == [Frame(0x181, b"\x01")]
+    one.close()
+    other.close()

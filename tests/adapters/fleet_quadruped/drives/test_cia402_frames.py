@@ -96,3 +96,10 @@ def test_what_is_read_back_is_what_was_written_last():
     finals = {item.name: item.value for item in final_values(all_objects(DOG.drive, 5))}
     assert finals["1400h:1"] == 0x205
     assert finals["1016h:1"] == 0x7F << 16 | 100
+
+
+def test_a_drive_without_torque_objects_has_short_frames():
+    data = wire.pack_target(0x0F, -2, None)
+    assert data == bytes.fromhex("0f00feffffff")
+    assert wire.unpack_told(data) == (0x0F, -2, 0)
+    assert wire.unpack_told(data[:5]) is None

@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 
 from fleet_quadruped.body.gait import Twist
@@ -34,6 +35,20 @@ def test_it_walks_forward_sideways_and_turns_at_the_speed_it_is_given(walker):
     walker.go(1.5)
     assert speed(walker, Twist(0, 0, 0.8), 1.5)[1] == pytest.approx(0.8, rel=0.1)
     assert math.degrees(walker.tilt) < 5
+    assert walker.fault == ""
+
+
+def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
+    walker.order = msgspec.structs.replace(walker.order, gait="walk")
+    fewest = []
+    walker.watch = lambda: fewest.append(sum(walker.controller.body.walker._steps.stance))
+    assert speed(walker, Twist(0.6), 2.8)[0] == pytest.approx(0.15, rel=0.15)
+    assert math.degrees(walker.tilt) < 5
+    assert min(fewest) == 3
+    walker.order = msgspec.structs.replace(walker.order, gait="trot")
+    walker.go(4.5, Twist(0.4))
+    assert walker.mode is Mode.WALKING
+    assert walker.controller.body.walker.odometry.twist.x > 0.3
     assert walker.fault == ""
 
 
@@ -79,3 +94,14 @@ def test_its_drives_damp_it_when_the_controller_dies_in_mid_trot(walker):
         for joint, motor in zip(walker.dog.all_joints, walker.sim.world.motors, strict=True):
             assert joint.low - 0.15 < motor.angle < joint.high + 0.15, joint.name
     assert walker.sim.world.place()[2] < 0.2
+
+
+def test_drives_without_a_torque_offset_walk_too(dog):
+    rig = Rig(dog, MujocoWorld(dog))
+    for drive in rig.sim.drives:
+        drive.be_plain()
+    rig.controller.drives.configure()
+    rig.stand()
+    assert speed(rig, Twist(0.5))[0] == pytest.approx(0.5, rel=0.1)
+    assert math.degrees(rig.tilt) < 6
+    assert rig.state().torques == (0.0,) * 12

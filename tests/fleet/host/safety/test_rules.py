@@ -62,6 +62,7 @@ def test_a_freed_lease_is_anybodys():
 @given(VELOCITIES, SOME_LIMITS)
 def test_a_clamped_velocity_is_within_the_limits_and_keeps_its_direction(velocity, limits):
     clamped = clamp(velocity, limits)
+    assert clamped.gait == velocity.gait
     assert clamped.linear.horizontal() <= (limits.speed or math.inf) * (1 + 1e-9)
     assert abs(clamped.linear.z) <= (limits.vertical_speed or math.inf) * (1 + 1e-9)
     assert abs(clamped.yaw_rate) <= (limits.yaw_rate or math.inf) * (1 + 1e-9)

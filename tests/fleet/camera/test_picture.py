@@ -3,9 +3,10 @@ import threading
 
 import pytest
 
-from fleet import Refused
-from fleet_ugv import v4l2
-from fleet_ugv.camera import jpeg_size, take_picture
+from fleet import Refused, Unsupported
+from fleet.camera import v4l2
+from fleet.camera.picture import jpeg_size, photograph, take_picture
+from fleet.testing.clock import ManualClock
 
 JPEG = (
     bytes.fromhex("ffd8 ffe0 0004 0000 ffc0 0011 08 01e0 0280 03 011100021100031100 ffda".replace(" ", ""))
@@ -82,7 +83,7 @@ def device(tmp_path, monkeypatch):
         if call == v4l2.DQBUF:
             argument[8:12] = len(JPEG).to_bytes(4, "little")
 
-    monkeypatch.setattr("fleet_ugv.v4l2.fcntl.ioctl", ioctl)
+    monkeypatch.setattr("fleet.camera.v4l2.fcntl.ioctl", ioctl)
     return path, calls
 
 
@@ -97,6 +98,14 @@ async def test_a_video_device_that_has_no_jpeg_is_refused(device, monkeypatch):
     def other_format(_descriptor, _call, argument):
         argument[16:20] = b"YUYV"
 
-    monkeypatch.setattr("fleet_ugv.v4l2.fcntl.ioctl", other_format)
+    monkeypatch.setattr("fleet.camera.v4l2.fcntl.ioctl", other_format)
     with pytest.raises(Refused, match="gives no JPEG"):
         await take_picture(f"v4l2:{device[0]}")
+
+
+async def test_a_photo_has_its_size_and_needs_a_camera(tmp_path):
+    (tmp_path / "shot.jpg").write_bytes(JPEG)
+    photo = await photograph(f"file:{tmp_path}/shot.jpg", ManualClock())
+    assert (photo.image, photo.width, photo.height) == (JPEG, 640, 480)
+    with pytest.raises(Unsupported, match="no camera is configured"):
+        await photograph(None, ManualClock())

@@ -7,11 +7,15 @@ import http.client
 import urllib.error
 import urllib.request
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
+from pydantic import Field
 
-from fleet import Refused, TimedOut
-from fleet_ugv.v4l2 import capture
+from fleet.camera.v4l2 import capture
+from fleet.clock import Clock
+from fleet.errors import Refused, TimedOut, Unsupported
+from fleet.model.report import PhotoReport
 
 TIMEOUT = 5.0  # s that a camera has to answer
 LARGEST = 4 * 1024 * 1024  # bytes of a picture; more does not belong on MQTT
@@ -20,12 +24,27 @@ _SIZES = frozenset({*range(0xC0, 0xD0)}) - {0xC4, 0xC8, 0xCC}  # start-of-frame 
 _BARE = frozenset({0x01, *range(0xD0, 0xD9)})  # markers without a length
 
 
+CameraText = Annotated[str, Field(pattern=r"^(file:/|https?://|v4l2:/)\S+$")]
+"""The type of a camera in an adapter's config."""
+
+
 class Picture(msgspec.Struct, frozen=True):
     """A JPEG picture and its size in pixels."""
 
     data: bytes
     width: int
     height: int
+
+
+async def photograph(camera: str | None, clock: Clock) -> PhotoReport:
+    """Return the report that ``take_photo`` publishes.
+
+    Raises Unsupported when no camera is configured, Refused or TimedOut like ``take_picture``.
+    """
+    if camera is None:
+        raise Unsupported("no camera is configured", hint="camera: http://... in fleet.yaml")
+    picture = await take_picture(camera)
+    return PhotoReport(clock.time(), picture.data, "jpeg", picture.width, picture.height)
 
 
 async def take_picture(source: str) -> Picture:

@@ -1,0 +1,66 @@
+"""Taking a picture with a camera that speaks MAVLink's camera protocol beside the autopilot."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet import Fault, TimedOut, Unsupported
+from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.payload_messages import CameraImageCaptured
+from fleet_mavlink.vehicle import Part, Vehicle
+from fleet_mavlink.words import Cmd
+
+_ONE = 1.0  # picture
+_TAKEN_WITHIN = 5.0  # s
+
+
+class Photo(msgspec.Struct, frozen=True):
+    """A picture that was taken: its number, and where the camera keeps it."""
+
+    index: int
+    url: str
+
+
+class Camera:
+    """The camera of one vehicle, once its heartbeat was heard."""
+
+    def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
+        self._vehicle = vehicle
+        self._timing = timing
+        self._taken = 0
+        self._commander: tuple[Part, Commander] | None = None
+
+    async def take_photo(self) -> Photo:
+        """Take one picture; returns once the camera says that it has it.
+
+        Raises Unsupported without a camera, Fault when the camera could not, TimedOut when it is silent.
+        """
+        require_connection(self._vehicle)
+        camera = self._vehicle.camera
+        if camera is None:
+            raise Unsupported("no camera is heard beside the autopilot")
+        require_connection(camera)
+        with camera.hearing(CameraImageCaptured) as heard:
+            self._taken += 1
+            ask = CommandLong(
+                Cmd.IMAGE_START_CAPTURE,
+                target_component=camera.component,
+                param3=_ONE,
+                param4=float(self._taken),
+            )
+            # Once: a repeat might take a second picture.
+            await self._commander_of(camera).ask(ask, tries=1)
+            taken = await heard.next(_TAKEN_WITHIN)
+        if taken is None:
+            raise TimedOut("the camera took the command but tells of no picture")
+        if taken.capture_result != 1:
+            raise Fault("the camera could not take the picture", hint="is its card full?")
+        return Photo(taken.image_index, taken.file_url)
+
+    def _commander_of(self, camera: Part) -> Commander:
+        """Return who asks this camera."""
+        if self._commander is None or self._commander[0] is not camera:
+            self._commander = camera, Commander(camera, self._timing)
+        return self._commander[1]

@@ -1,0 +1,96 @@
+"""What is known of the things a vehicle carries: a frozen value, and how each message changes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.model.geometry import Quaternion, Vector3
+from fleet_mavlink.messages import Message
+from fleet_mavlink.payload_messages import (
+    EscTelemetry1To4,
+    GimbalDeviceAttitudeStatus,
+    HighresImu,
+    RawImu,
+)
+
+_GRAVITY = 9.80665  # m/s2
+_INERTIAL = 0x3F  # fields_updated: acceleration and rates, all axes
+
+
+class Imu(msgspec.Struct, frozen=True):
+    """Body rates in rad/s and specific force in m/s2, FRD."""
+
+    gyro: Vector3
+    accel: Vector3
+
+
+class Aim(msgspec.Struct, frozen=True):
+    """How a gimbal is turned, degrees; pitch down is negative, yaw right of the nose is positive."""
+
+    pitch: float
+    yaw: float
+
+
+class Carried(msgspec.Struct, frozen=True):
+    """Everything known; times are monotonic seconds of arrival; None and empty where nothing was heard.
+
+    ``motors``: rad/s, in the autopilot's order.
+    """
+
+    imu: Imu | None = None
+    imu_at: float = -math.inf
+    aim: Aim | None = None
+    motors: tuple[float, ...] = ()
+    motors_at: float = -math.inf
+
+
+def reduce_carried(carried: Carried, message: Message, now: float) -> Carried:
+    """Return what is known once ``message`` arrived at monotonic ``now``."""
+    change = CHANGES.get(type(message))
+    return change(carried, message, now) if change else carried
+
+
+def _raw_imu(carried: Carried, message: RawImu, now: float) -> Carried:
+    """Take what ArduPilot's sensors measure."""
+    accel = Vector3(message.xacc, message.yacc, message.zacc).scaled(_GRAVITY / 1000)
+    gyro = Vector3(message.xgyro, message.ygyro, message.zgyro).scaled(1 / 1000)
+    return msgspec.structs.replace(carried, imu=Imu(gyro, accel), imu_at=now)
+
+
+def _highres_imu(carried: Carried, message: HighresImu, now: float) -> Carried:
+    """Take what PX4's sensors measure, once it says all of it."""
+    gyro = (message.xgyro, message.ygyro, message.zgyro)
+    accel = (message.xacc, message.yacc, message.zacc)
+    if message.fields_updated & _INERTIAL != _INERTIAL or not all(map(math.isfinite, (*gyro, *accel))):
+        return carried
+    return msgspec.structs.replace(carried, imu=Imu(Vector3(*gyro), Vector3(*accel)), imu_at=now)
+
+
+def _gimbal(carried: Carried, message: GimbalDeviceAttitudeStatus, _now: float) -> Carried:
+    """Take how the gimbal is turned, where it says so with a rotation."""
+    if not all(map(math.isfinite, message.q)):
+        return carried
+    try:
+        turned = Quaternion(*message.q).normalized()
+    except ValueError:
+        return carried
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (turned.w * turned.y - turned.z * turned.x))))
+    return msgspec.structs.replace(carried, aim=Aim(math.degrees(pitch), math.degrees(turned.yaw)))
+
+
+def _motors(carried: Carried, message: EscTelemetry1To4, now: float) -> Carried:
+    """Take how fast the motors turn."""
+    speeds = tuple(rpm * math.tau / 60 for rpm in message.rpm)
+    return msgspec.structs.replace(carried, motors=speeds, motors_at=now)
+
+
+CHANGES: Mapping[type[Message], Callable[[Carried, Any, float], Carried]] = {
+    EscTelemetry1To4: _motors,
+    GimbalDeviceAttitudeStatus: _gimbal,
+    HighresImu: _highres_imu,
+    RawImu: _raw_imu,
+}

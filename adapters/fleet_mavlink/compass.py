@@ -1,0 +1,85 @@
+"""Calibrating the compass, with its progress; what an autopilot tells about it is its flavour's business."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+
+from fleet import Progress, Refused, TimedOut
+from fleet.errors import CommandError, LinkError
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.flight import Flight
+from fleet_mavlink.heard import Heard
+from fleet_mavlink.messages import Message
+from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
+from fleet_mavlink.texts import Sentence
+
+_SILENCE = 15.0  # s without a word after which it counts as ended
+_CANCELLED = Sentence("cancelled", 6, 0.0)
+
+Said = Message | Sentence
+
+
+class Compass:
+    """The compass of one vehicle; calibrated on the ground with the motors off."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self._heard: Heard[Said] | None = None
+
+    async def calibrate(self) -> AsyncIterator[Progress]:
+        """Begin, and tell the progress while the vehicle is turned about; ends once it is calibrated.
+
+        Raises Refused in the autopilot's words when it fails or is stopped. Left early, it is stopped.
+        """
+        flight = self._flight
+        require_connection(flight.vehicle)
+        if flight.vehicle.state.armed:
+            raise Refused("it is armed", hint="land and disarm first")
+        with flight.vehicle.hearing(MagCalProgress, MagCalReport, Sentence) as heard:
+            await flight.commander.ask(flight.flavour.compass_start, tries=1)
+            self._heard = heard
+            try:
+                async for progress in self._follow(heard):
+                    yield progress
+            except (CommandError, GeneratorExit, asyncio.CancelledError):
+                await self._stop_quietly()
+                raise
+            finally:
+                self._heard = None
+
+    async def stop(self) -> None:
+        """Stop a calibration; nothing of it is kept."""
+        require_connection(self._flight.vehicle)
+        if self._flight.vehicle.state.armed:
+            raise Refused("it is armed", hint="no compass is calibrated in flight")
+        await self._flight.commander.ask(self._flight.flavour.compass_stop)
+        if self._heard is not None:
+            self._heard.put(_CANCELLED)
+
+    async def _follow(self, heard: Heard[Said]) -> AsyncIterator[Progress]:
+        """Follow it to its end; with several compasses the slowest says how far it is."""
+        step_of = self._flight.flavour.calibration_step
+        percents: dict[int, float] = {}
+        yield Progress(0.0, "turn the vehicle about all its axes")
+        while True:
+            said = await heard.next(_SILENCE)
+            if said is None:
+                raise TimedOut(f"nothing was heard of the calibration for {_SILENCE:g} s")
+            if said is _CANCELLED:
+                raise Refused("it was stopped")
+            step = step_of(said)
+            if step is None:
+                continue
+            percents |= dict.fromkeys(step.others - percents.keys(), 0.0) | {step.compass: step.percent}
+            slowest = min(percents.values())
+            if slowest >= 100.0:
+                break
+            yield Progress(min(99.0, slowest), "calibrating")
+        yield Progress(100.0, "calibrated")
+
+    async def _stop_quietly(self) -> None:
+        """Stop it on the vehicle, where that can be done."""
+        with contextlib.suppress(CommandError, LinkError):
+            await self._flight.commander.ask(self._flight.flavour.compass_stop, tries=1)

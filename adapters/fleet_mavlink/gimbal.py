@@ -1,0 +1,204 @@
+"""Turning a gimbal by MAVLink's gimbal manager, which both autopilots have: to angles, and at speeds."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+
+import msgspec
+
+from fleet import NotReady, Refused, TimedOut, Unsupported
+from fleet.errors import CommandError, FleetError
+from fleet_mavlink.carried import Aim
+from fleet_mavlink.commander import Commander
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.payload_messages import GimbalManagerInformation
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import NAN, Cmd
+
+LEASE = 1.0  # s for which a turning speed is held unless it is asked for again
+_LOCKS = 12.0  # roll and pitch stay with the horizon, yaw with the vehicle
+_NOBODY_ELSE = -1.0  # leaves the secondary control as it is
+_INFORMED_WITHIN = 1.0  # s
+_THERE = 3.0  # degrees
+_TURNS_WITHIN = 15.0  # s
+_FASTEST = 360.0  # degrees a second
+_SLACK = 0.5  # degrees beyond a limit that are still meant as the limit
+
+
+class Turn(msgspec.Struct, frozen=True):
+    """Where to turn, degrees; None leaves an axis alone. ``seconds``: how long the turn is to take."""
+
+    pitch: float | None
+    yaw: float | None
+    relative: bool = False
+    seconds: float = 0.0
+
+
+class Gimbal:
+    """The gimbal of one vehicle; control of it is taken before it is turned."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        commander: Commander,
+        station: tuple[int, int],
+        spawn: Callable[[Awaitable[None]], asyncio.Task[None]],
+    ) -> None:
+        self._vehicle = vehicle
+        self._commander = commander
+        self._station = station
+        self._spawn = spawn
+        self._manager: GimbalManagerInformation | None = None
+        self._met_at_boot = -1
+        self._ending: asyncio.Task[None] | None = None
+
+    async def turn(self, turn: Turn) -> None:
+        """Turn to angles; returns once it is seen there, where the gimbal tells how it is turned."""
+        manager = await self._take_control()
+        aim = self._aim_of(turn, manager)
+        self._keep()
+        if turn.seconds > 0:
+            await self._turn_slowly(aim, turn.seconds)
+        await self._ask(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
+        if self._vehicle.state.carried.aim is None:
+            return  # it does not tell; that the manager took it is all that can be known
+
+        def there(state: VehicleState) -> bool:
+            seen = state.carried.aim
+            return seen is not None and _near(seen, aim)
+
+        if not await self._vehicle.until(there, _TURNS_WITHIN):
+            raise TimedOut("the gimbal took the command but does not turn there")
+
+    async def spin(self, pitch: float, yaw: float) -> None:
+        """Turn at speeds, degrees a second, for ``LEASE`` seconds or until this is asked again."""
+        if not all(math.isfinite(each) and abs(each) <= _FASTEST for each in (pitch, yaw)):
+            raise Refused(f"a turning speed is within {_FASTEST:g} degrees a second")
+        await self._take_control()
+        self._keep()
+        await self._ask(pitch_rate=pitch, yaw_rate=yaw)
+        if pitch or yaw:
+            self._ending = self._spawn(self._end_spin())
+
+    async def _end_spin(self) -> None:
+        """Stop turning when nobody asked for more."""
+        await asyncio.sleep(LEASE)
+        self._ending = None
+        await self._ask(pitch_rate=0.0, yaw_rate=0.0)
+
+    def _keep(self) -> None:
+        """Forget the end of a spin: something newer was asked."""
+        if self._ending is not None:
+            self._ending.cancel()
+            self._ending = None
+
+    async def _turn_slowly(self, aim: _Target, seconds: float) -> None:
+        """Turn at the speed that brings it there in time."""
+        seen = self._vehicle.state.carried.aim
+        if seen is None:
+            raise NotReady("the gimbal does not say how it is turned", hint="leave the duration out")
+        pitch, yaw = _speed(seen.pitch, aim.pitch, seconds), _speed(seen.yaw, aim.yaw, seconds)
+        await self._ask(pitch_rate=pitch, yaw_rate=yaw)
+        await asyncio.sleep(seconds)
+
+    def _aim_of(self, turn: Turn, manager: GimbalManagerInformation) -> _Target:
+        """Return the angles to be at; raises Refused beyond the gimbal's limits."""
+        seen = self._vehicle.state.carried.aim
+        if turn.relative and seen is None:
+            raise NotReady("the gimbal does not say how it is turned", hint="give absolute angles")
+        base = seen if turn.relative and seen is not None else Aim(0.0, 0.0)
+        pitch = None if turn.pitch is None else base.pitch + turn.pitch
+        yaw = None if turn.yaw is None else base.yaw + turn.yaw
+        _require_within("pitch", pitch, manager.pitch_min, manager.pitch_max)
+        _require_within("yaw", yaw, manager.yaw_min, manager.yaw_max)
+        return _Target(pitch, yaw)
+
+    async def _take_control(self) -> GimbalManagerInformation:
+        """Find the gimbal manager, once after each boot, and take control; raises Unsupported without one."""
+        require_connection(self._vehicle)
+        reboots = self._vehicle.state.reboots
+        if self._manager is None or self._met_at_boot != reboots:
+            self._manager = await self._find()
+            system, component = map(float, self._station)
+            ask = CommandLong(
+                Cmd.DO_GIMBAL_MANAGER_CONFIGURE,
+                param1=system,
+                param2=component,
+                param3=_NOBODY_ELSE,
+                param4=_NOBODY_ELSE,
+            )
+            await self._commander.ask(ask)
+            self._met_at_boot = reboots
+        return self._manager
+
+    async def _find(self) -> GimbalManagerInformation:
+        """Ask the autopilot for its gimbal."""
+        ask = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(GimbalManagerInformation.message_id))
+        with self._vehicle.hearing(GimbalManagerInformation) as heard:
+            try:
+                await self._commander.ask(ask)
+            except CommandError as error:
+                if error.device_result is None:
+                    raise
+                raise Unsupported("the autopilot has no gimbal", device_result=error.device_result) from None
+            found = await heard.next(_INFORMED_WITHIN)
+        if found is None:
+            raise Unsupported("the autopilot tells of no gimbal")
+        return found
+
+    async def _ask(
+        self, *, pitch: float = NAN, yaw: float = NAN, pitch_rate: float = NAN, yaw_rate: float = NAN
+    ) -> None:
+        """Turn it; what is NaN is left alone."""
+        try:
+            await self._commander.ask(
+                CommandLong(
+                    Cmd.DO_GIMBAL_MANAGER_PITCHYAW,
+                    param1=pitch,
+                    param2=yaw,
+                    param3=pitch_rate,
+                    param4=yaw_rate,
+                    param5=_LOCKS,
+                )
+            )
+        except FleetError:
+            self._manager = None  # somebody else may have taken control: it is taken again next time
+            raise
+
+
+class _Target(msgspec.Struct, frozen=True):
+    """Angles to be at, degrees; None: as it is."""
+
+    pitch: float | None
+    yaw: float | None
+
+
+def _or_nan(angle: float | None) -> float:
+    """Return an angle, NaN for an axis that is left alone."""
+    return NAN if angle is None else angle
+
+
+def _speed(now: float, then: float | None, seconds: float) -> float:
+    """Return the speed from one angle to another, NaN for an axis that is left alone."""
+    return NAN if then is None else (then - now) / seconds
+
+
+def _near(seen: Aim, target: _Target) -> bool:
+    """Return whether the axes that were asked for are where they should be."""
+    pairs = ((seen.pitch, target.pitch), (seen.yaw, target.yaw))
+    return all(then is None or abs(math.remainder(now - then, 360.0)) <= _THERE for now, then in pairs)
+
+
+def _require_within(axis: str, angle: float | None, lowest: float, highest: float) -> None:
+    """Raise Refused for an angle that is no number, or beyond limits (radians; equal ones: not told)."""
+    if angle is None:
+        return
+    if not math.isfinite(angle) or abs(angle) > 360.0:
+        raise Refused(f"{axis} must be degrees within a turn")
+    low, high = math.degrees(lowest), math.degrees(highest)
+    if low < high and not low - _SLACK <= angle <= high + _SLACK:
+        raise Refused(f"{axis} {angle:g} is not within the gimbal's {low:.0f} to {high:.0f} degrees")

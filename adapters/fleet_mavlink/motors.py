@@ -1,0 +1,37 @@
+"""The motors as joints of the twin: how fast they turn, and how far they have turned since."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fleet.model.report import JointReport
+from fleet_mavlink.carried import Carried
+
+_FRESH = 3.0  # s for which a speed is told
+
+
+class Motors:
+    """The joints by name, in the order of the autopilot's motors; angles are summed up from the speeds."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._angles = [0.0] * len(self._names)
+        self._at: float | None = None
+
+    def report(self, carried: Carried, now: float, stamp: float) -> JointReport | None:
+        """Return the joints at monotonic ``now``, None while nobody says how they turn, or without names."""
+        if not self._names or now - carried.motors_at > _FRESH:
+            self._at = None
+            return None
+        since = 0.0 if self._at is None else now - self._at
+        self._at = now
+        speeds = carried.motors[: len(self._names)]
+        for place, speed in enumerate(speeds):
+            self._angles[place] = (self._angles[place] + speed * since) % math.tau
+        named = self._names[: len(speeds)]
+        return JointReport(
+            stamp,
+            dict(zip(named, self._angles, strict=False)),
+            dict(zip(named, speeds, strict=True)),
+        )

@@ -1,0 +1,110 @@
+"""The MAVLink messages of what a vehicle carries: inertial sensors, motors, compass, gimbal, camera, key."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from fleet_mavlink.messages import Message
+
+
+class RawImu(Message, frozen=True):
+    """RAW_IMU as ArduPilot fills it: FRD, thousandths of g and thousandths of rad/s."""
+
+    message_id: ClassVar[int] = 27
+    xacc: int
+    yacc: int
+    zacc: int
+    xgyro: int
+    ygyro: int
+    zgyro: int
+
+
+class HighresImu(Message, frozen=True):
+    """HIGHRES_IMU: FRD, m/s2 and rad/s; ``fields_updated`` has a bit for each of them."""
+
+    message_id: ClassVar[int] = 105
+    xacc: float
+    yacc: float
+    zacc: float
+    xgyro: float
+    ygyro: float
+    zgyro: float
+    fields_updated: int
+
+
+class MagCalProgress(Message, frozen=True):
+    """MAG_CAL_PROGRESS: how far the calibration of one compass is, percent."""
+
+    message_id: ClassVar[int] = 191
+    compass_id: int
+    cal_mask: int
+    completion_pct: int
+
+
+class MagCalReport(Message, frozen=True):
+    """MAG_CAL_REPORT: how the calibration of one compass ended (``MagCal``)."""
+
+    message_id: ClassVar[int] = 192
+    compass_id: int
+    cal_mask: int
+    cal_status: int
+    autosaved: int
+    fitness: float
+
+
+class SetupSigning(Message, frozen=True):
+    """SETUP_SIGNING: the key to sign with from now on; never answered."""
+
+    message_id: ClassVar[int] = 256
+    target_system: int
+    target_component: int
+    secret_key: tuple[int, ...]
+    initial_timestamp: int  # 10 us since 2015
+
+
+class CameraImageCaptured(Message, frozen=True):
+    """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1) or not."""
+
+    message_id: ClassVar[int] = 263
+    image_index: int
+    capture_result: int
+    file_url: str
+
+
+class GimbalManagerInformation(Message, frozen=True):
+    """GIMBAL_MANAGER_INFORMATION: there is a gimbal, and how far it turns, radians."""
+
+    message_id: ClassVar[int] = 280
+    gimbal_device_id: int
+    pitch_min: float
+    pitch_max: float
+    yaw_min: float
+    yaw_max: float
+
+
+class GimbalDeviceAttitudeStatus(Message, frozen=True):
+    """GIMBAL_DEVICE_ATTITUDE_STATUS: how the gimbal is turned; w x y z, FRD."""
+
+    message_id: ClassVar[int] = 285
+    flags: int
+    q: tuple[float, ...]
+
+
+class EscTelemetry1To4(Message, frozen=True):
+    """ESC_TELEMETRY_1_TO_4 (ArduPilot): the turns a minute of four motors."""
+
+    message_id: ClassVar[int] = 11030
+    rpm: tuple[int, ...]
+
+
+INCOMING: tuple[type[Message], ...] = (
+    CameraImageCaptured,
+    EscTelemetry1To4,
+    GimbalDeviceAttitudeStatus,
+    GimbalManagerInformation,
+    HighresImu,
+    MagCalProgress,
+    MagCalReport,
+    RawImu,
+)
+OUTGOING: tuple[type[Message], ...] = (SetupSigning,)

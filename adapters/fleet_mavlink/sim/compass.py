@@ -1,0 +1,74 @@
+"""The calibration of a simulated compass: as ArduPilot tells it, and as PX4 does."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from pymavlink.dialects.v20 import all as mav
+
+_LASTS = 20.0  # s
+_TOLD_EVERY = 0.5  # s
+_SUCCESS = int(mav.MAG_CAL_SUCCESS)
+_FAILED = int(mav.MAG_CAL_FAILED)
+
+
+class Speaker(Protocol):
+    """Who tells about it: the autopilot."""
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT."""
+
+
+class Compass:
+    """One calibration at a time; ``words``: told in texts (PX4), not in messages of its own."""
+
+    def __init__(self, *, words: bool) -> None:
+        self.words = words
+        self._began: float | None = None
+        self._told_at = 0.0
+
+    @property
+    def calibrating(self) -> bool:
+        """True while a calibration runs."""
+        return self._began is not None
+
+    def start(self, now: float, speaker: Speaker) -> None:
+        """Begin anew."""
+        self._began = self._told_at = now
+        if self.words:
+            speaker.say(6, "[cal] calibration started: 2 mag")
+
+    def cancel(self, speaker: Speaker) -> None:
+        """End without a result; ArduPilot says nothing then."""
+        if self.words and self.calibrating:
+            speaker.say(2, "[cal] calibration cancelled")
+        self._began = None
+
+    def tick(self, now: float, speaker: Speaker, *, fails: bool) -> list[Any]:
+        """Tell how far it is, and how it ended."""
+        if self._began is None or now - self._told_at < _TOLD_EVERY:
+            return []
+        self._told_at = now
+        percent = int(100 * (now - self._began) / _LASTS)
+        if percent < 100:
+            return self._progress(percent, speaker)
+        self._began = None
+        return self._end(speaker, fails=fails)
+
+    def _progress(self, percent: int, speaker: Speaker) -> list[Any]:
+        """Tell percent."""
+        if self.words:
+            speaker.say(6, f"[cal] progress <{percent}>")
+            return []
+        return [mav.MAVLink_mag_cal_progress_message(0, 1, 3, 1, percent, [0] * 10, 0.0, 0.0, 0.0)]
+
+    def _end(self, speaker: Speaker, *, fails: bool) -> list[Any]:
+        """Tell the result."""
+        if self.words:
+            speaker.say(
+                *((2, "[cal] calibration failed: timeout") if fails else (6, "[cal] calibration done: mag"))
+            )
+            return []
+        status = _FAILED if fails else _SUCCESS
+        zeros = [0.0] * 9
+        return [mav.MAVLink_mag_cal_report_message(0, 1, status, int(not fails), 6.5, *zeros)]

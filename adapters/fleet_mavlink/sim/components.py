@@ -1,0 +1,118 @@
+"""Components beside the simulated autopilot, on its link: a gimbal, an ADS-B receiver, a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, ask_of, whole
+from fleet_mavlink.sim.gimbal import DEVICE, Gimbal
+from fleet_mavlink.sim.vehicle import SimVehicle
+
+_CAMERA = 100
+_EXPOSURE = 0.4  # s from the command to the picture
+
+
+class Component:
+    """A component that only shows that it is there: HEARTBEAT at 1 Hz."""
+
+    component = 156
+    kind = int(mav.MAV_TYPE_ADSB)
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        self._vehicle = vehicle
+        self._packer = mav.MAVLink(None, srcSystem=vehicle.system_id, srcComponent=self.component)
+        self._due = 0.0
+
+    def step(self, now: float) -> list[bytes]:
+        """Return the frames that are due."""
+        said = self.told(now)
+        if now >= self._due:
+            self._due = now + 1.0
+            state, nobody = mav.MAV_STATE_ACTIVE, mav.MAV_AUTOPILOT_INVALID
+            said.append(mav.MAVLink_heartbeat_message(self.kind, nobody, 0, 0, state, 3))
+        return self.framed(said)
+
+    def told(self, now: float) -> list[Any]:  # noqa: ARG002 - for those who tell more
+        """Return what it tells besides its heartbeat."""
+        return []
+
+    def asked(self, message: Any, now: float) -> list[Any] | None:  # noqa: ARG002 - for those who answer
+        """Return the answers to what is addressed to it; None: it is not."""
+        return None
+
+    def framed(self, messages: list[Any]) -> list[bytes]:
+        """Return frames in its name."""
+        frames = []
+        for message in messages:
+            frames.append(bytes(message.pack(self._packer)))
+            self._packer.seq = (self._packer.seq + 1) & 0xFF
+        return frames
+
+
+class GimbalDevice(Component):
+    """The gimbal that the autopilot's manager turns; it tells how it is turned."""
+
+    component = DEVICE
+    kind = int(mav.MAV_TYPE_GIMBAL)
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        super().__init__(vehicle)
+        self._gimbal = vehicle.equipment.gimbal = Gimbal()
+
+    def told(self, now: float) -> list[Any]:
+        """Tell how it is turned."""
+        return self._gimbal.due(now, int(now * 1000))
+
+
+class Camera(Component):
+    """A camera with a component of its own; takes a picture a moment after it was asked."""
+
+    component = _CAMERA
+    kind = int(mav.MAV_TYPE_CAMERA)
+
+    def __init__(self, vehicle: SimVehicle) -> None:
+        super().__init__(vehicle)
+        self._pictures = 0
+        self._ready_at: list[float] = []
+
+    def asked(self, message: Any, now: float) -> list[Any] | None:
+        """Answer IMAGE_START_CAPTURE for one picture; the rest is unsupported."""
+        if message.get_type() != "COMMAND_LONG" or message.target_component != self.component:
+            return None
+        ask = ask_of(message)
+        takes = ask.command == mav.MAV_CMD_IMAGE_START_CAPTURE and whole(ask.p3) == 1
+        if takes:
+            self._ready_at.append(now + _EXPOSURE)
+        result = ACCEPTED if takes else UNSUPPORTED
+        return [mav.MAVLink_command_ack_message(ask.command, result, 0, 0, ask.system, ask.component)]
+
+    def told(self, now: float) -> list[Any]:
+        """Tell the pictures that are taken."""
+        taken = [at for at in self._ready_at if at <= now]
+        self._ready_at = [at for at in self._ready_at if at > now]
+        return [self._picture(now) for _ in taken]
+
+    def _picture(self, now: float) -> Any:
+        """Return CAMERA_IMAGE_CAPTURED."""
+        self._pictures += 1
+        latitude, longitude, altitude = self._vehicle.pilot.geo()
+        height = self._vehicle.pilot.height_over_home()
+        return mav.MAVLink_camera_image_captured_message(
+            int(now * 1000),
+            0,
+            0,
+            int(latitude * 1e7),
+            int(longitude * 1e7),
+            int(altitude * 1000),
+            int(height * 1000),
+            [1.0, 0.0, 0.0, 0.0],
+            self._pictures,
+            0 if "camera_fails" in self._vehicle.faults else 1,
+            f"/DCIM/{self._pictures:04d}.jpg".encode(),
+        )
+
+
+ACCESSORIES: Mapping[str, type[Component]] = {"gimbal": GimbalDevice, "adsb": Component, "camera": Camera}

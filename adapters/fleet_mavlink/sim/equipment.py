@@ -1,0 +1,34 @@
+"""What a simulated vehicle carries besides its autopilot; it survives a reboot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fleet_mavlink.sim.compass import Compass
+from fleet_mavlink.sim.gimbal import Gimbal
+from fleet_mavlink.sim.logs import Logs
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+
+class Equipment:
+    """Logs, a compass, and a gimbal where there is one."""
+
+    def __init__(self, *, ardupilot: bool) -> None:
+        self.logs = Logs(1 if ardupilot else 0)
+        self.compass = Compass(words=not ardupilot)
+        self.gimbal: Gimbal | None = None
+
+    def reboot(self) -> None:
+        """End what was under way."""
+        self.logs.reboot()
+        self.compass = Compass(words=self.compass.words)
+
+    def tick(self, pilot: Autopilot, dt: float) -> list[Any]:
+        """Move on; return what is told of its own accord."""
+        told = self.logs.pending()
+        told += self.compass.tick(pilot.time, pilot, fails="compass_fails" in pilot.faults)
+        if self.gimbal is not None:
+            self.gimbal.tick(dt)
+        return told

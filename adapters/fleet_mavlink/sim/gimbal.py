@@ -1,0 +1,89 @@
+"""A simulated gimbal behind the autopilot's gimbal manager: pitch and yaw, in the vehicle's frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import ACCEPTED, DENIED, Ask
+
+_PITCH = (-90.0, 30.0)  # degrees
+_YAW = (-160.0, 160.0)
+_FASTEST = 60.0  # degrees a second
+_TOLD_EVERY = 0.2  # s
+_ITSELF = -2.0  # in DO_GIMBAL_MANAGER_CONFIGURE: the asker
+DEVICE = 154
+
+
+class Gimbal:
+    """Turns to angles or at speeds; only for the station that took control of it."""
+
+    def __init__(self) -> None:
+        self.pitch = self.yaw = 0.0  # degrees
+        self._pitch = _Axis()
+        self._yaw = _Axis()
+        self._owner: tuple[int, int] | None = None
+        self._told_at = -math.inf
+
+    def configure(self, ask: Ask) -> int:
+        """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the ids given, or for who asks."""
+        if ask.p1 == _ITSELF:
+            self._owner = (ask.system, ask.component)
+        elif ask.p1 >= 0.0:
+            self._owner = (int(ask.p1), int(ask.p2))
+        return ACCEPTED
+
+    def turn(self, ask: Ask) -> int:
+        """Turn (DO_GIMBAL_MANAGER_PITCHYAW): degrees and degrees a second, NaN leaves an axis alone."""
+        if self._owner != (ask.system, ask.component):
+            return DENIED
+        self._pitch.ask(ask.p1, ask.p3)
+        self._yaw.ask(ask.p2, ask.p4)
+        return ACCEPTED
+
+    def tick(self, dt: float) -> None:
+        """Move on by ``dt`` seconds."""
+        self.pitch = self._pitch.moved(self.pitch, _PITCH, dt)
+        self.yaw = self._yaw.moved(self.yaw, _YAW, dt)
+
+    def information(self, boot_ms: int) -> Any:
+        """Return GIMBAL_MANAGER_INFORMATION."""
+        limits = (0.0, 0.0, *map(math.radians, (*_PITCH, *_YAW)))
+        return mav.MAVLink_gimbal_manager_information_message(boot_ms, 0, DEVICE, *limits)
+
+    def due(self, now: float, boot_ms: int) -> list[Any]:
+        """Return GIMBAL_DEVICE_ATTITUDE_STATUS when it is time for it."""
+        if now - self._told_at < _TOLD_EVERY:
+            return []
+        self._told_at = now
+        pitch, yaw = math.radians(self.pitch) / 2, math.radians(self.yaw) / 2
+        cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+        turned = [cp * cy, -sp * sy, sp * cy, cp * sy]
+        return [
+            mav.MAVLink_gimbal_device_attitude_status_message(
+                0, 0, boot_ms, 12, turned, 0.0, 0.0, 0.0, 0, gimbal_device_id=0
+            )
+        ]
+
+
+class _Axis:
+    """What is asked of one axis: an angle to be at, or a speed."""
+
+    def __init__(self) -> None:
+        self._angle: float | None = None
+        self._speed = 0.0
+
+    def ask(self, angle: float, speed: float) -> None:
+        """Take an angle, else a speed; what is neither changes nothing."""
+        if math.isfinite(angle):
+            self._angle = angle
+        elif math.isfinite(speed):
+            self._angle, self._speed = None, speed
+
+    def moved(self, now: float, limits: tuple[float, float], dt: float) -> float:
+        """Return the angle after ``dt`` seconds, within the limits."""
+        step = self._speed * dt if self._angle is None else self._angle - now
+        step = max(-_FASTEST * dt, min(_FASTEST * dt, step))
+        return max(limits[0], min(limits[1], now + step))

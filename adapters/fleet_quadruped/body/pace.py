@@ -1,0 +1,31 @@
+"""From a wanted velocity to one that the machine can hold, no more suddenly than it may; pure."""
+
+from __future__ import annotations
+
+import math
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.robot.parts import Pace
+
+
+def within(value: float, limit: float) -> float:
+    """Return a value no farther from zero than the limit."""
+    return max(-limit, min(limit, value))
+
+
+def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
+    """Return a velocity that can be held, in the same direction; ``share`` of all limits is used.
+
+    Zero for what is no velocity.
+    """
+    if not all(map(math.isfinite, wanted)):
+        return Twist()
+    over = max(abs(wanted.x) / pace.speed, abs(wanted.y) / pace.strafe) / share
+    slower = 1.0 / max(1.0, over)
+    return Twist(wanted.x * slower, wanted.y * slower, within(wanted.turn, pace.turn * share))
+
+
+def ramped(now: Twist, goal: Twist, pace: Pace, dt: float) -> Twist:
+    """Return the velocity after ``dt`` seconds on the way to a goal."""
+    most = (pace.acceleration * dt, pace.acceleration * dt, pace.turn_acceleration * dt)
+    return Twist(*(one + within(other - one, step) for one, other, step in zip(now, goal, most, strict=True)))

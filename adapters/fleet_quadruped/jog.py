@@ -1,0 +1,181 @@
+"""Moving one joint a little, with a person beside the dog: ``fleet can jog``.
+
+Only this joint's drive is configured and enabled, its torque is limited, and however the jog ends (a key, an
+exception, the end) the joint is stopped by the drive's own means and the torque is taken off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import select
+import signal
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from types import FrameType
+from typing import NamedTuple
+
+from fleet.clock import Clock
+from fleet.errors import Fault, LinkError, LinkLost, Refused
+from fleet_quadruped.bench import Bench, problems
+from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.robot.description import Description, Joint
+
+SPEED = 0.1  # rad/s
+MOST_DEGREES = 10.0
+MOST_SHARE = 0.3  # of the highest torque
+_ENABLE, _STOP, _OFF = 1.0, 0.3, 1.0  # s: until enabled, of quick stop, until off
+_HOLD = 0.5  # s at the end of the step
+_WATCHED = (signal.SIGTERM, signal.SIGHUP)
+
+
+class Jog(NamedTuple):
+    """What is to be done: radians from where the joint is, and N m at most."""
+
+    joint: Joint
+    step: float
+    torque: float
+
+
+class Stopped(Exception):
+    """A person has ended the jog."""
+
+
+class Jogger:
+    """One joint on the bench. ``interrupted`` is asked in every cycle whether somebody wants it to end."""
+
+    def __init__(
+        self,
+        dog: Description,
+        buses: Mapping[str, CanBus],
+        clock: Clock,
+        jog: Jog,
+        interrupted: Callable[[], bool],
+    ) -> None:
+        self._jog = jog
+        self._clock = clock
+        self._interrupted = interrupted
+        self._bench = Bench(dog, buses, clock, (jog.joint,))
+        self._dt = dog.dt
+        self._margin = dog.safety.margin
+
+    def _check(self) -> None:
+        """Look at the joint with its torque off; raises Refused when it must not be moved."""
+        told = self._bench.settle()
+        found = problems((self._jog.joint,), told)
+        if found:
+            raise Refused(found[0])
+        joint, goal = self._jog.joint, told[0].angle + self._jog.step
+        if not joint.low + self._margin <= goal <= joint.high - self._margin:
+            raise Refused(
+                f"{joint.name}: {goal:.3f} rad is outside {joint.low:g} to {joint.high:g}, "
+                f"of which {self._margin:g} is kept"
+            )
+
+    def move(self) -> float:
+        """Make the step; return how far the joint was seen to go. It is off afterwards, whatever happens.
+
+        Raises Refused when it must not be moved, Stopped, Fault or LinkLost when it was not moved to its end.
+        """
+        drives = self._bench.drives
+        try:
+            drives.limit_torque(self._jog.torque)
+            moved = self._stepped()
+        except BaseException:
+            self._brake()
+            with contextlib.suppress(LinkError):  # why it ended matters more
+                drives.limit_torque(None)
+            raise
+        self._brake()
+        drives.limit_torque(None)
+        return moved
+
+    def _stepped(self) -> float:
+        """Enable the drive and make the step; return how far the joint was seen to go."""
+        self._check()
+        start, drives = self._enabled(), self._bench.drives
+        for target in ramp(start, self._jog.step, self._dt):
+            told = self._cycle(partial(drives.write, Targets((target,), (0.0,), (0.0,))))
+        return told.angle - start
+
+    def _enabled(self) -> float:
+        """Enable the drive; return where it is."""
+        until = self._clock.monotonic() + _ENABLE
+        while self._clock.monotonic() < until:
+            told = self._cycle(self._bench.drives.enable)
+            if told.power is Power.ENABLED:
+                return told.angle
+        raise Fault(f"{self._jog.joint.name}: wanted enabled, the drive is {told.power.value}")
+
+    def _cycle(self, act: Callable[[], None]) -> JointFeedback:
+        """Run a cycle; raises Stopped, Fault or LinkLost when the joint must not move on."""
+        told = self._bench.cycle(act)[0]
+        joint = self._jog.joint
+        if self._interrupted():
+            raise Stopped
+        if told.fault:
+            raise Fault(f"{joint.name}: {told.fault}")
+        if told.age > 5 * self._dt:
+            raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent")
+        return told
+
+    def _brake(self) -> None:
+        """Brake, then take the torque off."""
+        drives = self._bench.drives
+        for _ in range(math.ceil(_STOP / self._dt)):
+            self._bench.cycle(drives.quick_stop)
+        for _ in range(math.ceil(_OFF / self._dt)):
+            if self._bench.look()[0].power in {Power.DISABLED, Power.FAULT}:
+                break
+
+
+def ramp(start: float, step: float, dt: float) -> Iterator[float]:
+    """Yield the targets of a step, one a cycle: slowly there, then a while at its end."""
+    count = max(1, math.ceil(abs(step) / (SPEED * dt)))
+    yield from (start + step * number / count for number in range(1, count + 1))
+    yield from [start + step] * math.ceil(_HOLD / dt)
+
+
+def direction(joint: Joint, *, forwards: bool) -> str:
+    """Return in words where the foot goes when the joint's angle grows (or shrinks) on a hanging leg."""
+    grows, shrinks = (
+        ("to its left", "to its right") if "abad" in joint.name else ("to the rear", "to the front")
+    )
+    return f"the foot {grows if forwards else shrinks}"
+
+
+class Pressed:
+    """Says whether a key was pressed, or the input has ended, since ``watching`` began."""
+
+    def __init__(self) -> None:
+        self._source: int | None = None
+
+    def __call__(self) -> bool:
+        """Return True when the jog must end."""
+        return self._source is not None and bool(select.select([self._source], [], [], 0.0)[0])
+
+    @contextlib.contextmanager
+    def watching(self) -> Iterator[None]:
+        """Watch single keys while the block runs; SIGTERM and SIGHUP then end the block in order, too."""
+        source = self._source = sys.stdin.fileno()
+        before = {number: signal.signal(number, _leave) for number in _WATCHED}
+        modes = termios.tcgetattr(source) if os.isatty(source) else None
+        if modes is not None:
+            tty.setcbreak(source)
+        try:
+            yield
+        finally:
+            if modes is not None:
+                termios.tcsetattr(source, termios.TCSAFLUSH, modes)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def _leave(number: int, _frame: FrameType | None) -> None:
+    sys.exit(128 + number)

@@ -1,0 +1,157 @@
+"""A CANopen machine: the section ``objects`` of its description.
+
+Velocity and state are mapped to PDOs, so that they cost one frame a cycle; a command is one object that is
+written (SDO). CiA 301.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SYNC
+from fleet_quadruped.drives.cia402.setup import Object, pdo_objects
+from fleet_quadruped.frames import FieldMap, FrameMap, Number, encode
+from fleet_quadruped.robot.busload import SLOW_EVERY
+from fleet_quadruped.robot.parts import Section
+from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
+
+SDO_REQUEST, SDO_RESPONSE, SDO_ABORT = 0x600, 0x580, 0x80
+RPDO, TPDO = 0x200, 0x180  # of the first; each further one is 100h on
+_MOST_PDOS = 4
+_AT_ONCE, _AT_SYNC = 255, 1  # transmission types
+_SIZES: Mapping[str, int] = {"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "f32": 4}
+
+
+class Entry(Number):
+    """A number in the object dictionary."""
+
+    index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
+    sub: int = Field(0, ge=0, le=255, description="Subindex of the object.")
+
+    @property
+    def mapping(self) -> int:
+        """The object as a PDO mapping names it."""
+        return self.index << 16 | self.sub << 8 | 8 * _SIZES[self.type]
+
+    def at(self, place: int) -> FieldMap:
+        """Return where it is in a frame."""
+        return FieldMap(at=place, **self.model_dump(include=set(Number.model_fields)))
+
+
+class Setting(Section):
+    """A number that is written into the object dictionary."""
+
+    index: int = Field(ge=0x1000, le=0xFFFF, description="Index of the object.")
+    sub: int = Field(0, ge=0, le=255, description="Subindex of the object.")
+    type: Literal["u8", "u16", "u32"] = Field(description="How it is stored.")
+    value: int = Field(ge=0, le=0xFFFFFFFF, description="What is written.")
+
+    def object(self, what: str) -> Object:
+        """Return it as an object to be written."""
+        return Object(self.index, self.sub, _SIZES[self.type], self.value, what)
+
+
+def _axes(entries: dict[str, Entry]) -> dict[str, Entry]:
+    if set(entries) != set(AXES):
+        raise ValueError(f"a velocity has the entries {', '.join(AXES)}")
+    return entries
+
+
+def _fit(entries: dict[str, Entry]) -> dict[str, Entry]:
+    if len(list(_groups(entries))) > _MOST_PDOS:
+        raise ValueError(f"these do not fit into {_MOST_PDOS} PDOs of eight bytes")
+    return entries
+
+
+class Objects(Section):
+    """Which object means what. The machine's own heartbeat consumer (1016h) is armed with ``silence``."""
+
+    node: int = Field(ge=1, le=126, description="Its node id.")
+    setup: tuple[Setting, ...] = Field((), description="Written when the bus has been opened, and read back.")
+    velocity: Annotated[dict[str, Entry], AfterValidator(_axes), AfterValidator(_fit)] = Field(
+        description="Its velocity: x, y, turn."
+    )
+    stand_up: Setting
+    sit_down: Setting
+    emergency_stop: Setting = Field(description="Its firmest stop that lets it down slowly.")
+    recovery_stand: Setting | None = None
+    reset_faults: Setting | None = None
+    height: Entry | None = Field(None, description="Standing height.")
+    state: Annotated[dict[str, Entry], AfterValidator(_fit)] = Field(description="What it tells every cycle.")
+    slow: dict[str, Entry] = Field({}, description="What it tells now and then: percent, voltage, current.")
+
+
+def wire_of(objects: Objects, silence: float) -> Wire:
+    """Return what goes over the wire; raises ValueError when there are too many PDOs."""
+    node = objects.node
+    fixed: dict[str, Setting | None] = {name: getattr(objects, name) for name in COMMANDS}
+    velocity = list(_groups(objects.velocity))
+    told = [(group, _AT_SYNC) for group in _groups(objects.state)]
+    told += [(group, SLOW_EVERY) for group in _groups(objects.slow)]
+    if len(told) > _MOST_PDOS:
+        raise ValueError(f"objects: state and slow do not fit into {_MOST_PDOS} PDOs of eight bytes")
+    setup = [Object(0x1016, 1, 4, MASTER << 16 | round(silence * 1000), "time until our silence stops it")]
+    setup += [one.object("setup") for one in objects.setup]
+    for number, group in enumerate(velocity):
+        entries = tuple(entry.mapping for entry in group.values())
+        cob = RPDO + 0x100 * number + node
+        setup += pdo_objects(0x1400 + number, 0x1600 + number, cob, _AT_ONCE, entries)
+    for number, (group, kind) in enumerate(told):
+        entries = tuple(entry.mapping for entry in group.values())
+        cob = TPDO + 0x100 * number + node
+        setup += pdo_objects(0x1800 + number, 0x1A00 + number, cob, kind, entries)
+    maps = [_frame(TPDO + 0x100 * number + node, group) for number, (group, _) in enumerate(told)]
+    fast = sum(kind == _AT_SYNC for _, kind in told)
+    height = objects.height
+    return Wire(
+        velocity=tuple(_frame(RPDO + 0x100 * number + node, group) for number, group in enumerate(velocity)),
+        commands={
+            name: _written(node, one.object(name), one.value.to_bytes(_SIZES[one.type], "little"))
+            for name, one in fixed.items()
+            if one
+        },
+        height=(lambda metres: _raised(node, height, metres)) if height else None,
+        state=tuple(maps[:fast]),
+        slow=tuple(maps[fast:]),
+        alive=(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])), Frame(SYNC, b"")),
+        node=node,
+        setup=tuple(setup),
+    )
+
+
+def _groups(entries: Mapping[str, Entry]) -> Iterator[dict[str, Entry]]:
+    """Yield the entries in groups that fit into a PDO each, in their order."""
+    group: dict[str, Entry] = {}
+    for name, entry in entries.items():
+        if sum(_SIZES[one.type] for one in group.values()) + _SIZES[entry.type] > 8:
+            yield group
+            group = {}
+        group[name] = entry
+    if group:
+        yield group
+
+
+def _frame(identifier: int, group: Mapping[str, Entry]) -> FrameMap:
+    """Return a PDO as a frame map."""
+    fields, place = {}, 0
+    for name, entry in group.items():
+        fields[name] = entry.at(place)
+        place += _SIZES[entry.type]
+    return FrameMap(id=identifier, fields=fields)
+
+
+def _raised(node: int, entry: Entry, metres: float) -> Frame:
+    """Return the frame that writes a height."""
+    data = encode(FrameMap(id=0, fields={"height": entry.at(0)}), {"height": metres})
+    return _written(node, Object(entry.index, entry.sub, len(data), 0, "height"), data)
+
+
+def _written(node: int, item: Object, data: bytes) -> Frame:
+    """Return the frame that writes an object (expedited SDO download)."""
+    head = struct.pack("<BHB", 0x23 | (4 - item.size) << 2, item.place, item.sub)
+    return Frame(SDO_REQUEST + node, head + data.ljust(4, b"\x00"))

@@ -1,0 +1,122 @@
+"""The description of a machine that walks by itself, checked when it is read."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from fleet_quadruped.frames import FrameMap
+from fleet_quadruped.robot.busload import HIGHEST, frame_bits
+from fleet_quadruped.robot.parts import Bus, Machine, Pace, Positive, Section, Sensor, Switch, Watch
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.selfwalk import by_frames, by_objects
+from fleet_quadruped.selfwalk.by_frames import Frames
+from fleet_quadruped.selfwalk.by_objects import Objects
+from fleet_quadruped.selfwalk.wire import AXES, Wire
+
+_MUST_TELL = ("mode", *AXES)
+_MUST_BE = (Mode.OFF, Mode.STANDING)
+
+
+def _word(mode: object) -> object:
+    """Return a mode as it was meant: YAML reads a bare ``off`` as false."""
+    return "off" if mode is False else mode
+
+
+class SelfWalker(Section):
+    """Everything that is known of a machine that walks by itself."""
+
+    robot: Machine
+    buses: dict[str, Bus] = Field(min_length=1, max_length=1)
+    cycle_hz: int = Field(50, ge=10, le=200, description="Velocities a second.")
+    silence: float = Field(
+        ge=0.05,
+        le=1.0,
+        description="Seconds without a velocity after which the machine itself stands still; one that "
+        "never does must not be driven over CAN.",
+    )
+    timeout: float = Field(0.2, gt=0, le=2, description="Silence after which its state is stale, s.")
+    slow_timeout: Positive = Field(5.0, description="Silence after which its slow values are stale, s.")
+    pace: Pace = Pace()
+    height: Positive = Field(0.27, description="Height at which it stands up, m.")
+    lowest: Positive = Field(0.15, description="Lowest standing height, m.")
+    highest: Positive = Field(0.32, description="Highest standing height, m.")
+    modes: dict[int, Annotated[Mode, BeforeValidator(_word)]] = Field(
+        description="What the numbers of its mode mean."
+    )
+    errors: dict[int, str] = Field({}, description="What the numbers of its error mean; 0 is none.")
+    frames: Frames | None = Field(None, description="It speaks frames of its own.")
+    objects: Objects | None = Field(None, description="It has a CANopen object dictionary.")
+    warn: float = Field(25, ge=0, le=100, description="Percent of battery from which health is degraded.")
+    sit_at: float = Field(10, ge=0, le=100, description="Percent of battery at which it sits down.")
+    led: Switch | None = None
+    safety: Watch = Watch()
+
+    @model_validator(mode="after")
+    def _whole(self) -> SelfWalker:
+        """Refuse what cannot be walked with; every problem at once."""
+        if (self.frames is None) == (self.objects is None):
+            raise ValueError("give either frames or objects")
+        told = names_of(self.wire.state)
+        problems = [f"state: it must tell {name}" for name in _MUST_TELL if name not in told]
+        problems += [
+            f"modes: no number means {mode.value}" for mode in _MUST_BE if mode not in self.modes.values()
+        ]
+        if not self.lowest <= self.height <= self.highest:
+            problems.append(f"height {self.height:g} is not between lowest and highest")
+        if self.led is not None and self.led.bus not in self.buses:
+            problems.append(f"led: there is no bus {self.led.bus!r}")
+        if self.silence < 3 * self.dt:
+            problems.append(f"silence: {self.silence:g} s is less than three cycles of {self.dt:g} s")
+        if (load := self.loads[self.bus]) > HIGHEST:
+            problems.append(f"buses: {self.bus} would be {load:.0%} full, more than {HIGHEST:.0%}")
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
+    @property
+    def bus(self) -> str:
+        """The name of its bus."""
+        return next(iter(self.buses))
+
+    @property
+    def dt(self) -> float:
+        """Seconds of one cycle."""
+        return 1.0 / self.cycle_hz
+
+    @property
+    def battery_timeout(self) -> float | None:
+        """Seconds for which a word of its battery counts; None when it has none."""
+        return self.slow_timeout if "percent" in names_of(self.wire.slow) else None
+
+    @cached_property
+    def wire(self) -> Wire:
+        """The frames that go to it and come from it."""
+        if self.objects is not None:
+            return by_objects.wire_of(self.objects, self.silence)
+        assert self.frames is not None
+        return by_frames.wire_of(self.frames)
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """How full its bus is, as a share."""
+        wire = self.wire
+        bits = sum(
+            frame_bits(frame.length, extended=frame.id > 0x7FF) for frame in (*wire.velocity, *wire.state)
+        )
+        bits += sum(frame_bits(len(frame.data)) for frame in wire.alive)
+        return {self.bus: bits * self.cycle_hz / self.buses[self.bus].bitrate}
+
+    def sensors(self) -> tuple[Sensor, Sensor | None]:
+        """Return what it tells in every cycle, and what it tells now and then."""
+        state = Sensor(bus=self.bus, frames=self.wire.state, timeout=self.timeout)
+        if not self.wire.slow:
+            return state, None
+        return state, Sensor(bus=self.bus, frames=self.wire.slow, timeout=self.slow_timeout)
+
+
+def names_of(frames: tuple[FrameMap, ...]) -> frozenset[str]:
+    """Return the values that frames tell."""
+    return frozenset(name for frame in frames for name in frame.fields)

@@ -1,0 +1,255 @@
+"""A simulated machine that walks by itself, on its own frames or as a CANopen node; no physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from fleet import Quaternion, quaternion_from_yaw
+from fleet.sim.faults import check_fault
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SYNC
+from fleet_quadruped.drives.cia402.setup import final_values
+from fleet_quadruped.frames import Decoder, FrameMap, encode
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.selfwalk.description import SelfWalker
+from fleet_quadruped.selfwalk.wire import AXES
+from fleet_quadruped.sim.faults import WALKER_FAULTS
+from fleet_quadruped.sim.sdo import REQUEST, SdoServer
+from fleet_quadruped.sim.wires import BadBuses
+
+GRAVITY = 9.81  # m/s2
+_LAG = 0.1  # s in which it takes up a velocity
+_SLOW = 1.0  # s between two words of the battery
+_BOOT, _PRE_OPERATIONAL = 0x00, 0x7F
+
+
+class _Step(NamedTuple):
+    """What a mode becomes by itself, and after how many seconds."""
+
+    after: float
+    then: Mode
+
+
+_NEXT: Mapping[Mode, _Step] = MappingProxyType(
+    {
+        Mode.RISING: _Step(1.0, Mode.STANDING),
+        Mode.SITTING: _Step(1.0, Mode.OFF),
+        Mode.DAMPED: _Step(1.0, Mode.OFF),
+        Mode.RECOVERING: _Step(1.5, Mode.RISING),
+    }
+)
+_ON_COMMAND: Mapping[str, Mapping[Mode, Mode]] = MappingProxyType(
+    {
+        "stand_up": {Mode.OFF: Mode.RISING},
+        "sit_down": dict.fromkeys((Mode.RISING, Mode.STANDING, Mode.WALKING), Mode.SITTING),
+        "emergency_stop": {mode: Mode.DAMPED for mode in Mode if mode not in {Mode.OFF, Mode.DAMPED}},
+        "recovery_stand": {Mode.OFF: Mode.RECOVERING},
+        "reset_faults": {},
+    }
+)
+_ALIKE: Mapping[Mode, Mode] = MappingProxyType(
+    {Mode.RISING: Mode.OFF, Mode.WALKING: Mode.STANDING, Mode.SITTING: Mode.STANDING}
+)
+"""What is told of a mode that the machine has no number for; off, where it is not named."""
+
+
+class SimWalker:
+    """The machine. ``heard`` is called with (bus, frame) for each frame that it sends."""
+
+    def __init__(self, walker: SelfWalker, heard: Callable[[str, Frame], None], seed: int = 1) -> None:
+        self.walker = walker
+        self.time = 0.0
+        self.mode = Mode.OFF
+        self.twist = Twist()
+        self.place = (0.0, 0.0, 0.0)  # m, m, rad
+        self.height = walker.height
+        self.percent, self._error, self._tilt = 80.0, 0, 0.0
+        self._heard = heard
+        self._wires = BadBuses(walker.buses, seed)
+        self._wire = walker.wire
+        self._velocity = Decoder(self._wire.velocity)
+        self._asked: dict[str, float] = {}
+        self._asked_at = -math.inf
+        self._since = self._next_state = self._next_slow = 0.0
+        self._syncs = 0
+        self._muted = False
+        self._numbers = {mode: number for number, mode in walker.modes.items()}
+        self._commands = {frame: name for name, frame in self._wire.commands.items()}
+        self._nmt = _PRE_OPERATIONAL
+        self.sdo = self._server()
+        if self._wire.node is not None:
+            self._say(Frame(HEARTBEAT + self._wire.node, bytes([_BOOT])))
+
+    def fault(self, name: str, value: float = 1.0) -> None:
+        """Begin a fault; raises ValueError for one that such a machine does not have."""
+        check_fault(name, value, WALKER_FAULTS)
+        if name == "battery":
+            self.percent = value
+        elif name == "error":
+            self._error = round(value)
+        elif name == "tip":
+            self._tilt = value
+        elif name == "mute":
+            self._muted = True
+        else:
+            self._wires.faults[name] = value
+
+    def take(self, bus: str, frame: Frame) -> None:
+        """Take a frame that was sent to it."""
+        for arrived in self._wires.to_dog(bus, [frame], self.time):
+            self._deliver(arrived)
+
+    def advance(self, dt: float, *, sense: bool = True) -> None:
+        """Let ``dt`` seconds pass; with ``sense``, tell the state where nobody asks for it."""
+        self.time += dt
+        for frame in self._wires.to_dog(self.walker.bus, (), self.time):
+            self._deliver(frame)
+        self._move(dt)
+        if sense and self._wire.node is None and self.time >= self._next_state - 1e-9:
+            self._next_state = max(self._next_state + self.walker.dt, self.time)
+            self._tell(self._wire.state)
+            if self.time >= self._next_slow:
+                self._next_slow = self.time + _SLOW
+                self._tell(self._wire.slow)
+        for frame in self._wires.from_dog(self.walker.bus, (), self.time):
+            self._heard(self.walker.bus, frame)
+
+    def _deliver(self, frame: Frame) -> None:
+        """Obey a frame."""
+        if self._muted:
+            return
+        if self.sdo is not None:
+            self._serve(frame)
+        found = self._velocity.decode(frame.id, frame.data) if self._runs() else None
+        if found is not None:
+            self._asked.update(found)
+            self._asked_at = self.time
+        name = self._commands.get(frame)
+        if name is not None:
+            self._command(name)
+        height = self.walker.frames.height if self.walker.frames else None
+        if height is not None and frame.id == height.id:
+            self.height = (Decoder([height]).decode(frame.id, frame.data) or {}).get("height", self.height)
+
+    def _command(self, name: str) -> None:
+        """Obey a command."""
+        if name == "reset_faults":
+            self._error = 0
+        self._enter(_ON_COMMAND[name].get(self.mode, self.mode))
+
+    def _enter(self, mode: Mode) -> None:
+        if mode is not self.mode:
+            self.mode, self._since = mode, self.time
+
+    def _move(self, dt: float) -> None:
+        """Go on, and on our own stand still when nobody tells a velocity any more."""
+        step = _NEXT.get(self.mode)
+        if step is not None and self.time - self._since >= step.after:
+            self._enter(step.then)
+        stands = self.mode in {Mode.STANDING, Mode.WALKING}
+        fresh = stands and self.time - self._asked_at <= self.walker.silence and not self._error
+        goal = Twist(*(self._asked.get(name, 0.0) if fresh else 0.0 for name in AXES))
+        share = min(1.0, dt / _LAG)
+        self.twist = Twist(
+            *(now + (wanted - now) * share for now, wanted in zip(self.twist, goal, strict=True))
+        )
+        if not stands:
+            self.twist = Twist()
+            return
+        self._enter(Mode.WALKING if any(abs(each) > 0.01 for each in self.twist) else Mode.STANDING)
+        x, y, yaw = self.place
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        forward, left, turn = self.twist
+        self.place = (
+            x + (cos * forward - sin * left) * dt,
+            y + (sin * forward + cos * left) * dt,
+            yaw + turn * dt,
+        )
+
+    def _tell(self, frames: tuple[FrameMap, ...]) -> None:
+        values = self._values()
+        for frame in frames:
+            self._say(Frame(frame.id, encode(frame, values)))
+
+    def _values(self) -> dict[str, float]:
+        """Return all that such a machine may tell."""
+        alike = self.mode if self.mode in self._numbers else _ALIKE.get(self.mode, Mode.OFF)
+        yaw = self.place[2]
+        lean = Quaternion(math.cos(self._tilt / 2), math.sin(self._tilt / 2), 0.0, 0.0)
+        turn = lean if self._tilt else quaternion_from_yaw(yaw)
+        return {
+            "mode": self._numbers[alike],
+            "error": self._error,
+            **dict(zip(AXES, self.twist, strict=True)),
+            "yaw": math.remainder(yaw, math.tau),
+            "height": self.height,
+            "qw": turn.w,
+            "qx": turn.x,
+            "qy": turn.y,
+            "qz": turn.z,
+            "gx": 0.0,
+            "gy": 0.0,
+            "gz": self.twist.turn,
+            "ax": 0.0,
+            "ay": 0.0,
+            "az": GRAVITY,
+            "percent": self.percent,
+            "voltage": 44.0 + self.percent * 0.06,
+            "current": 3.0,
+        }
+
+    def _say(self, frame: Frame) -> None:
+        """Put a frame on the bus."""
+        for arrived in () if self._muted else self._wires.from_dog(self.walker.bus, [frame], self.time):
+            self._heard(self.walker.bus, arrived)
+
+    # -- as a CANopen node ---------------------------------------------------------------------------
+
+    def _server(self) -> SdoServer | None:
+        """Return the object dictionary, with everything that the description names."""
+        objects = self.walker.objects
+        if objects is None:
+            return None
+        places = {(item.place, item.sub): (item.size, 0) for item in self._wire.setup}
+        for frame in self._wire.commands.values():
+            index = int.from_bytes(frame.data[1:3], "little")
+            places[index, frame.data[3]] = (4 - (frame.data[0] >> 2 & 3), 0)
+        if objects.height is not None:
+            entry = objects.height
+            places[entry.index, entry.sub] = (entry.at(0).layout.size, 0)
+        return SdoServer(objects.node, places, self._say)
+
+    def _runs(self) -> bool:
+        """Return True when velocities are obeyed: a CANopen node has been configured and started."""
+        return self.sdo is None or self._nmt == OPERATIONAL
+
+    def _serve(self, frame: Frame) -> None:
+        """Be a node: SDO, NMT, SYNC."""
+        assert self.sdo is not None
+        objects, node = self.walker.objects, self._wire.node
+        if frame.id == SYNC and self._runs():
+            self._syncs += 1
+            self._tell(self._wire.state)
+            if self._syncs % 10 == 0:
+                self._tell(self._wire.slow)
+        elif frame.id == 0x000 and len(frame.data) == 2 and frame.data[1] in {0, node}:
+            started = frame.data[0] == 1 and self._is_mapped()
+            self._nmt = OPERATIONAL if started else _PRE_OPERATIONAL
+        elif frame.id == REQUEST + (node or 0):
+            self.sdo.take(frame)
+            if objects is not None and objects.height is not None:
+                entry = objects.height
+                raw = self.sdo.objects[entry.index, entry.sub].value
+                self.height = raw * entry.scale + entry.offset if raw else self.height
+
+    def _is_mapped(self) -> bool:
+        """Return True when its PDOs are mapped as the description says."""
+        assert self.sdo is not None
+        entries = self.sdo.objects
+        return all(
+            entries[item.place, item.sub].value == item.value for item in final_values(list(self._wire.setup))
+        )

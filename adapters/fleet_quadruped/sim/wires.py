@@ -1,0 +1,37 @@
+"""The buses of a simulated dog as bad wires, each way for itself."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Iterable, Sequence
+
+from fleet.sim.faults import BadWire
+from fleet_quadruped.can.frame import Frame
+
+_HEAD = struct.Struct("<I")
+
+
+class BadBuses:
+    """Carries frames from and to a dog; without ``faults`` at once. ``seed`` fixes what is lost."""
+
+    def __init__(self, buses: Iterable[str], seed: int) -> None:
+        self.faults: dict[str, float] = {}
+        chance = random.Random(seed)  # noqa: S311 - faults must be the same on every run
+        names = list(buses)
+        self._in = {bus: BadWire(self.faults, chance) for bus in names}
+        self._out = {bus: BadWire(self.faults, chance) for bus in names}
+
+    def to_dog(self, bus: str, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+        """Return what arrives at the dog now."""
+        return self._carried(self._in[bus], frames, now)
+
+    def from_dog(self, bus: str, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+        """Return what arrives from the dog now."""
+        return self._carried(self._out[bus], frames, now)
+
+    def _carried(self, wire: BadWire, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+        if not self.faults:
+            return frames
+        raw = wire.carry([_HEAD.pack(frame.id) + frame.data for frame in frames], now)
+        return [Frame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]

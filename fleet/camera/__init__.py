@@ -1,0 +1,1 @@
+"""Single pictures for ``take_photo``, whatever the robot."""

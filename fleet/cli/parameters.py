@@ -1,0 +1,70 @@
+"""The text of a parameter file: one ``NAME VALUE`` a line; those of ground stations are read, too."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from fleet.errors import ConfigError
+
+Values = Mapping[str, float | None]
+_SPLIT = re.compile(r"[,\s]+")
+_LONGEST = 2_000_000  # bytes
+
+
+def written(values: Values, title: str) -> str:
+    """Return the file; a value that is no number is left out, with a remark."""
+    lines = [f"# {title}"]
+    for name, value in sorted(values.items()):
+        lines.append(f"{name} {shown(value)}" if value is not None else f"# {name} is no number")
+    return "\n".join(lines) + "\n"
+
+
+def shown(value: float | None) -> str:
+    """Return the shortest text that gives the same number on the wire, which carries 32 bits."""
+    if value is None:
+        return "-"
+    if value == int(value) and abs(value) < 1e9:
+        return str(int(value))
+    texts = (f"{value:.{digits}g}" for digits in range(6, 10))
+    return next((text for text in texts if same(float(text), value)), repr(value))
+
+
+def same(one: float | None, other: float | None) -> bool:
+    """Return whether two values are one and the same on the wire."""
+    if one is None or other is None or one == other:
+        return one == other
+    try:
+        return struct.pack("<f", one) == struct.pack("<f", other)
+    except OverflowError:
+        return False
+
+
+def read(path: Path) -> dict[str, float]:
+    """Return the values of a file; raises ConfigError naming the line that cannot be read.
+
+    Taken are ``NAME VALUE`` and ``NAME,VALUE``, and the five columns of QGroundControl.
+    """
+    try:
+        text = path.read_text(encoding="utf-8") if path.stat().st_size <= _LONGEST else None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {error}") from None
+    if text is None:
+        raise ConfigError(f"{path}: longer than {_LONGEST} bytes; it is no parameter file")
+    return dict(_pairs(path, text))
+
+
+def _pairs(path: Path, text: str) -> Iterator[tuple[str, float]]:
+    """Yield names and values, line by line."""
+    for number, line in enumerate(text.splitlines(), 1):
+        words = [word for word in _SPLIT.split(line.partition("#")[0].strip()) if word]
+        if not words:
+            continue
+        pair = words[2:4] if len(words) == 5 else words
+        try:
+            name, value = pair
+            yield name, float(value)
+        except ValueError:
+            raise ConfigError(f"{path}:{number}: {line.strip()!r} is not  NAME VALUE") from None

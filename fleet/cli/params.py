@@ -1,0 +1,123 @@
+"""``fleet params``: a robot's own parameters, by the commands get_parameters and set_parameter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeVar
+
+import click
+import msgspec
+
+from fleet.cli.ask import Asker
+from fleet.cli.connect import Edges
+from fleet.cli.output import ExitCode, Output, counted, with_output
+from fleet.cli.parameters import read, same, shown, written
+from fleet.cli.ps import file_option
+from fleet.errors import Refused
+
+_ONE_WITHIN = 30.0  # s
+_ALL_WITHIN = 150.0  # s; a slow radio
+
+Found = dict[str, float | None]
+AnswerT = TypeVar("AnswerT")
+
+
+@click.group()
+@click.argument("robot")
+@click.pass_context
+def params(context: click.Context, robot: str) -> None:
+    """Read and write the own parameters of ROBOT (those of its autopilot)."""
+    context.obj = robot
+
+
+@params.command("get")
+@click.argument("names", nargs=-1)
+@file_option
+@click.pass_obj
+@with_output
+def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) -> ExitCode:
+    """Show parameters of ROBOT by name; all of them without names."""
+    with Edges.reach(file) as edges:
+        found = _read(Asker(edges, robot), names)
+    out.data(found)
+    for name, value in found.items():
+        out.say(f"{name} {shown(value)}")
+    return ExitCode.OK
+
+
+@params.command("set", context_settings={"ignore_unknown_options": True})
+@click.argument("name")
+@click.argument("value", type=float)
+@click.option("--force", is_flag=True, help="Also while it is armed.")
+@file_option
+@click.pass_obj
+@with_output
+def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, file: str | None) -> ExitCode:
+    """Set a parameter of ROBOT, and read it back."""
+    if value - value != 0.0:
+        raise click.BadParameter("not a finite number")
+    with Edges.reach(file) as edges:
+        data = {"name": name, "value": value, "force": force}
+        said = Asker(edges, robot).ask("set_parameter", data, timeout=_ONE_WITHIN)
+    out.data(said)
+    answer = _checked(said, dict[str, float | str | None], robot)
+    before, after = (
+        each if isinstance(each, float) else None for each in map(answer.get, ("before", "after"))
+    )
+    out.say(f"{name} {shown(after)} (was {shown(before)})")
+    return ExitCode.OK
+
+
+@params.command("backup")
+@click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@file_option
+@click.pass_obj
+@with_output
+def backup(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
+    """Write all parameters of ROBOT to FILE, which must not exist yet."""
+    if path.exists():
+        raise Refused(f"{path} exists", hint="a backup overwrites nothing; name another file")
+    with Edges.reach(file) as edges:
+        found = _read(Asker(edges, robot), ())
+    path.write_text(written(found, f"{counted(len(found), 'parameter')} of {robot}"), encoding="utf-8")
+    out.data({"file": str(path), "parameters": len(found)})
+    out.say(f"{path}: {counted(len(found), 'parameter')}")
+    return ExitCode.OK
+
+
+@params.command("diff")
+@click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@file_option
+@click.pass_obj
+@with_output
+def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
+    """Show in which parameters ROBOT differs from FILE; exit code 7 when in any."""
+    wanted = read(path)
+    with Edges.reach(file) as edges:
+        found = _read(Asker(edges, robot), ())
+    names = sorted(name for name in wanted if not same(found.get(name), wanted[name]))
+    other = sorted(found.keys() - wanted.keys())
+    rows = [
+        (name, shown(wanted[name]), shown(found[name]) if name in found else "not there") for name in names
+    ]
+    changed = {name: {"file": wanted[name], "robot": found.get(name)} for name in names}
+    out.data({"differ": changed, "only_robot": other})
+    if rows:
+        out.table(("parameter", "file", "robot"), rows)
+    out.note(f"{counted(len(names), 'difference')}; {len(other)} only on {robot}")
+    return ExitCode.SOME_FAILED if names else ExitCode.OK
+
+
+def _read(asker: Asker, names: tuple[str, ...]) -> Found:
+    """Return parameters by name, all without names."""
+    data = {"names": list(names)} if names else {}
+    timeout = _ONE_WITHIN if names else _ALL_WITHIN
+    return _checked(asker.ask("get_parameters", data, timeout=timeout), Found, asker.robot.name)
+
+
+def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:
+    """Return an answer that has the shape it should; raises Refused for another."""
+    try:
+        return msgspec.convert(said, kind)
+    except msgspec.ValidationError as error:
+        raise Refused(f"{robot} answers what are no parameters: {error}") from None

@@ -1,0 +1,89 @@
+"""Calibrating the compass on both autopilots."""
+
+import asyncio
+
+import pytest
+
+from fleet import Refused, TimedOut
+from fleet.errors import CommandError
+
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+
+
+@both
+def test_a_calibration_is_followed_to_its_end(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            percents = await it.do("start_compass_calibration")
+            assert percents == sorted(percents)
+            assert percents[0] == 0.0
+            assert percents[-1] == 100.0
+            assert len(percents) > 10
+
+    fly(main())
+
+
+@both
+def test_a_calibration_that_fails_is_told(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"compass_fails": 1.0}) as it:
+            await it.met()
+            with pytest.raises(Refused, match="calibration failed"):
+                await it.do("start_compass_calibration")
+
+    fly(main())
+
+
+@both
+def test_a_calibration_can_be_stopped(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            running = asyncio.ensure_future(it.do("start_compass_calibration"))
+            await it.until(lambda: it.sim.equipment.compass.calibrating)
+            await it.do("stop_compass_calibration")
+            with pytest.raises(Refused, match=r"stopped|cancelled"):
+                await running
+            assert not it.sim.equipment.compass.calibrating
+
+    fly(main())
+
+
+@both
+def test_a_calibration_that_is_left_is_stopped_on_the_vehicle(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            running = asyncio.ensure_future(it.do("start_compass_calibration"))
+            await it.until(lambda: it.sim.equipment.compass.calibrating)
+            running.cancel()
+            await it.until(lambda: not it.sim.equipment.compass.calibrating, within=5.0)
+
+    fly(main())
+
+
+@both
+def test_nothing_is_calibrated_in_the_air(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            for name in ("start_compass_calibration", "stop_compass_calibration"):
+                with pytest.raises(Refused, match="armed"):
+                    await it.do(name)
+
+    fly(main())
+
+
+def test_a_vehicle_that_falls_silent_ends_it(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            running = asyncio.ensure_future(it.do("start_compass_calibration"))
+            await it.until(lambda: it.sim.equipment.compass.calibrating)
+            it.sim.equipment.compass.tick = lambda *_, **__: []
+            with pytest.raises((TimedOut, CommandError), match="nothing was heard"):
+                await running
+
+    fly(main())

@@ -1,0 +1,195 @@
+"""A machine that walks by itself, by frames of its own and as a CANopen node, in lock-step."""
+
+import math
+import re
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.bodies import load_body
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.frames import Decoder
+from fleet_quadruped.robot.description import EXAMPLE
+from fleet_quadruped.safety.stages import Mode
+
+NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
+
+
+@pytest.fixture
+def standing(paddock):
+    paddock.go(0.2)
+    assert paddock.ask(Ask.STAND) == ""
+    paddock.go(1.5)
+    assert paddock.state.mode == "standing"
+    return paddock
+
+
+def changed(walker, **sections):
+    """Return a description with other values in its sections."""
+    tree = walker.model_dump(exclude_none=True)
+    for name, values in sections.items():
+        tree[name] |= values
+    return type(walker).model_validate(tree)
+
+
+def asked(paddock):
+    """Return the velocities that were sent last."""
+    decoder = Decoder(paddock.walker.wire.velocity)
+    found = [decoder.decode(frame.id, frame.data) for frame in paddock.bus.sent]
+    return [each for each in found if each]
+
+
+def test_it_stands_walks_and_sits(standing):
+    standing.go(2.0, Twist(0.4, 0.1, 0.0))
+    assert standing.state.mode == "walking"
+    assert standing.machine.twist == pytest.approx((0.4, 0.1, 0.0), abs=0.01)
+    assert (standing.state.x, standing.state.y) == pytest.approx(standing.machine.place[:2], abs=0.05)
+    standing.go(1.5)
+    assert standing.ask(Ask.SIT) == ""
+    standing.go(1.5)
+    assert standing.state.mode == "off"
+
+
+def test_it_turns_and_knows_its_heading(standing):
+    standing.go(2.0, Twist(0.0, 0.0, 0.8))
+    w, _, _, z = standing.state.rotation
+    assert z / w == pytest.approx(math.tan(standing.machine.place[2] / 2), abs=0.05)
+
+
+def test_one_that_lies_is_sent_no_velocity(paddock):
+    paddock.go(1.0, Twist(0.5))
+    assert all(set(each.values()) == {0.0} for each in asked(paddock))
+    assert paddock.machine.mode is Mode.OFF
+
+
+def test_without_a_fresh_order_it_stands_still(standing):
+    standing.go(1.0, Twist(0.5))
+    standing.alive = False
+    standing.go(2.0, Twist(0.5))
+    assert standing.state.mode == "standing"
+    assert set(asked(standing)[-1].values()) == {0.0}
+
+
+def test_when_we_are_dead_it_stands_still_by_itself(standing):
+    standing.go(1.0, Twist(0.5))
+    for _ in range(60):
+        standing.machine.advance(standing.walker.dt)
+    assert standing.machine.twist == pytest.approx((0, 0, 0), abs=0.01)
+
+
+def test_an_emergency_stop_is_obeyed_in_its_cycle_and_latched(standing):
+    standing.go(1.0, Twist(0.5))
+    standing.emergency()
+    standing.cycle()
+    assert standing.machine.mode is Mode.DAMPED
+    standing.go(2.0, Twist(0.5))
+    assert (standing.state.mode, standing.state.fault) == ("off", "emergency stop")
+    assert standing.state.stopped == 1
+    assert standing.ask(Ask.STAND) == ""  # the host asks only after its release
+    assert standing.state.fault == ""
+
+
+def test_with_lost_frames_all_commands_come_through(standing):
+    standing.machine.fault("loss", 0.05)
+    standing.go(2.0, Twist(0.5))
+    assert standing.machine.twist.x == pytest.approx(0.5, abs=0.1)
+    standing.emergency()
+    standing.go(2.0)
+    assert standing.machine.mode is Mode.OFF
+    assert standing.ask(Ask.STAND) == ""
+
+
+def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
+    standing.machine.fault("error", 2)
+    standing.go(0.2, Twist(0.5))
+    assert standing.state.fault.endswith("motor too hot (error 2)")
+    standing.machine._error = 0
+    standing.go(1.0, Twist(0.5))
+    assert standing.machine.twist == pytest.approx((0, 0, 0), abs=0.01)
+    assert standing.ask(Ask.RESET) == ""
+    standing.go(1.0, Twist(0.5))
+    assert standing.machine.twist.x > 0.3
+
+
+def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
+    standing.machine.fault("mute")
+    standing.go(0.5, Twist(0.5))
+    assert "no state for" in standing.state.fault
+    assert set(asked(standing)[-1].values()) == {0.0}
+    with pytest.raises(LinkLost, match="is silent on bus 'a'"):
+        standing.go(3.0)
+
+
+def test_a_machine_that_tips_is_stopped(make_paddock):
+    paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking-canopen.yaml")))
+    paddock.go(0.2)
+    paddock.ask(Ask.STAND)
+    paddock.go(1.5)
+    paddock.machine.fault("tip", 1.0)
+    paddock.go(2.0)
+    assert paddock.state.fault == "imu: tilted 1.00 rad, more than 0.785"
+    assert paddock.machine.mode is Mode.OFF
+
+
+def test_with_an_empty_battery_it_sits_down(standing):
+    standing.machine.fault("battery", 8.0)
+    standing.go(4.0)
+    assert standing.state.mode == "off"
+    assert standing.state.fault == "battery: 8 %, it sits down at 10 %"
+
+
+def test_told_to_leave_it_sits_down(standing):
+    standing.order = type(standing.order)(leave=True, alive=standing.machine.time)
+    standing.go(2.0)
+    assert standing.controller.resting
+
+
+def test_it_changes_its_height_within_its_limits(standing):
+    assert standing.ask(Ask.HEIGHT, 1.0) == ""
+    assert standing.machine.height == pytest.approx(standing.walker.highest)
+
+
+def test_a_command_that_is_not_taken_is_told(walker, make_paddock):
+    section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
+    paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
+    paddock.go(0.2)
+    assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(Ask.STAND))
+    assert paddock.machine.mode is Mode.OFF
+
+
+def test_a_description_without_recovery_refuses_it(make_paddock):
+    lacking = changed(load_body(EXAMPLE.with_name("self-walking.yaml")), frames={"recovery_stand": None})
+    paddock = make_paddock(lacking)
+    paddock.go(0.2)
+    assert paddock.ask(Ask.RECOVER) == "this machine's description has no recovery_stand"
+
+
+def test_it_recovers(paddock):
+    paddock.go(0.2)
+    assert paddock.ask(Ask.RECOVER) == ""
+    paddock.go(3.0)
+    assert paddock.state.mode == "standing"
+
+
+def test_a_node_that_cannot_be_set_up_is_named(make_paddock):
+    walker = load_body(EXAMPLE.with_name("self-walking-canopen.yaml"))
+    with pytest.raises(LinkRefused, match=r"mule: 1029h:1 .*no such object"):
+        make_paddock(walker, real=changed(walker, objects={"setup": ()}))
+
+
+@given(st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=1, max_size=6))
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists):
+    paddock, pace = make_paddock(walker), walker.pace
+    paddock.go(0.2)
+    paddock.ask(Ask.STAND)
+    paddock.go(1.2)
+    for twist in twists:
+        paddock.go(0.4, Twist(*twist))
+        for each in asked(paddock):
+            assert abs(each["x"]) <= pace.speed + 1e-3
+            assert abs(each["y"]) <= pace.strafe + 1e-3
+            assert abs(each["turn"]) <= pace.turn + 1e-3

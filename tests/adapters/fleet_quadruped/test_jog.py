@@ -1,0 +1,137 @@
+"""Moving one joint on the bench: what moves, how hard, and that it always ends with the torque off."""
+
+import threading
+
+import pytest
+
+from fleet.errors import Fault, LinkLost, LinkRefused, Refused
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.drives.cia402.frames import RPDO1
+from fleet_quadruped.drives.cia402.setup import MAX_TORQUE
+from fleet_quadruped.jog import SPEED, Jog, Jogger, Stopped, ramp
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.sim.lockstep import SimBus, lockstep
+
+NUMBER = JOINTS.index("FR_hip")
+
+
+class Wall:
+    """A simulated dog on the bench: time passes while a bus is read."""
+
+    def __init__(self, dog, step=0.06, torque=2.4):
+        self.sim, buses = lockstep(dog)
+        self.clock = ManualClock()
+        self.pressed_at = None
+        self.on_the_way = lambda: None
+        self.hardest = 0.0
+        self.start = self.motor.angle
+        self.bus = buses["a"]
+        self.bus.receive = self._receive
+        self.jogger = Jogger(dog, buses, self.clock, Jog(dog.all_joints[NUMBER], step, torque), self.pressed)
+
+    def _receive(self, wait):
+        if threading.current_thread() is not threading.main_thread():
+            return SimBus.receive(self.bus, wait)  # canopen waits for answers
+        frames = SimBus.receive(self.bus, 0.0)
+        if hasattr(self, "jogger"):
+            self.clock.advance(0.002)
+            self.sim.advance(0.002)
+            motor = self.motor
+            if motor.kp:
+                self.hardest = max(self.hardest, abs(motor.kp * (motor.target - motor.angle)))
+        return frames
+
+    @property
+    def motor(self):
+        return self.sim.world.motors[NUMBER]
+
+    def pressed(self):
+        if abs(self.motor.angle - self.start) > 0.02:
+            self.on_the_way()
+        return self.pressed_at is not None and abs(self.motor.angle - self.start) > self.pressed_at
+
+    def off(self):
+        self.sim.advance(0.002)
+        return self.motor.kp == self.motor.kd == 0
+
+
+@pytest.fixture
+def wall(any_dog):
+    return Wall(any_dog)
+
+
+def test_only_the_one_joint_moves_and_is_off_afterwards(wall):
+    before = [motor.angle for motor in wall.sim.world.motors]
+    assert wall.jogger.move() == pytest.approx(0.06, abs=0.01)
+    moved = [abs(motor.angle - angle) for motor, angle in zip(wall.sim.world.motors, before, strict=True)]
+    assert moved.pop(NUMBER) == pytest.approx(0.06, abs=0.01)
+    assert max(moved) == 0.0
+    assert wall.off()
+
+
+def test_it_never_pushes_harder_than_it_may(any_dog):
+    wall = Wall(any_dog, step=0.1, torque=0.5)
+    wall.jogger.move()
+    assert 0 < wall.hardest <= 0.55
+
+
+def test_a_key_stops_it_at_once(wall):
+    wall.pressed_at = 0.02
+    with pytest.raises(Stopped):
+        wall.jogger.move()
+    assert abs(wall.motor.angle - wall.start) < 0.03
+    assert wall.off()
+
+
+def test_a_drive_that_fails_ends_it(wall):
+    wall.on_the_way = lambda: wall.sim.fault("overcurrent", NUMBER + 1)
+    with pytest.raises(Fault, match="FR_hip"):
+        wall.jogger.move()
+    assert wall.off()
+
+
+def test_a_drive_that_falls_silent_ends_it(wall):
+    wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
+    with pytest.raises(LinkLost, match=r"FR_hip: .*silent"):
+        wall.jogger.move()
+
+
+def test_a_silent_drive_is_not_moved(wall):
+    wall.sim.fault("mute", NUMBER + 1)
+    with pytest.raises((Refused, LinkLost), match=r"FR_hip: id 5 on bus 'a' (is silent|does not answer)"):
+        wall.jogger.move()
+
+
+def test_a_step_out_of_the_limits_is_refused(any_dog):
+    with pytest.raises(Refused, match=r"FR_hip: .* is outside"):
+        Wall(any_dog, step=4.0).jogger.move()
+
+
+def test_a_drive_whose_torque_cannot_be_limited_is_not_moved(dog):
+    wall = Wall(dog)
+    del wall.sim.drives[NUMBER].sdo.objects[MAX_TORQUE]
+    with pytest.raises(LinkRefused, match=r"FR_hip: 6072h:0"):
+        wall.jogger.move()
+    assert wall.off()
+
+
+def test_the_drive_has_its_own_torque_limit_back(dog):
+    wall = Wall(dog)
+    wall.sim.drives[NUMBER].sdo.objects[MAX_TORQUE].value = 1234
+    wall.jogger.move()
+    assert wall.sim.drives[NUMBER].sdo.objects[MAX_TORQUE].value == 1234
+
+
+def test_other_drives_are_told_nothing(dog):
+    wall = Wall(dog)
+    wall.jogger.move()
+    told = {frame.id for frame in wall.bus.sent}
+    assert told & {RPDO1 + joint.id for joint in dog.all_joints} == {RPDO1 + dog.all_joints[NUMBER].id}
+
+
+@pytest.mark.parametrize("step", [0.05, -0.17])
+def test_the_way_is_slow(step):
+    targets = list(ramp(1.0, step, 0.01))
+    assert targets[-1] == pytest.approx(1.0 + step)
+    steps = [abs(after - before) for before, after in zip([1.0, *targets], targets, strict=False)]
+    assert max(steps) <= SPEED * 0.01 + 1e-9

@@ -1,0 +1,76 @@
+import json
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.cli.parameters import shown
+from fleet.model.command import Reply, ReplyStatus
+
+VALUES = {"FS_GCS_ENABLE": 0, "GUID_TIMEOUT": 3.0, "RTL_ALT": 1500, "WPNAV_SPEED": 0.1}
+
+
+@pytest.fixture
+def kestrel(play_edge):
+    """Let the robot kestrel answer a command with some data."""
+    edge = play_edge("yard-1", robots={"kestrel": {"health": "ok"}})
+
+    def kestrel(data):
+        return edge.answers("kestrel", Reply("get_parameters", ReplyStatus.ACCEPTED, done=True, data=data))
+
+    return kestrel
+
+
+@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_a_value_is_written_as_short_as_it_can_be_read_back(value):
+    assert struct.pack("<f", float(shown(value))) == struct.pack("<f", value + 0.0)
+
+
+def test_parameters_are_shown_by_name(fleet, kestrel):
+    asked = kestrel({"GUID_TIMEOUT": 3.0, "WPNAV_SPEED": struct.unpack("<f", struct.pack("<f", 0.1))[0]})
+    result = fleet("params", "kestrel", "get", "GUID_TIMEOUT", "WPNAV_SPEED")
+    assert (result.code, result.out) == (0, "GUID_TIMEOUT 3\nWPNAV_SPEED 0.1\n")
+    assert json.loads(asked[0].payload)["data"] == {"names": ["GUID_TIMEOUT", "WPNAV_SPEED"]}
+
+
+def test_a_parameter_is_set_and_what_it_was_is_shown(fleet, kestrel):
+    asked = kestrel({"name": "RTL_ALT", "before": 1500, "after": -1})
+    result = fleet("params", "kestrel", "set", "RTL_ALT", "-1")
+    assert (result.code, result.out) == (0, "RTL_ALT -1 (was 1500)\n")
+    assert json.loads(asked[0].payload)["data"] == {"name": "RTL_ALT", "value": -1.0, "force": False}
+
+
+def test_what_is_no_number_is_not_set(fleet, kestrel):
+    asked = kestrel({})
+    assert fleet("params", "kestrel", "set", "RTL_ALT", "nan").code == 2
+    assert asked == []
+
+
+def test_a_backup_differs_in_nothing_from_its_robot(fleet, kestrel, place):
+    kestrel(VALUES)
+    assert fleet("params", "kestrel", "backup", "all.param").out == "all.param: 4 parameters\n"
+    result = fleet("params", "kestrel", "diff", "all.param")
+    assert (result.code, result.out, result.err) == (0, "", "0 differences; 0 only on kestrel\n")
+    assert "exists" in fleet("params", "kestrel", "backup", "all.param").err
+
+
+def test_differences_are_shown_whatever_wrote_the_file(fleet, kestrel, place):
+    kestrel(VALUES)
+    (place / "other.param").write_text(
+        "# made elsewhere\n1\t1\tRTL_ALT\t1200\t6\nGONE,2.5\nGUID_TIMEOUT 3.0\n"
+    )
+    result = fleet("params", "kestrel", "diff", "other.param", "--json")
+    assert result.code == 7
+    assert result.json["differ"] == {
+        "GONE": {"file": 2.5, "robot": None},
+        "RTL_ALT": {"file": 1200.0, "robot": 1500.0},
+    }
+    assert result.json["only_robot"] == ["FS_GCS_ENABLE", "WPNAV_SPEED"]
+
+
+def test_a_line_that_cannot_be_read_is_named(fleet, kestrel, place):
+    (place / "bad.param").write_text("RTL_ALT 1500\nRTL_ALT much\n")
+    result = fleet("params", "kestrel", "diff", "bad.param")
+    assert result.code == 3
+    assert "bad.param:2" in result.err

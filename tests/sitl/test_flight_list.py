@@ -1,0 +1,31 @@
+"""The flight list on real autopilots: ``FLEET_SITL=udpin:0.0.0.0:14550,tcp:127.0.0.1:5760 pytest -m sitl``.
+
+Not run by default: the marker leaves it out. An address may end with ``#5`` for the system id 5. A report is
+written beside where it is run, one file for each address, to attach to an issue.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ADDRESSES = [each for each in os.environ.get("FLEET_SITL", "").split(",") if each]
+
+
+@pytest.mark.sitl
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("address", ADDRESSES or [None])
+async def test_an_autopilot_flies_the_list(sitl, module_at, address):
+    assert address, "say where the autopilot is: FLEET_SITL=udpin:0.0.0.0:14550"
+    link, _, system = address.partition("#")
+    lines = [f"flight list on {address}"]
+    try:
+        async with sitl(link, int(system or 1)) as it:
+            await module_at("sitl/flight_list.py").fly(it, lines.append)
+    finally:
+        written(address, lines)
+
+
+def written(address, lines):
+    """Write the report of one address."""
+    Path(f"sitl-report-{ADDRESSES.index(address) + 1}.txt").write_text("\n".join(lines) + "\n")
