@@ -188,7 +188,7 @@ class SimDrive:
         self._timeout = (value[0x1016, 1] & 0xFFFF) / 1000 or math.inf
         self._beat = value[0x1017, 0] / 1000 or math.inf
         self._next_beat = min(self._next_beat, self._time + self._beat)
-        limit = value[MAX_TORQUE]
+        limit = value.get(MAX_TORQUE, _NO_LIMIT)
         self._reach = math.inf if limit == _NO_LIMIT else limit / 1000 * self.joint.kind.rated_torque / _STIFF
         exponent = value[0x60C2, 2]
         self._cycle = value[0x60C2, 1] * 10.0 ** (exponent - 256 if exponent > 127 else exponent)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.bridge.bridge import Bridge
+from fleet.bridge.bridge import Bridge, Rules
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
@@ -13,6 +13,7 @@ from fleet.model.report import NavigationReport
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
+from fleet.wire.rulebook import of_a_twin, rulebook
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION = f"cw/{TWIN}/data/position"
@@ -58,8 +59,11 @@ def make_bridge(broker, topics, ports):
             topics,
             ports,
             edge="yard-1",
+            rules=Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            put=lambda *_: None,
             soon=lambda call: call(),
             alive=lambda _name: True,
+            claimed=lambda *_: None,
             clock=SystemClock(),
             spool=Spool(SpoolSettings(**spool), SystemClock()),
         )
@@ -80,7 +84,7 @@ def tell_statuses(bridge, first, end):
     for number in range(first, end):
         report = NavigationReport(float(number), f"a{number}", ActionState.RUNNING, 0.0)
         bridge.uplink.arrived(STATUS, encode_report(report, number))
-        bridge.turn()
+        list(bridge.turn())
 
 
 def actions(heard):

