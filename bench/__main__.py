@@ -3,7 +3,18 @@
 import importlib
 import sys
 
-NAMES = ("startup", "latency", "scale", "deadman", "bridge", "ugv", "quadruped", "soak", "dog_picture")
+NAMES = (
+    "startup",
+    "latency",
+    "scale",
+    "deadman",
+    "bridge",
+    "ugv",
+    "quadruped",
+    "mavlink",
+    "soak",
+    "dog_picture",
+)
 AT_ONCE = NAMES[:-2]  # a soak takes as long as it is told to, and the picture is written into docs/
 
 

@@ -69,7 +69,8 @@ def mosquitto(port=0):
 class Fleet:
     """A running ``fleet run``: when each robot was first told to be well."""
 
-    def __init__(self, running):
+    def __init__(self, running, folder):
+        self.folder = folder
         self.pid = running.pid
         self.began = time.monotonic()
         self.well = {}
@@ -100,7 +101,7 @@ def fleet(robots, broker, folder=None, **sections):
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]
         environment = os.environ | {"FLEET_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
         running = process(*command, stdout=subprocess.PIPE, env=environment)
-        yield Fleet(stack.enter_context(running))
+        yield Fleet(stack.enter_context(running), folder)
 
 
 def puppets(number, **options):
@@ -120,6 +121,7 @@ def robot(number, port):
         "adapter": "mavlink",
         "link": f"udpin:127.0.0.1:{port}",
         "system_id": number,
+        "failsafes": "set",
     }
 
 

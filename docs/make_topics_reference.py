@@ -85,7 +85,7 @@ A retained message is refused, and so is what is too large or cannot be read. Wh
 answered: to the Response Topic of a request, else with a status on `T command` (the success of a velocity or
 of joint targets is not told, their refusal once a second), on `T navigate/status`, or on `T mission/status`.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
-declare; without it they are refused. Of missions only `cancel` is obeyed: it stops the robot.
+declare; without it they are refused. Missions are flown by robots with a memory for them.
 
 A twin has one edge. An edge that sees another one that had it first, by the token
 `fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity, quaternion_from_yaw
     from fleet.model.health import Health, Level
     from fleet.model.navigation import (
+        FlyMission,
         FollowPath,
         Goal,
         GoTo,
@@ -60,6 +61,7 @@ _HOME = {
     "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity", "quaternion_from_yaw"),
     "fleet.model.health": ("Health", "Level"),
     "fleet.model.navigation": (
+        "FlyMission",
         "FollowPath",
         "Goal",
         "GoTo",
@@ -79,6 +81,7 @@ __all__ = [
     "Clock",
     "Command",
     "Fault",
+    "FlyMission",
     "FollowPath",
     "FrameAdapter",
     "GeoOrigin",

@@ -6,11 +6,12 @@ from the descriptions).
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 from uuid import UUID
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, model_validator
 
+from fleet.model.polygon import is_simple
 from fleet.topic_rules import Topics
 from fleet.yaml_model import Model
 
@@ -64,6 +65,58 @@ class Origin(Model):
     )
 
 
+def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Refuse a polygon whose sides cross, or that has no area."""
+    if not is_simple(corners):
+        raise ValueError("the sides of a polygon must not cross, and it must have an area")
+    return corners
+
+
+Corner = tuple[float, float]
+Corners = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100), AfterValidator(_simple)]
+
+
+class FenceConfig(Model):
+    """Where a robot may be. How high and how far from home is said by its limits."""
+
+    frame: Literal["world", "geodetic"] = Field(
+        "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
+    )
+    inclusion: tuple[Corners, ...] = Field(
+        (), max_length=20, description="Polygons of 3 to 100 corners; the robot must be in one of them."
+    )
+    exclusion: tuple[Corners, ...] = Field(
+        (), max_length=20, description="Polygons that the robot must not be in."
+    )
+    margin: float = Field(1.0, ge=0, le=100, description="Metres that a held velocity keeps from the border.")
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> Self:
+        """Refuse degrees that are none."""
+        corners = [corner for polygon in (*self.inclusion, *self.exclusion) for corner in polygon]
+        if self.frame == "geodetic" and any(abs(lat) >= 90 or abs(lon) > 180 for lat, lon in corners):
+            raise ValueError("geodetic corners are [latitude, longitude] in degrees")
+        return self
+
+
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+
+
+class BatteryPolicy(Model):
+    """What is done about a battery that runs low; the autopilot's own fail-safe comes beside it."""
+
+    reserve: Percent = Field(
+        20.0, description="Percent that must be left at home; goals and take-offs beyond are refused."
+    )
+    endurance: Positive | None = Field(
+        None, description="Seconds that a full battery moves the robot; for the way to a goal and home."
+    )
+    low: Percent = Field(15.0, description="Percent at which the action is taken, once.")
+    action: Literal["return_to_home", "land", "stop", "tell"] = Field(
+        "tell", description="What is done then with a robot that is moved by us: a command, or only told."
+    )
+
+
 class AdapterConfig(Topics):
     """The fields of every robot. An adapter subclasses it and adds ``adapter: Literal["name"]``."""
 
@@ -76,6 +129,10 @@ class AdapterConfig(Topics):
     )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
     limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
+    fence: FenceConfig | None = Field(None, description="Where the robot may be.")
+    battery_policy: BatteryPolicy | None = Field(
+        None, description="What is done about a battery that runs low; left out, nothing."
+    )
     setpoint_lease: float = Field(
         0.5, ge=0.15, le=5.0, description="Seconds a velocity is held unless it says otherwise."
     )

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from typing import ClassVar
 
 from fleet import (
+    FlyMission,
     GeoPoint,
     Limits,
     NotReady,
@@ -91,7 +92,11 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         origin = session.origin()
         if origin is None:
             raise NotReady("home is unknown", hint="wait for a position")
-        async for progress in session.navigator.carry_out(task, origin):
+        if isinstance(task, FlyMission):
+            steps = session.missions.fly(task)
+        else:
+            steps = session.navigator.carry_out(task, origin)
+        async for progress in steps:
             yield progress
 
     # -- flying --------------------------------------------------------------------------------------
@@ -171,6 +176,16 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     async def set_home_here(self) -> None:
         """Make this place home."""
         await self._open().flight.set_home_here()
+
+    @command("clear_mission", moves=False)
+    async def clear_mission(self) -> None:
+        """Make the autopilot forget the mission in its memory."""
+        await self._open().missions.clear()
+
+    @command("set_failsafes", moves=False, timeout=60.0)
+    async def set_failsafes(self) -> None:
+        """Write the fail-safe parameters that fleet.yaml asks for; refused while the motors run."""
+        await self._open().failsafes.set()
 
     @command("set_home_location", moves=False)
     async def set_home_location(

@@ -59,6 +59,9 @@ class ArduCopter(Flavour):
     return_home: ClassVar[str] = "RTL"
     arming: ClassVar[str] = "GUIDED"
     takeoff: ClassVar[str] = "GUIDED"
+    mission: ClassVar[str] = "AUTO"
+    home_is_first: ClassVar[bool] = True
+    unset: ClassVar[float] = 0.0
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
     rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}

@@ -26,6 +26,10 @@ class Authority:
         self._expected = frozenset(modes)
         self.lost_to = ""
 
+    def expect_also(self, *modes: str) -> None:
+        """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""
+        self._expected |= set(modes)
+
     def observe(self, state: VehicleState, flavour: Flavour) -> None:
         """Look at a new heartbeat, before anybody who waits for it does."""
         mode = flavour.mode_of(state)

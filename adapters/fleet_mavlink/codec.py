@@ -15,7 +15,7 @@ import msgspec
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink import messages, payload_messages, transfer_messages
+from fleet_mavlink import messages, mission_messages, payload_messages, transfer_messages
 from fleet_mavlink.messages import Message
 from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
@@ -141,7 +141,7 @@ def _wire_values(value: Any) -> tuple[Any, ...]:
     return (value.encode() if isinstance(value, str) else value,)
 
 
-_MODULES = (messages, payload_messages, transfer_messages)
+_MODULES = (messages, mission_messages, payload_messages, transfer_messages)
 _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator
 from fleet import AdapterConfig, LinkRefused
 from fleet.link.url import parse
 from fleet.robot_config import Model
+from fleet_mavlink.failsafes import Keeping, LinkLoss
 from fleet_mavlink.sim.spec import SimSpec
 
 
@@ -81,6 +82,15 @@ class MavlinkConfig(AdapterConfig):
         5.0, ge=1, le=120, description="Metres above home for a take-off that does not say."
     )
 
+    failsafes: Keeping | None = Field(
+        None,
+        description="The autopilot's fail-safe parameters: check tells what is wrong, set also writes it, "
+        "ignore does neither. Left out: check for a real vehicle, set for a simulated one.",
+    )
+    link_loss: LinkLoss = Field(
+        "return_to_home",
+        description="What the autopilot must do by itself when this edge is not heard any more.",
+    )
     signing_key: SecretStr | None = Field(
         None,
         min_length=8,
@@ -106,6 +116,11 @@ class MavlinkConfig(AdapterConfig):
         """Return the seconds until a command is given up, None: as the adapter declares it."""
         seconds: float | None = getattr(self.timeouts, command, None) if command in _TIMED else None
         return seconds
+
+    @property
+    def keeping(self) -> Keeping:
+        """What is done about the autopilot's fail-safe parameters."""
+        return self.failsafes or ("set" if self.simulated else "check")
 
     def identity(self) -> str:
         """Return what makes this the same machine as another entry: the link and the system id."""

@@ -44,6 +44,9 @@ class Flavour(ABC):
     return_home: ClassVar[str]
     arming: ClassVar[str]  # can be armed in, and taken off from
     takeoff: ClassVar[str]  # shown while it takes off
+    mission: ClassVar[str]  # flies the mission in its memory
+    home_is_first: ClassVar[bool]  # item 0 of a mission is home
+    unset: ClassVar[float]  # a parameter of an item that is left to the autopilot
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
     rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot

@@ -80,6 +80,11 @@ class Flight:
         """Brake and stay; returns once the holding mode is shown."""
         await self.enter(self.flavour.hold, self.flavour.hold_command())
 
+    async def hold_if_ours(self) -> None:
+        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached."""
+        if self.vehicle.connected and self.vehicle.state.armed and not self.authority.lost_to:
+            await self.hold()
+
     async def arm(self, *, force: bool = False) -> None:
         """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
         require_connection(self.vehicle)

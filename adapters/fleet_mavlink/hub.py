@@ -7,6 +7,7 @@ import contextlib
 import logging
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Iterator, Sequence
+from typing import Any
 
 import msgspec
 
@@ -14,6 +15,7 @@ from fleet import Clock, LinkLost, LinkRefused
 from fleet.link.base import Address, Link
 from fleet_mavlink.codec import PLAIN, Frame, Packer, Parser, Way, pack
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message
+from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
 from fleet_mavlink.signing import Signer
 from fleet_mavlink.trust import Trust
 from fleet_mavlink.vehicle import Vehicle
@@ -23,6 +25,7 @@ from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
 _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
 _SENDERS = 256  # addresses whose half frames are kept
+_ADDRESSED: tuple[type[Message], ...] = (CommandAck, *MISSION_MESSAGES)
 _BESIDE = 1  # the link id in signatures that are made beside the loop, in a time of their own
 _GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
 
@@ -99,7 +102,7 @@ class Hub:
         vehicle = self._vehicles.get(frame.system)
         if vehicle is None or not vehicle.trust.admits(frame):
             return
-        if isinstance(message, CommandAck) and not self._is_for_us(message):
+        if isinstance(message, _ADDRESSED) and not self._is_for_us(message):
             vehicle.trust.counts["answers to other stations"] += 1
             return
         if flies:
@@ -107,9 +110,9 @@ class Hub:
         else:
             vehicle.take_part(frame.component, message)
 
-    def _is_for_us(self, ack: CommandAck) -> bool:
-        """Return whether an acknowledgement answers us; 0 is said by those who do not tell."""
-        return ack.target_system in {0, self.system} and ack.target_component in {0, self.component}
+    def _is_for_us(self, answer: Any) -> bool:
+        """Return whether an answer is for us; 0 is said by those who do not tell."""
+        return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
 
     def send(self, message: Message, address: Address, way: Way = PLAIN) -> None:
         """Write a message; raises LinkLost. Only on the loop's thread."""

@@ -19,7 +19,6 @@ from fleet import (
     Progress,
     Refused,
     RelativeMove,
-    Task,
     TimedOut,
     Vector3,
 )
@@ -41,6 +40,8 @@ _NEARER = 0.25  # m, or rad of turn, that counts as getting on
 _MOST_GOALS = 1000
 _SLOWEST = 0.2  # m/s
 
+Way = GoTo | FollowPath | RelativeMove
+
 
 class Target(msgspec.Struct, frozen=True):
     """One goal made concrete: altitude AMSL, ``heading`` in radians from north, ``wait`` in seconds."""
@@ -50,7 +51,7 @@ class Target(msgspec.Struct, frozen=True):
     wait: float
 
 
-def targets_of(task: Task, state: VehicleState, origin: GeoOrigin) -> tuple[Target, ...]:
+def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Target, ...]:
     """Return the places of a task, in order; raises Refused for what cannot be flown as it stands."""
     if isinstance(task, GoTo):
         return (_target(task.goal, origin),)
@@ -127,7 +128,7 @@ class Navigator:
         self._limits = limits
         self._vehicle = flight.vehicle
 
-    async def carry_out(self, task: Task, origin: GeoOrigin) -> AsyncIterator[Progress]:
+    async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
         self._require_flying()
         state = self._vehicle.state
@@ -159,7 +160,7 @@ class Navigator:
                 async for progress in self._fly(target, leg, course, constraints):
                     yield msgspec.structs.replace(progress, reached=leg)
         except CommandError:
-            await self._hold_if_ours()
+            await self._flight.hold_if_ours()
             raise
         yield Progress(100.0, "there", reached=len(targets))
 
@@ -228,11 +229,6 @@ class Navigator:
         """Return metres to a target, infinite while the position is unknown."""
         position = self._vehicle.state.position
         return math.inf if position is None else _distance(position, target.point)
-
-    async def _hold_if_ours(self) -> None:
-        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached."""
-        if self._vehicle.connected and self._vehicle.state.armed and not self._flight.authority.lost_to:
-            await self._flight.hold()
 
     def _now(self) -> float:
         """Return the clock's monotonic seconds."""

@@ -50,6 +50,9 @@ class Px4(Flavour):
     return_home: ClassVar[str] = "AUTO.RTL"
     arming: ClassVar[str] = "AUTO.LOITER"
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
+    mission: ClassVar[str] = "AUTO.MISSION"
+    home_is_first: ClassVar[bool] = False
+    unset: ClassVar[float] = NAN
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
     rates: ClassVar[Mapping[int, float]] = {}

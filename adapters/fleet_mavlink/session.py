@@ -12,6 +12,8 @@ from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.driving import PERIOD, Driver, require_connection
+from fleet_mavlink.failsafes import Failsafes
+from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
@@ -19,9 +21,11 @@ from fleet_mavlink.gimbal import Gimbal
 from fleet_mavlink.hub import Hub
 from fleet_mavlink.logs import Logs
 from fleet_mavlink.messages import Message
+from fleet_mavlink.mission import Missions
 from fleet_mavlink.navigation import Navigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
+from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
@@ -62,6 +66,25 @@ class Session:
         )
         self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.plans = Plans(vehicle)
+        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
+        self.fence = config.fence and FenceKeeper(
+            vehicle,
+            self.plans,
+            self.parameters,
+            fence=config.fence,
+            limits=limits,
+            origin=self.origin,
+            changed=self._look,
+        )
+        self.failsafes = Failsafes(
+            vehicle,
+            self.parameters,
+            keeping=config.keeping,
+            link_loss=config.link_loss,
+            station=config.own_system,
+            changed=self._look,
+        )
         self.logs = Logs(vehicle)
         self.compass = Compass(self.flight)
         station = (config.own_system, config.own_component)
@@ -93,7 +116,10 @@ class Session:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        work = [asyncio.ensure_future(each) for each in (*losses, self.streams.keep())]
+        keepers = [self.streams.keep(), self.failsafes.keep()]
+        if self.fence:
+            keepers.append(self.fence.keep())
+        work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
         try:
             done, _ = await asyncio.wait(work, return_when=asyncio.FIRST_COMPLETED)
             for each in done:
@@ -191,11 +217,18 @@ class Session:
             return Health(Level.FAULT, f"two vehicles use system id {vehicle.system}: give each its own")
         if vehicle.flavour is None:
             return Health(Level.FAULT, f"system {vehicle.system} is no multirotor on ArduPilot or PX4")
+        troubles = self._troubles()
+        return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
+
+    def _troubles(self) -> tuple[str, ...]:
+        """Return what is wrong with a vehicle that answers and can be flown."""
+        vehicle = self.vehicle
         if vehicle.state.failsafe:
-            return Health(Level.DEGRADED, "the autopilot is in a fail-safe")
+            return ("the autopilot is in a fail-safe",)
+        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
         if vehicle.trust.signer is not None and not vehicle.trust.signed:
-            return Health(Level.DEGRADED, f"system {vehicle.system} does not sign: send setup_signing")
-        return Health()
+            return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
+        return troubles
 
     def _absence(self) -> str:
         """Say what is not heard, and what is heard instead."""
@@ -217,7 +250,8 @@ class Session:
         self._robot.health(self._health())
 
     def _authority_lost(self, reason: str) -> None:
-        """End everything of ours."""
+        """End everything of ours; what is being asked is not asked again over a pilot's head."""
+        self.commander.supersede("somebody else has the vehicle")
         self.driver.end()
         self._robot.authority_lost(reason)
 

@@ -11,7 +11,6 @@ from fleet.model.command import Reply, Way
 from fleet.tally import Tally
 from fleet.wire.commands import VERBS
 from fleet.wire.joints import JOINT_TARGETS
-from fleet.wire.missions import mission_status
 from fleet.wire.replies import command_response, legacy_status
 from fleet.wire.rules import Kind
 from fleet.wire.topics import Topics
@@ -81,8 +80,6 @@ class Answers:
             return _no_answer
         if inbox is not None:
             return self._responder(port, inbox, message.correlation)
-        if kind == "mission":
-            return self._mission_teller(port, message.payload)
         if kind in TOLD_BY_STATUS and port.legacy_status:
             return self._status_teller(port)
         return _no_answer
@@ -97,16 +94,6 @@ class Answers:
             self._send(inbox, payload, correlation=correlation)
 
         return respond
-
-    def _mission_teller(self, port: Port, payload: bytes) -> Callable[[Reply], None]:
-        """Return what says on ``mission/status`` what became of a mission."""
-
-        def tell(reply: Reply) -> None:
-            status = mission_status(payload, reply, source_type=port.source_type, stamp=self._clock.time())
-            if status is not None:
-                self._send(self._topics.twin(port.twin, "mission/status"), status)
-
-        return tell
 
     def _status_teller(self, port: Port) -> Callable[[Reply], None]:
         """Return what puts a status message on the command topic."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
-from fleet.model.navigation import NEXT, ActionState, FollowPath, Progress, Task
+from fleet.model.navigation import NEXT, ActionState, FlyMission, FollowPath, Progress, Task
 from fleet.model.report import NavigationReport
 
 REPEAT = 0.5  # s; the shortest time between two progress statuses
@@ -47,7 +47,9 @@ class Action:
         if isinstance(self.task, FollowPath):
             left = (self.task.goals * self.task.loops)[max(0, self._reached) :]
             self.task = msgspec.structs.replace(self.task, goals=left or self.task.goals[-1:], loops=1)
-        self._reached = 0
+            self._reached = 0
+        elif isinstance(self.task, FlyMission):
+            self.task = msgspec.structs.replace(self.task, resumed=True)
         self.move(ActionState.RUNNING, message="paused")
 
     def resume(self) -> None:
@@ -86,4 +88,9 @@ class Action:
 
     def _report(self, state: ActionState, percent: float, message: str) -> NavigationReport:
         """Return a status of this action."""
-        return NavigationReport(self._clock.time(), self.id, state, percent, message)
+        return NavigationReport(self._clock.time(), self.id, state, percent, message, self._step)
+
+    @property
+    def _step(self) -> int | None:
+        """The item that a mission is at, None for any other task."""
+        return min(self._reached, len(self.task.items) - 1) if isinstance(self.task, FlyMission) else None

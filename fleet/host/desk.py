@@ -19,6 +19,7 @@ from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
+from fleet.host.guard import Guard
 from fleet.host.journal import RobotJournal
 from fleet.host.last import Last
 from fleet.host.make import Capabilities
@@ -62,7 +63,9 @@ class Desk:
         self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        self._driving = Driving(limits, clock, lease=config.setpoint_lease, combines=combines)
+        ours = partial(getattr, self, "in_control")
+        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, ours=ours, publish=publish)
+        self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
         self.deadman = self._driving.deadman
         self._publish = publish
         self._crashed = crashed
@@ -75,13 +78,9 @@ class Desk:
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
         self._executor = Executor(crashed=crashed, journal=journal)
+        ready = self._executor.standing
         self._navigator = Navigator(
-            publish=publish,
-            hold=self._settle,
-            crashed=crashed,
-            clock=clock,
-            journal=journal,
-            ready=self._executor.standing,
+            publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall = self._navigator.recall  # says how the actions of an earlier process ended
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
@@ -117,8 +116,7 @@ class Desk:
     def faulted(self, why: str) -> None:
         """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
         before, self._admission.fault, self.offline = self._admission.fault, why, ""
-        mover = self._can.commands.get(self._executor.moving)
-        if before or (mover is not None and mover.safe):
+        if before or self._executor.safe:
             return
         if self.in_control:
             self.halt()
@@ -153,6 +151,12 @@ class Desk:
         self._driving.let_go()
         self._executor.cancel(why)
         self._navigator.fail(why)
+
+    def end(self, why: str) -> None:
+        """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
+        if self.in_control and self.in_motion and not self._executor.safe:
+            self._end_motion(why)
+            self._executor.stop(self._settle(why), "stop")
 
     # -- stopping ------------------------------------------------------------------------------------
 
@@ -198,13 +202,12 @@ class Desk:
 
     def receive(self, ask: Command | Setpoint | Navigate, ticket: Ticket) -> None:
         """Take an ask; its ticket gets exactly one receipt."""
-        match ask:
-            case Setpoint():
-                self._setpoint(ask, ticket)
-            case Command():
-                self._command(ask, ticket)
-            case Navigate():
-                self._navigate(ask, ticket)
+        if isinstance(ask, Setpoint):
+            self._setpoint(ask, ticket)
+        elif isinstance(ask, Command):
+            self._command(ask, ticket)
+        else:
+            self._navigate(ask, ticket)
 
     def _command(self, ask: Command, ticket: Ticket) -> None:
         """Take a discrete command."""
@@ -221,7 +224,7 @@ class Desk:
             ticket.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (False, True)
-        refusal = self._admission.command(ask, moves=moves, safe=safe)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask.name)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:
@@ -326,12 +329,12 @@ class Desk:
     def _navigate(self, ask: Navigate, ticket: Ticket) -> None:
         """Take a goal, or a control of the running action."""
         if isinstance(ask.ask, Control):
-            ticket.watch(partial(self._navigator.controlled, ask.action_id))
+            ticket.watch(partial(self._navigator.controlled, ask))
             self._control(ask, ask.ask, ticket)
             return
         if self._navigator.repeated(ask.action_id, ticket):
             return
-        refusal = self._admission.navigate(ask)
+        refusal = self._admission.navigate(ask) or self.guard.task(ask.ask)
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
@@ -340,7 +343,7 @@ class Desk:
         if refusal is not None or self._adapter is None or self.offline or who is None:
             refusal = refusal or self._absence()
             ticket.reject(refusal)
-            self._navigator.refuse(ask.action_id, refusal, ticket)
+            self._navigator.refuse(ask, refusal, ticket)
             return
         self._end_driving(self._adapter)
         self.in_control = True
@@ -350,10 +353,9 @@ class Desk:
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is being held, before something else moves the robot."""
-        if not self.deadman.armed:
-            return
-        self._driving.let_go()
-        self._zero(adapter)
+        if self.deadman.armed:
+            self._driving.let_go()
+            self._zero(adapter)
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""

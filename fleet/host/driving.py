@@ -1,4 +1,4 @@
-"""The velocity that one robot holds: keys combined, clamped, under the dead-man."""
+"""The velocity that one robot holds: keys combined, clamped, within the fence, under the dead-man."""
 
 from __future__ import annotations
 
@@ -6,22 +6,35 @@ from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
+from fleet.host.guard import Guard
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.keys import Keys
 from fleet.host.safety.limits import clamp
 from fleet.model.command import Setpoint
-from fleet.model.geometry import Velocity
+from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
 
 
 class Driving:
-    """``lease``: seconds that a setpoint lives which does not say; ``combines``: its verbs are keys."""
+    """``lease``: seconds that a setpoint lives which does not say; ``combines``: its verbs are keys.
 
-    def __init__(self, limits: Limits, clock: Clock, *, lease: float, combines: bool) -> None:
+    ``guard`` keeps what is held within the fence, and looks at it again with each pose.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        clock: Clock,
+        lease: float,
+        guard: Guard,
+        *,
+        combines: bool,
+    ) -> None:
         self.deadman = DeadMan()
         self._limits = limits
         self._clock = clock
         self._lease = lease
+        self._guard = guard
         self._keys = Keys() if combines else None
 
     def take(self, adapter: Adapter[Any], ask: Setpoint) -> None:
@@ -33,8 +46,9 @@ class Driving:
 
     def hold(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
         """Have the adapter hold a velocity for its lease (s); raises what the adapter raises."""
-        velocity = clamp(velocity, self._limits)
+        velocity = self._guard.within(clamp(velocity, self._limits))
         self.deadman.feed(self._clock.monotonic(), lease)
+        self._guard.held = velocity
         if velocity.is_zero:
             self.deadman.clear()
         adapter.drive(velocity)
@@ -42,5 +56,6 @@ class Driving:
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""
         self.deadman.clear()
+        self._guard.held = ZERO_VELOCITY
         if self._keys is not None:
             self._keys.lift()

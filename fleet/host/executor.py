@@ -37,6 +37,7 @@ class Executor:
         self._mover: asyncio.Task[None] | None = None
         self._ticket: Ticket | None = None  # the mover's
         self.moving = ""
+        self.safe = False  # what moves it only makes things safer
 
     def start(
         self,
@@ -59,6 +60,7 @@ class Executor:
         task = self.spawn(self._run(adapter, spec, ask, ticket, failed), name=ask.name)
         if spec.moves:
             self._mover, self._ticket, self.moving = task, ticket, ask.name
+            self.safe = spec.safe
 
         def give_up() -> None:
             self._moved(task)
@@ -99,7 +101,7 @@ class Executor:
     def _moved(self, task: asyncio.Task[None]) -> None:
         """Note that the moving command has ended."""
         if self._mover is task:
-            self._mover, self._ticket, self.moving = None, None, ""
+            self._mover, self._ticket, self.moving, self.safe = None, None, "", False
 
     async def _run(
         self,

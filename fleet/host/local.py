@@ -119,18 +119,19 @@ class LocalRobot:
         except WireError as error:
             self._refusals.add(kind, "refused a %s message: %s", kind, error)
             Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
-            self._tell_failed(getattr(error, "action_id", ""), str(error))
+            self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
             return
         if ask is None:
             return
         ticket = Ticket(ask.name, answer, waits=waits)
         self._context.run(self.desk.receive, ask, ticket)
 
-    def _tell_failed(self, action_id: str, why: str) -> None:
-        """Say that a goal that could not be read has failed, where its action id could be."""
+    def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
+        """Say that a goal, or a mission, that could not be read has failed, where its id could be."""
         if action_id:
+            step = 0 if kind == "mission" else None
             now = self._clock.time()
-            self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why))
+            self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why, step))
 
     def start(self) -> asyncio.Task[None]:
         """Begin to serve the robot."""
@@ -164,6 +165,7 @@ class LocalRobot:
         """Send a report on its way."""
         self._seen.take(report)
         self.desk.see(report)
+        self.desk.guard.see(report)
         self._send(report)
 
     def state(self) -> RobotState:

@@ -16,7 +16,7 @@ from fleet.host.follow.leader import Navigates
 from fleet.host.journal import Past, RobotJournal, answer_to
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
-from fleet.model.navigation import ActionState, RelativeMove, Task
+from fleet.model.navigation import ActionState, Navigate, RelativeMove, Task
 from fleet.model.report import NavigationReport
 
 log = logging.getLogger(__name__)
@@ -104,18 +104,22 @@ class Navigator:
         self._remember(self.action.status, ticket)
         self._begin(who, self.action)
 
-    def refuse(self, action_id: str, reason: str, ticket: Ticket) -> None:
+    def refuse(self, ask: Navigate, reason: str, ticket: Ticket) -> None:
         """Say that an action failed before it began; a repeat of it is refused like it."""
-        status = NavigationReport(self._clock.time(), action_id, ActionState.FAILED, 0.0, reason)
+        step, now = 0 if ask.of_mission else None, self._clock.time()
+        status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
         self._tell(status)
         self._remember(status, ticket)
 
-    def controlled(self, action_id: str, reply: Reply) -> None:
+    def controlled(self, ask: Navigate, reply: Reply) -> None:
         """Say how a control message ended, when it has an action id of its own and has ended."""
-        if reply.done is None or not action_id or self.knows(action_id):
+        if reply.done is None or not ask.action_id or self.knows(ask.action_id):
             return
         state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
-        self._tell(NavigationReport(self._clock.time(), action_id, state, percent, reply.reason))
+        step = 0 if ask.of_mission else None
+        if ask.of_mission and reply.done:
+            state = ActionState.CANCELLED
+        self._tell(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
 
     def cancel(self, why: str) -> None:
         """End what is under way with ``cancelled``; the robot is not stopped here."""

@@ -58,7 +58,40 @@ class RelativeMove(msgspec.Struct, frozen=True, tag="relative_move"):
     constraints: Constraints = Constraints()
 
 
-Task = GoTo | FollowPath | RelativeMove
+class PlanItem(msgspec.Struct, frozen=True):
+    """One item of a mission, as ``aerial.mission.v1`` names them.
+
+    ``point``'s altitude counts from what the mission says. ``seconds`` and ``turns`` to loiter, at ``radius``
+    metres; ``tolerance`` metres at which a waypoint counts as reached; ``speed`` (m/s) from the way to this
+    item on. None leaves it to the robot.
+    """
+
+    kind: str
+    point: GeoPoint | None = None
+    seconds: float = 0.0
+    turns: int = 0
+    radius: float | None = None
+    clockwise: bool = True
+    tolerance: float | None = None
+    speed: float | None = None
+
+
+class FlyMission(msgspec.Struct, frozen=True, tag="mission"):
+    """Carry out a mission from the robot's own memory, so that it needs no link on the way.
+
+    Altitudes are metres above home, or above the sea. ``home`` is where the plan begins (m AMSL), None when
+    it does not say. ``resumed``: go on where it was left.
+    """
+
+    name: str
+    items: tuple[PlanItem, ...]
+    home: GeoPoint | None = None
+    above_sea: bool = False
+    constraints: Constraints = Constraints()
+    resumed: bool = False
+
+
+Task = GoTo | FollowPath | RelativeMove | FlyMission
 
 
 class Control(enum.StrEnum):
@@ -69,6 +102,9 @@ class Control(enum.StrEnum):
     RESUME = "resume"
 
 
+MISSION = "mission"
+
+
 class Navigate(msgspec.Struct, frozen=True):
     """A navigation message: a new task, or a control of the running one; ``name``: how it is called."""
 
@@ -77,6 +113,11 @@ class Navigate(msgspec.Struct, frozen=True):
     origin: Origin = Origin(Way.BUS)
     stamp: float | None = None
     name: str = "navigate"
+
+    @property
+    def of_mission(self) -> bool:
+        """True for a mission, and for a control of one."""
+        return self.name == MISSION
 
 
 class ActionState(enum.StrEnum):

@@ -130,7 +130,7 @@ class MetricsReport(msgspec.Struct, frozen=True):
 
 
 class NavigationReport(msgspec.Struct, frozen=True):
-    """One status of one action (``navigate/status``)."""
+    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0."""
 
     channel: ClassVar[str] = "navigate_status"
     stamp: float
@@ -138,6 +138,7 @@ class NavigationReport(msgspec.Struct, frozen=True):
     state: ActionState
     progress: float = 0.0
     message: str = ""
+    step: int | None = None
 
 
 class TelemetryReport(msgspec.Struct, frozen=True):

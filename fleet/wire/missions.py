@@ -1,53 +1,213 @@
-"""``T mission/command``: no robot here flies the cloud's missions, and whoever sends one is told so.
+"""``T mission/command``: missions that a robot carries out from its own memory, and their controls.
 
-Only ``cancel`` is carried out: somebody wants the robot to end what it does, so it stops.
+A mission comes as ``mission``, an ``aerial.mission.v1``, or as ``steps``, each with its type and its params,
+which are then the items of one. What has holes (an item without a place, nothing that leads anywhere,
+something behind the end) is refused with the place of the hole, before the robot hears of it.
 """
 
 from __future__ import annotations
 
-from fleet.errors import WireError
-from fleet.model.command import Reply, Way
-from fleet.model.navigation import Control, Navigate
-from fleet.wire.encoding import encode_finite
-from fleet.wire.envelope import BadCommand, name_of, origin_and_stamp
-from fleet.wire.strict import parse_object
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
 
+from fleet.errors import WireError
+from fleet.model.command import Way
+from fleet.model.geodesy import GeoPoint
+from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
+from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.strict import child, kind, optional_number, parse_object, path, text, whole
+from fleet.wire.strict import without_nulls as given
+
+CONTRACT = "aerial.mission.v1"
 EXECUTION = "mission_execution_uuid"
+MOST_ITEMS = 500
+HIGHEST = 10_000.0  # m; an altitude beyond is a mistake
+LONGEST = 3600.0  # s to loiter
+
+CONTROLS: Mapping[str, Control] = MappingProxyType(
+    {"cancel": Control.STOP, "stop": Control.STOP, "pause": Control.PAUSE, "resume": Control.RESUME}
+)
+_PLACED = frozenset({"waypoint", "loiter_time", "loiter_turns", "loiter_unlimited"})
+_ENDS = frozenset({"return_to_launch", "loiter_unlimited"})
+_UNPLACED = frozenset({"return_to_launch", "land_start"})
 
 
 def decode_mission(payload: bytes, *, way: Way) -> Navigate:
-    """Return the stop that a cancelled mission is; raises BadCommand, with the reason, for anything else."""
-    name = ""
+    """Return the mission or the control in a message; raises BadCommand with what could be read of it."""
+    name = execution = ""
     try:
-        message = parse_object(payload)
+        message = given(parse_object(payload))
         name = name_of(message)
-        _refuse_all_but_cancel(name)
-        origin, stamp = origin_and_stamp(message, way, strict=False)
+        control = CONTROLS.get(name)
+        stops = control is Control.STOP
+        execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
+        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        ask = control or _started(name, message, execution)
     except WireError as error:
-        raise BadCommand(error, command=name or "mission") from None
-    return Navigate(Control.STOP, "", origin, stamp)
+        raise BadCommand(error, command=name or "mission", action_id=execution) from None
+    return Navigate(ask, execution, origin, stamp, MISSION)
 
 
-def _refuse_all_but_cancel(name: str) -> None:
-    """Say what a mission's sender can do instead."""
-    if name != "cancel":
-        raise WireError("this edge flies no missions; send the goals as a path on navigate/command")
+def _started(name: str, message: Mapping[str, Any], execution: str) -> FlyMission:
+    """Read a mission that is to begin."""
+    if name != "start":
+        raise WireError(f"start, pause, resume or cancel is needed, not {name!a}", where="command")
+    if not execution:
+        raise WireError("is missing", where=EXECUTION)
+    if "mission" in message:
+        return plan_of(given(child(message, "mission")), "mission")
+    return _from_steps(message)
 
 
-def mission_status(payload: bytes, reply: Reply, *, source_type: str, stamp: float) -> bytes | None:
-    """Return what ``mission/status`` says to a mission command; None when it names no mission."""
-    try:
-        execution = parse_object(payload).get(EXECUTION)
-    except WireError:
-        return None
-    if not isinstance(execution, str) or not execution:
-        return None
-    message = {
-        EXECUTION: execution,
-        "status": "cancelled" if reply.ok else "failed",
-        "current_step": 0,
-        "message": reply.reason,
-        "source_type": source_type,
-        "timestamp": stamp,
-    }
-    return encode_finite(message)
+def _from_steps(message: Mapping[str, Any]) -> FlyMission:
+    """Read the steps as the items of a mission."""
+    steps = _items(message, "steps", "")
+    items = []
+    for at, step in enumerate(steps):
+        where = f"steps.{at}"
+        members = _members(step, where)
+        params = given(child(members, "params", where)) if "params" in members else {}
+        items.append({**params, "type": text(members, "type", where)})
+    return plan_of({"contract": CONTRACT, "name": message.get("name") or "steps", "items": items}, "")
+
+
+def plan_of(mission: Mapping[str, Any], where: str) -> FlyMission:
+    """Read an ``aerial.mission.v1``; raises WireError with the place of what is missing or wrong."""
+    if mission.get("contract") != CONTRACT:
+        raise WireError(f"must be {CONTRACT}", where=path(where, "contract"))
+    reference = mission.get("altitude_reference", "home")
+    if reference not in {"home", "amsl"}:
+        raise WireError(
+            f"altitudes above {str(reference)[:40]!a} are not flown here; home or amsl are",
+            where=path(where, "altitude_reference"),
+        )
+    default = _within(mission, "default_altitude_m", where, HIGHEST)
+    items = tuple(
+        _item(item, path(where, f"items.{at}"), default)
+        for at, item in enumerate(_items(mission, "items", where))
+    )
+    _require_an_order(items, where)
+    return FlyMission(
+        name=text(mission, "name", where)[:200],
+        items=items,
+        home=_home(given(child(mission, "home", where)), path(where, "home")) if "home" in mission else None,
+        above_sea=reference == "amsl",
+        constraints=Constraints(_positive(mission, "cruise_speed_ms", where)),
+    )
+
+
+def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
+    """Refuse a mission that leads nowhere, or goes on behind its end."""
+    if not any(item.point for item in items):
+        raise WireError("at least one item must have a place", where=path(where, "items"))
+    for at, item in enumerate(items[:-1]):
+        if item.kind in _ENDS:
+            raise WireError(f"nothing may follow {item.kind}", where=path(where, f"items.{at + 1}"))
+
+
+def _item(value: object, where: str, default: float | None) -> PlanItem:
+    """Read one item; ``default`` is the altitude of those that give none."""
+    item = _members(value, where)
+    form = text(item, "type", where)
+    if form not in _PLACED | _UNPLACED:
+        known = ", ".join(sorted(_PLACED | _UNPLACED))
+        raise WireError(f"{form[:40]!a} is no item ({known})", where=path(where, "type"))
+    point = _place(item, where, default) if form in _PLACED or "latitude" in item else None
+    direction = item.get("direction", "cw")
+    if direction not in {"cw", "ccw"}:
+        raise WireError("cw or ccw is needed", where=path(where, "direction"))
+    return PlanItem(
+        kind=form,
+        point=point,
+        seconds=_seconds(item, where) if form == "loiter_time" else 0.0,
+        turns=_turns(item, where) if form == "loiter_turns" else 0,
+        radius=_not_negative(item, "radius_m", where),
+        clockwise=direction == "cw",
+        tolerance=_not_negative(item, "acceptance_radius_m", where),
+        speed=_positive(item, "speed_ms", where),
+    )
+
+
+def _place(item: Mapping[str, Any], where: str, default: float | None) -> GeoPoint:
+    """Read the place of an item; its altitude counts from what the mission says."""
+    latitude, longitude = _needed(item, "latitude", where, 89.9), _needed(item, "longitude", where, 180.0)
+    altitude = _within(item, "altitude_m", where, HIGHEST)
+    if altitude is None:
+        altitude = default
+    if altitude is None:
+        raise WireError(
+            "is missing, and the mission has no default_altitude_m", where=path(where, "altitude_m")
+        )
+    return GeoPoint(latitude, longitude, altitude)
+
+
+def _home(home: Mapping[str, Any], where: str) -> GeoPoint:
+    """Read the planned place of the take-off, m AMSL."""
+    return GeoPoint(
+        _needed(home, "latitude", where, 90.0),
+        _needed(home, "longitude", where, 180.0),
+        _needed(home, "altitude_amsl_m", where, HIGHEST),
+    )
+
+
+def _items(message: Mapping[str, Any], name: str, where: str) -> list[object]:
+    """Return an array of a bearable length."""
+    items = message.get(name)
+    if not isinstance(items, list) or not 1 <= len(items) <= MOST_ITEMS:
+        raise WireError(f"an array of 1 to {MOST_ITEMS} is needed", where=path(where, name))
+    return items
+
+
+def _members(value: object, where: str) -> dict[str, Any]:
+    """Return the members of an object."""
+    if not isinstance(value, dict):
+        raise WireError(f"an object is needed, this is {kind(value)}", where=where)
+    return given(value)
+
+
+def _checked(
+    allowed: Callable[[float], bool], why: str
+) -> Callable[[Mapping[str, Any], str, str], float | None]:
+    """Return a reader of a number that must be allowed where it is given."""
+
+    def read(members: Mapping[str, Any], name: str, where: str) -> float | None:
+        value = optional_number(members, name, where)
+        if value is not None and not allowed(value):
+            raise WireError(f"{why} is needed, not {value:g}", where=path(where, name))
+        return value
+
+    return read
+
+
+_positive = _checked(lambda value: value > 0, "more than 0")
+_not_negative = _checked(lambda value: value >= 0, "0 or more")
+
+
+def _within(members: Mapping[str, Any], name: str, where: str, most: float) -> float | None:
+    """Return a number from -most to most, None when there is none."""
+    return _checked(lambda value: abs(value) <= most, f"-{most:g} to {most:g}")(members, name, where)
+
+
+def _needed(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
+    """Return a number from -most to most that must be there."""
+    value = _within(members, name, where, most)
+    if value is None:
+        raise WireError("is missing", where=path(where, name))
+    return value
+
+
+def _seconds(item: Mapping[str, Any], where: str) -> float:
+    """Return how long to loiter."""
+    seconds = _positive(item, "seconds", where)
+    if seconds is None or seconds > LONGEST:
+        raise WireError(f"0 to {LONGEST:g} seconds are needed", where=path(where, "seconds"))
+    return seconds
+
+
+def _turns(item: Mapping[str, Any], where: str) -> int:
+    """Return how many turns to loiter: one byte on the autopilot."""
+    turns = whole(item, "turns", where)
+    if not 1 <= turns <= 255:
+        raise WireError(f"1 to 255 are possible, not {turns}", where=path(where, "turns"))
+    return turns

@@ -13,6 +13,7 @@ from typing import Any
 from fleet.errors import WireError
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
     DepthReport,
@@ -212,7 +213,9 @@ def _metrics(report: MetricsReport) -> Leaves:
 
 
 def _navigation(report: NavigationReport) -> Leaves:
-    """One status of one action."""
+    """One status of one action; that of a mission goes to another topic."""
+    if report.step is not None:
+        return _mission_status(report)
     body: Body = {
         "action_id": report.action_id,
         "status": report.state.value,
@@ -220,6 +223,18 @@ def _navigation(report: NavigationReport) -> Leaves:
         "message": report.message,
     }
     return [("navigate/status", body)]
+
+
+def _mission_status(report: NavigationReport) -> Leaves:
+    """One status of one mission; a mission that is blocked still runs."""
+    blocked = report.state is ActionState.BLOCKED
+    body: Body = {
+        "mission_execution_uuid": report.action_id,
+        "status": ActionState.RUNNING.value if blocked else report.state.value,
+        "current_step": report.step,
+        "message": report.message,
+    }
+    return [("mission/status", body)]
 
 
 def _telemetry(report: TelemetryReport) -> Leaves:

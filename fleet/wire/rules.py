@@ -124,7 +124,7 @@ _TABLE = (
         "command", "", Traffic.REPLY, 1, 0, 0, "legacy status of a command without Response Topic", _SAID, 30
     ),
     Rule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
-    Rule("mission/status", "", _S, 1, 0, 0, "why a mission is not flown", _SAID),
+    Rule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
     Rule("webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K),
     Rule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
     Rule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
@@ -181,7 +181,7 @@ _INWARD_TABLE = (
     Inward("navigate/command", Taker.NAVIGATE, 1, "goals, and controls of the running action"),
     Inward("motion/command", Taker.MOTION, 0, "a signed velocity"),
     Inward(JOINT_UPDATE, Taker.JOINTS, 0, "joint targets; measured joints are left alone"),
-    Inward("mission/command", Taker.MISSION, 1, "cancel stops the robot; anything else is refused"),
+    Inward("mission/command", Taker.MISSION, 1, "missions, and controls of the one that is flown"),
     Inward(
         "webrtc-offer",
         _BUS,

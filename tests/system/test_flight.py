@@ -60,6 +60,15 @@ def test_a_goal_that_cannot_be_read_has_failed_and_says_where(pilot):
     assert "position.x" in failed["message"]
 
 
+def test_a_mission_with_a_hole_has_failed_and_says_where(pilot):
+    execution = uuid.uuid4().hex
+    steps = [{"type": "waypoint", "params": {"latitude": 47.4, "altitude_m": 5}}]
+    pilot.say("mission/command", command="start", mission_execution_uuid=execution, steps=steps)
+    told = pilot.heard("mission/status", "failed", lambda each: each["mission_execution_uuid"] == execution)
+    assert told["status"] == "failed"
+    assert "items.0.longitude" in told["message"]
+
+
 def ended(status, action):
     return status["action_id"] == action and status["status"] in {"completed", "failed", "cancelled"}
 

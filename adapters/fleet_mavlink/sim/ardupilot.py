@@ -11,6 +11,7 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
@@ -18,6 +19,7 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 
 _BODY_FRAMES = frozenset({8, 9})
+_LAND = 5  # FS_GCS_ENABLE
 _OFFSET_FRAMES = frozenset({7, 8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
@@ -88,6 +90,8 @@ class ArduPilot(Autopilot):
         found = []
         if self.mode.position and not self.has_position:
             found.append("Need Position Estimate")
+        if self.outside_fence((self.body.north, self.body.east, self.body.down)):
+            found.append("Vehicle outside Polygon fence")
         if not self.age(23.5):
             found.append("EKF3 still initialising")
         return found
@@ -194,6 +198,7 @@ class ArduPilot(Autopilot):
             self._watch_gcs()
             self._watch_battery()
             self._watch_position()
+            self.watch_fence(self._broke_fence)
         elif not self.armed:
             self.failsafe = ""
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
@@ -236,12 +241,30 @@ class ArduPilot(Autopilot):
         self.enter(MODES[mode] if self.has_position else MODES["LAND"])
         self.out.append(heartbeat(self))
 
+    def outside_fence(self, place: Triple) -> bool:
+        """FENCE_ENABLE, with what FENCE_TYPE names."""
+        params = self.params
+        return bool(params["FENCE_ENABLE"]) and is_outside(
+            self,
+            place,
+            kinds=int(params["FENCE_TYPE"]),
+            height=params["FENCE_ALT_MAX"],
+            radius=params["FENCE_RADIUS"],
+        )
+
+    def _broke_fence(self) -> None:
+        """FENCE_ACTION 0: only say it; 1: RTL."""
+        if self.params["FENCE_ACTION"]:
+            self.fail("fence", "Fence Breached", "RTL")
+        else:
+            self.say(WARNING, "Fence Breached")
+
     def _watch_gcs(self) -> None:
-        """FS_GCS_ENABLE 1: RTL after FS_GCS_TIMEOUT without the station."""
+        """FS_GCS_ENABLE 1: RTL, 5: LAND, after FS_GCS_TIMEOUT without the station."""
         if not self.params["FS_GCS_ENABLE"] or self.gcs_heard_at is None or self.failsafe:
             return
         if self.time - self.gcs_heard_at > self.params["FS_GCS_TIMEOUT"]:
-            self.fail("gcs", "GCS Failsafe", "RTL")
+            self.fail("gcs", "GCS Failsafe", "LAND" if self.params["FS_GCS_ENABLE"] == _LAND else "RTL")
 
     def _watch_battery(self) -> None:
         """Warn below BATT_LOW_VOLT for BATT_LOW_TIMER; BATT_FS_LOW_ACT 1 lands, 2 returns."""

@@ -126,11 +126,11 @@ def _reposition(pilot: ArduPilot, ask: Ask) -> int:
         return DENIED
     if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(MODES["GUIDED"].custom)):
         return DENIED
-    if not pilot.flying:
-        return DENIED
     place = pilot.ned_of(ask.latitude, ask.longitude, ask.altitude + above_home * pilot.home[2])
-    if not all(map(math.isfinite, place)):
+    if not pilot.flying or not all(map(math.isfinite, place)):
         return DENIED
+    if pilot.outside_fence(place):
+        return FAILED
     pilot.manoeuvre = GoTo(*place, speed=ask.p1 if ask.p1 > 0.0 else None)
     return ACCEPTED
 

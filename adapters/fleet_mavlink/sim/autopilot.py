@@ -107,6 +107,7 @@ class Autopilot(ABC):
         self.terminated = False
         self.gcs_heard_at: float | None = None
         self.gps_lost_at: float | None = None
+        self.fence_broken = False
         self.pilot_flies = False
         self.reboot_asked = False
 
@@ -288,6 +289,18 @@ class Autopilot(ABC):
         """Stop the motors."""
         self.armed = False
         self.manoeuvre = Idle()
+
+    @abstractmethod
+    def outside_fence(self, place: tuple[float, float, float]) -> bool:
+        """Return whether a local position (NED) is outside the fence that is switched on."""
+
+    def watch_fence(self, breach: Callable[[], None]) -> None:
+        """Call ``breach`` once when the flying vehicle leaves the fence."""
+        body = self.body
+        outside = self.outside_fence((body.north, body.east, body.down))
+        if outside and not self.fence_broken:
+            breach()
+        self.fence_broken = outside
 
     @property
     def flying(self) -> bool:

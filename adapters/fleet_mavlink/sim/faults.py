@@ -17,6 +17,6 @@ VEHICLE_FAULTS: Mapping[str, str] = {
     "not_ready": "the checks before arming never pass",
     "pilot_takeover": "a pilot switches the mode by remote control",
     "reboot": "the autopilot restarts now",
-    "wind": "metres per second of gusty wind from the west",
+    "wind": "metres per second of gusty wind from the west; more than 12 carries it away",
 }
 FAULTS: Mapping[str, str] = {**WIRE_FAULTS, **VEHICLE_FAULTS}

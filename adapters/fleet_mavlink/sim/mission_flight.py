@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.manoeuvres import GoTo, Land, Manoeuvre, Takeoff, hold
-from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, NOT_STARTED, PAUSED, Item
+from fleet_mavlink.sim.missions import ACTIVE, COMPLETE, LOITER_TURNS, NOT_STARTED, PAUSED, Item
 from fleet_mavlink.sim.physics import Aim
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _HOLD_FIRST_PARAM = frozenset({16, 19, 82, 93})  # items that stay param1 seconds
 RTL = 20
+_RADIUS = 10.0  # m of a circle that gives none
+_AHEAD = 0.5  # rad on the circle that is aimed ahead
 
 
 def _place(pilot: Autopilot, item: Item) -> tuple[float, float, float]:
@@ -59,8 +61,48 @@ class _LandThere(Manoeuvre):
         return wanted
 
 
+class _Unlimited(Manoeuvre):
+    """Fly to the place of the item and stay for good."""
+
+    def __init__(self, way: Manoeuvre) -> None:
+        self._way = way
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim to the place."""
+        return self._way.aim(pilot)
+
+
+class _Circle(Manoeuvre):
+    """Fly to the place of the item and round it; a negative radius turns to the left."""
+
+    def __init__(self, pilot: Autopilot, item: Item) -> None:
+        self._centre = _place(pilot, item)
+        self._radius = item.p3 or _RADIUS
+        self._left = math.tau * item.p1
+        self._bearing: float | None = None
+        self._leg = GoTo(self._centre[0] + abs(self._radius), self._centre[1], self._centre[2])
+
+    def aim(self, pilot: Autopilot) -> Aim:
+        """Return the aim to the circle, then to the place a little ahead on it."""
+        if self._bearing is None and not self._leg.done:
+            return self._leg.aim(pilot)
+        north, east, down = self._centre
+        seen = math.atan2(pilot.body.east - east, pilot.body.north - north)
+        turn = math.copysign(1.0, self._radius)
+        self._left -= turn * math.remainder(
+            seen - (seen if self._bearing is None else self._bearing), math.tau
+        )
+        self._bearing = seen
+        self.done = self._left <= 0.0
+        ahead, away = seen + turn * _AHEAD, abs(self._radius)
+        self._leg = GoTo(north + away * math.cos(ahead), east + away * math.sin(ahead), down)
+        return self._leg.aim(pilot)
+
+
 _MANOEUVRES: Mapping[int, Callable[[Autopilot, Item], Manoeuvre]] = {
     16: _go,
+    17: lambda pilot, item: _Unlimited(_go(pilot, item)),
+    LOITER_TURNS: _Circle,
     19: _go,
     82: _go,
     93: lambda pilot, _item: hold(pilot),
@@ -91,7 +133,8 @@ class FlyMission(Manoeuvre):
             self._begin(pilot)
         wanted = self._leg.aim(pilot)
         self.in_air_state = self._leg.in_air_state
-        if not self.done and self._leg.done and self._waited(pilot):
+        under_way = not self.done and self._flown == missions.current
+        if under_way and self._leg.done and self._waited(pilot):
             self._reached(pilot)
         return wanted
 

@@ -13,10 +13,12 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import all as mav
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STATE
+FENCE = int(mav.MAV_MISSION_TYPE_FENCE)
 _MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
 _GIVE_UP = 8.0  # seconds without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
-_FLOWN = frozenset({16, 19, 20, 21, 22, 82, 93})  # navigation that is simulated
+_FLOWN = frozenset({16, 17, 19, 20, 21, 22, 82, 93})  # navigation that both fly
+LOITER_TURNS = 18  # PX4 has no such item
 _COUNT_MAX = 700
 
 
@@ -44,6 +46,7 @@ class Habits:
     home_is_first: bool
     tells_duplicates: bool
     frames_told: Mapping[int, int]  # frames that come back as another one
+    flies: frozenset[int] = _FLOWN
 
 
 ARDUPILOT_HABITS = Habits(
@@ -52,6 +55,7 @@ ARDUPILOT_HABITS = Habits(
     home_is_first=True,
     tells_duplicates=True,
     frames_told={5: 0, 6: 3},
+    flies=_FLOWN | {LOITER_TURNS},
 )
 PX4_HABITS = Habits(
     mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False, frames_told={}
@@ -81,10 +85,14 @@ class Missions:
         self.current = 0
         self.state = NO_MISSION
 
+    def plan(self, kind: int) -> list[Item]:
+        """Return the stored items of a MAV_MISSION_TYPE."""
+        return self._plans.get(kind, [])
+
     @property
     def items(self) -> list[Item]:
         """The mission itself."""
-        return self._plans.get(_MISSION, [])
+        return self.plan(_MISSION)
 
     @property
     def first(self) -> int:
@@ -151,7 +159,7 @@ class Missions:
             told = self.habits.tells_duplicates
             return [self._ack(upload, mav.MAV_MISSION_INVALID_SEQUENCE)] if told else ()
         item = _item_of(message)
-        if upload.kind == _MISSION and item.command < _FIRST_DO and item.command not in _FLOWN:
+        if upload.kind == _MISSION and item.command < _FIRST_DO and item.command not in self.habits.flies:
             self._upload = None
             return [self._ack(upload, mav.MAV_MISSION_UNSUPPORTED)]
         upload.items.append(item)
@@ -174,14 +182,14 @@ class Missions:
         kind = message.mission_type
         if self._upload is not None:
             return [mav.MAVLink_mission_ack_message(system, component, mav.MAV_MISSION_DENIED, kind)]
-        count = len(self._plans.get(kind, []))
+        count = len(self.plan(kind))
         return [mav.MAVLink_mission_count_message(system, component, count, kind)]
 
     def request(self, message: Any, home: tuple[float, float, float] | None) -> Iterable[Any]:
         """Answer MISSION_REQUEST_INT or MISSION_REQUEST with the item."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         kind, seq = message.mission_type, message.seq
-        plan = self._plans.get(kind, [])
+        plan = self.plan(kind)
         if seq >= len(plan):
             failed = mav.MAV_MISSION_INVALID_SEQUENCE
             return [mav.MAVLink_mission_ack_message(system, component, failed, kind)]

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
@@ -284,10 +285,12 @@ class Px4(Autopilot):
             self._watch_position()
             self._watch_gcs()
             self._watch_battery()
+            if self.flying:
+                self.watch_fence(self._broke_fence)
             self._go_on()
 
     def _end_manoeuvre(self) -> None:
-        """TAKEOFF goes over into LOITER; a mission that asks for it into RTL."""
+        """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
         reached = self.manoeuvre
         if self.mode.name == "TAKEOFF" and reached.done:
             self.enter(MODES["LOITER"])
@@ -295,6 +298,8 @@ class Px4(Autopilot):
                 self.manoeuvre = GoTo(reached.north, reached.east, reached.down, heading=reached.heading)
         elif self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
+        elif self.runs_mission and self.manoeuvre.done and self.flying:
+            self.enter(MODES["LOITER"])
 
     def touched_ground(self) -> None:
         """Say that the vehicle has landed."""
@@ -338,6 +343,24 @@ class Px4(Autopilot):
         """Land without a position."""
         if self.flying and self.mode.position and not self.has_position and self.failsafe != "position":
             self.fail("position", "LAND")
+
+    def outside_fence(self, place: Triple) -> bool:
+        """GF_ACTION 0 watches nothing."""
+        params = self.params
+        return bool(params["GF_ACTION"]) and is_outside(
+            self,
+            place,
+            kinds=HEIGHT | CIRCLE | POLYGON,
+            height=params["GF_MAX_VER_DIST"],
+            radius=params["GF_MAX_HOR_DIST"],
+        )
+
+    def _broke_fence(self) -> None:
+        """GF_ACTION 1: only say it, 2: hold, 3: return."""
+        mode = {2: "LOITER", 3: "RTL"}.get(int(self.params["GF_ACTION"]))
+        self.say(CRITICAL, "Geofence breached")
+        if mode is not None:
+            self.fail("fence", mode)
 
     def _watch_gcs(self) -> None:
         """NAV_DLL_ACT when the ground station is silent; nothing by default."""

@@ -29,6 +29,7 @@ ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072
 _STEP = 0.05  # longest step of the physics, s
 _DARK = 1.0  # seconds without power of a reboot
 _DRIFT = 0.05  # share of the wind that the position control does not hold
+_HELD = 12.0  # m/s of wind that it can lean against; what is more carries the vehicle away
 _COMPONENT = 1
 
 
@@ -142,12 +143,13 @@ class SimVehicle:
         return told
 
     def _wind(self) -> tuple[float, float]:
-        """Return what the wind adds to the motion, m/s north and east: a share of it, in gusts."""
+        """Return what the wind adds to the motion, m/s north and east: a share in gusts, and its excess."""
         wind = self.faults.get("wind", 0.0)
         if not wind:
             return 0.0, 0.0
         self._gust = 0.98 * self._gust + 0.2 * self._random.gauss(0.0, 1.0)
-        return 0.3 * _DRIFT * wind * self._gust, _DRIFT * wind * (1.0 + self._gust)
+        carried = max(0.0, wind - _HELD)
+        return 0.3 * _DRIFT * wind * self._gust, carried + _DRIFT * wind * (1.0 + self._gust)
 
     def _is_for_us(self, message: Any) -> bool:
         """Return True when a message is addressed to this vehicle, or to nobody in particular."""

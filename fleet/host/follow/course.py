@@ -9,7 +9,7 @@ import msgspec
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, world_from_geo
 from fleet.model.geometry import Pose, Vector3, rotate_to_world
-from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove, Task
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 
 Point = tuple[float, float]
 FARTHEST = 10_000.0  # m; a goal beyond is a mistake
@@ -37,6 +37,8 @@ def legs_of(task: Task, pose: Pose, origin: GeoOrigin | None) -> tuple[Leg, ...]
             goals = task.goals * task.loops
         case RelativeMove():
             return (_relative(task, pose),)
+        case FlyMission():
+            raise Refused("this robot has no memory for missions", hint="send the goals as a path")
     if not 1 <= len(goals) <= MOST_GOALS:
         raise Refused(f"a path has 1 to {MOST_GOALS} goals, loops counted")
     return _legs(goals, pose.position, origin)

@@ -160,7 +160,13 @@ class Sky:
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
         self.order = []  # the command, or 0 for a setpoint, of all that was heard
         self.radio = True
-        basics = {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"memory:{id(self)}"}
+        basics = {
+            "failsafes": "ignore",
+            "name": "kestrel",
+            "twin": TWIN,
+            "adapter": "mavlink",
+            "link": f"memory:{id(self)}",
+        }
         self.adapter = MavlinkAdapter(MavlinkConfig.model_validate(basics | config))
         self._peer = MemoryRobot(str(id(self)), self._heard)
         self._parser = mav.MAVLink(None)

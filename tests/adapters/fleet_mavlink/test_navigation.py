@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from fleet import FollowPath, Goal, GoTo, Refused, RelativeMove, Vector3, Velocity
+from fleet import FollowPath, GeoPoint, Goal, GoTo, Refused, RelativeMove, TimedOut, Vector3, Velocity
 from fleet.model.report import PoseReport
 from fleet_mavlink.words import Cmd
 
@@ -111,6 +111,44 @@ def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, f
             with pytest.raises(Refused):
                 await it.do("takeoff", altitude=21.0)
             assert [each for each in it.commands[before:] if each.command != Cmd.SET_MESSAGE_INTERVAL] == []
+
+    fly(main())
+
+
+@both
+def test_a_goal_against_too_much_wind_is_blocked_then_given_up(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            it.sim.set_fault("wind", 22.0)
+            blocked = []
+
+            async def watch():
+                async for step in it.adapter.navigate(GoTo(Goal(position=Vector3(-30.0, 0.0, 10.0)))):
+                    blocked.append(step.blocked)  # noqa: PERF401 - what was said until it raised counts
+
+            with pytest.raises(TimedOut, match="not got nearer for 30 s"):
+                await watch()
+            assert blocked[0] is False
+            assert blocked[-1] is True
+            it.sim.set_fault("wind", None)
+            await it.until(lambda: it.mode == HOLD[flavour], within=5.0)
+
+    fly(main())
+
+
+@both
+def test_a_goal_on_earth_with_a_heading_is_flown_to(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            place = GeoPoint(47.397842, 8.545594, 498.0)  # 11.1 m north
+            goal = Goal(geo=place, yaw=0.0)  # east
+            await exhausted(it.adapter.navigate(GoTo(goal)))
+            assert it.place == pytest.approx((11.1, 0.0, 10.0), abs=0.8)
+            assert math.degrees(it.sim.body.heading) % 360 == pytest.approx(90.0, abs=12)
 
     fly(main())
 

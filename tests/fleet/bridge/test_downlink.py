@@ -251,14 +251,12 @@ def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
     assert (topic, reply["command"], reply["ok"]) == (f"{T}/command", "joint_targets", False)
 
 
-def test_a_mission_is_answered_on_its_own_topic(bench, rex):
-    rex.answers = lambda *_: Reply("start", ReplyStatus.REJECTED, "this edge flies no missions")
+def test_a_mission_reaches_the_robot_whose_reports_tell_its_status(bench, rex):
+    rex.answers = lambda *_: Reply("mission", ReplyStatus.REJECTED, "it flies no missions")
     payload = b'{"command": "start", "mission_execution_uuid": "m1", "steps": []}'
     bench.arrive(Message(f"{T}/mission/command", payload))
-    ((topic, status, _),) = bench.sent
-    assert topic == f"{T}/mission/status"
-    assert (status["mission_execution_uuid"], status["status"]) == ("m1", "failed")
-    assert status["message"] == "this edge flies no missions"
+    assert bench.downlink.received == {"mission": 1}
+    assert bench.sent == []
 
 
 def test_how_long_a_command_took_is_noted(bench, accepting, clock):

@@ -5,8 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.host.actions import REPEAT, Action
+from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3
-from fleet.model.navigation import NEXT, ActionState, FollowPath, Goal, GoTo, Progress
+from fleet.model.navigation import (
+    NEXT,
+    ActionState,
+    FlyMission,
+    FollowPath,
+    Goal,
+    GoTo,
+    PlanItem,
+    Progress,
+)
 from fleet.testing.clock import ManualClock
 
 GOALS = tuple(Goal(Vector3(float(x), 0.0, 0.0)) for x in range(3))
@@ -122,3 +132,16 @@ def test_whatever_happens_the_states_follow_each_other_to_at_most_one_end(steps)
     percents = [status.progress for status in life.said]
     assert percents == sorted(percents)
     assert all(math.isfinite(percent) for percent in percents)
+
+
+def test_a_mission_tells_its_step_and_goes_on_where_it_was_paused():
+    item = PlanItem("waypoint", GeoPoint(47.0, 8.0, 10.0))
+    life = Life(FlyMission("f", (item,) * 3))
+    life.action.move(ActionState.RUNNING)
+    life.action.progress(Progress(66, "item 3 of 3", reached=2))
+    life.action.pause()
+    assert life.action.task.resumed
+    life.action.resume()
+    life.action.complete()
+    assert [status.step for status in life.said] == [0, 0, 2, 2, 2, 2]
+    assert life.states()[-1] == "completed"

@@ -11,7 +11,7 @@ from fleet.host.journal import RobotJournal
 from fleet.host.navigator import KEPT, Navigator
 from fleet.host.ticket import Ticket
 from fleet.model.geometry import Vector3
-from fleet.model.navigation import FollowPath, Goal, GoTo, Progress, RelativeMove
+from fleet.model.navigation import FollowPath, Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.testing.clock import ManualClock
 
 GOALS = tuple(Goal(Vector3(float(x), 0.0, 0.0)) for x in range(3))
@@ -203,7 +203,7 @@ async def test_a_repeated_id_gets_the_last_status_and_the_same_answers(bench, as
 async def test_a_goal_that_was_refused_is_refused_when_it_is_delivered_again(bench):
     ticket = Ticket("navigate", lambda _: None)
     ticket.reject("it is offline")
-    bench.navigator.refuse("a1", "it is offline", ticket)
+    bench.navigator.refuse(Navigate(GoTo(Goal(Vector3())), "a1"), "it is offline", ticket)
     again = []
     assert bench.navigator.repeated("a1", Ticket("navigate", again.append))
     assert [answer.reason for answer in again] == ["it is offline"]

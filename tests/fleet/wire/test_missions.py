@@ -1,58 +1,132 @@
+"""Missions on the wire: read as the published contract has them, holes refused with their place."""
+
+import copy
 import json
 
 import pytest
+from cyberwave_contracts.models import AerialMissionV1
 
-from fleet.model.command import Reply, ReplyStatus, Way
-from fleet.model.navigation import Control
-from fleet.wire.envelope import BadCommand
-from fleet.wire.missions import decode_mission, mission_status
+from fleet.errors import WireError
+from fleet.model.command import Way
+from fleet.model.navigation import ActionState, Control
+from fleet.model.report import NavigationReport
+from fleet.wire.missions import decode_mission
+from fleet.wire.reports import to_mqtt
 
-
-def decode(**message):
-    return decode_mission(json.dumps(message).encode(), way=Way.CLOUD)
-
-
-def test_a_cancelled_mission_stops_the_robot_whatever_else_is_wrong_with_it():
-    ask = decode(command="cancel", timestamp="never", source_type=5)
-    assert (ask.ask, ask.stamp, ask.origin.source_type) == (Control.STOP, None, None)
-
-
-@pytest.mark.parametrize("command", ["start", "pause", "resume", "anything"])
-def test_anything_else_is_refused_with_what_to_do_instead(command):
-    with pytest.raises(
-        BadCommand, match="flies no missions; send the goals as a path on navigate/command"
-    ) as bad:
-        decode(command=command, steps=[])
-    assert bad.value.command == command
-
-
-@pytest.mark.parametrize("payload", [b"", b"[]", b'{"command": 5}', b"\xff", b'{"a": NaN}'])
-def test_what_cannot_be_read_is_refused_as_a_mission(payload):
-    with pytest.raises(BadCommand) as bad:
-        decode_mission(payload, way=Way.CLOUD)
-    assert bad.value.command == "mission"
+MISSION = {
+    "contract": "aerial.mission.v1",
+    "name": "north field",
+    "home": {"latitude": 47.0, "longitude": 8.0, "altitude_amsl_m": 400.0},
+    "default_altitude_m": 20,
+    "cruise_speed_ms": 4.0,
+    "items": [
+        {"type": "waypoint", "latitude": 47.001, "longitude": 8.0, "acceptance_radius_m": 2},
+        {"type": "loiter_time", "latitude": 47.001, "longitude": 8.001, "altitude_m": 30.0, "seconds": 5},
+        {"type": "loiter_turns", "latitude": 47.0, "longitude": 8.0, "turns": 2, "direction": "ccw"},
+        {"type": "return_to_launch"},
+    ],
+}
 
 
-def test_the_status_names_the_mission_and_the_reason():
-    reply = Reply("start", ReplyStatus.REJECTED, "no missions")
-    status = mission_status(b'{"mission_execution_uuid": "m1"}', reply, source_type="edge", stamp=5.0)
-    assert json.loads(status) == {
-        "mission_execution_uuid": "m1",
-        "status": "failed",
-        "current_step": 0,
-        "message": "no missions",
-        "source_type": "edge",
-        "timestamp": 5.0,
-    }
-    cancelled = mission_status(
-        b'{"mission_execution_uuid": "m1"}', Reply("stop", ReplyStatus.ACCEPTED), source_type="sim", stamp=5.0
-    )
-    assert json.loads(cancelled)["status"] == "cancelled"
+def read(mission=None, **message):
+    """Return what a mission message asks."""
+    body = {"command": "start", "mission_execution_uuid": "e1", "source_type": "tele", **message}
+    if mission is not None:
+        body["mission"] = mission
+    return decode_mission(json.dumps(body).encode(), way=Way.CLOUD)
+
+
+def changed(where, value):
+    """Return the mission with one member changed, or taken away by None."""
+    mission = copy.deepcopy(MISSION)
+    *way, last = where.split(".")
+    target = mission
+    for step in way:
+        target = target[int(step) if step.isdigit() else step]
+    if value is None:
+        del target[int(last) if last.isdigit() else last]
+    else:
+        target[int(last) if last.isdigit() else last] = value
+    return mission
+
+
+def test_a_mission_of_the_contract_is_read_whole():
+    AerialMissionV1.model_validate(MISSION)
+    asked = read(MISSION)
+    assert (asked.action_id, asked.ask.name, asked.ask.above_sea) == ("e1", "north field", False)
+    kinds = [item.kind for item in asked.ask.items]
+    assert kinds == ["waypoint", "loiter_time", "loiter_turns", "return_to_launch"]
+    assert [item.point.altitude for item in asked.ask.items[:3]] == [20.0, 30.0, 20.0]
+    assert asked.ask.items[0].tolerance == 2.0
+    assert (asked.ask.items[2].turns, asked.ask.items[2].clockwise) == (2, False)
+    assert asked.ask.constraints.max_speed == 4.0
+
+
+def test_steps_are_the_items_of_a_mission():
+    place = {"latitude": 47.0, "longitude": 8.0, "altitude_m": 10}
+    asked = read(steps=[{"type": "waypoint", "params": place}, {"type": "return_to_launch"}])
+    assert [item.kind for item in asked.ask.items] == ["waypoint", "return_to_launch"]
+    assert asked.ask.home is None
 
 
 @pytest.mark.parametrize(
-    "payload", [b"{}", b"", b'{"mission_execution_uuid": 5}', b'{"mission_execution_uuid": ""}']
+    ("command", "control"),
+    [("cancel", Control.STOP), ("pause", Control.PAUSE), ("resume", Control.RESUME)],
 )
-def test_a_mission_without_a_name_gets_no_status(payload):
-    reply = Reply("start", ReplyStatus.REJECTED, "no")
-    assert mission_status(payload, reply, source_type="edge", stamp=5.0) is None
+def test_controls_are_those_of_the_running_action(command, control):
+    assert read(command=command).ask is control
+
+
+def test_a_cancel_is_read_however_broken_the_rest_of_it_is():
+    assert read(command="cancel", mission_execution_uuid=7, timestamp="soon").ask is Control.STOP
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "told"),
+    [
+        ("items.0.latitude", None, "mission.items.0.latitude"),
+        ("items.1.seconds", None, "mission.items.1.seconds"),
+        ("items.2.turns", 256, "mission.items.2.turns"),
+        ("items.0.latitude", 90.5, "mission.items.0.latitude"),
+        ("items.0.longitude", "8", "mission.items.0.longitude"),
+        ("items.0.speed_ms", 0, "mission.items.0.speed_ms"),
+        ("items.1", {"type": "return_to_launch"}, "mission.items.2"),
+        ("items.0", "north", "mission.items.0"),
+        ("items.0.type", "dance", "mission.items.0.type"),
+        ("items", [{"type": "return_to_launch"}], "mission.items"),
+        ("items", [], "mission.items"),
+        ("default_altitude_m", None, "mission.items.0.altitude_m"),
+        ("altitude_reference", "terrain", "mission.altitude_reference"),
+        ("contract", "aerial.mission.v2", "mission.contract"),
+        ("home.altitude_amsl_m", None, "mission.home.altitude_amsl_m"),
+    ],
+)
+def test_a_hole_is_refused_with_its_place_and_the_missions_id(where, value, told):
+    with pytest.raises(WireError) as refusal:
+        read(changed(where, value))
+    assert refusal.value.where == told
+    assert refusal.value.action_id == "e1"
+
+
+def test_a_mission_without_an_id_or_with_an_unknown_command_is_refused():
+    with pytest.raises(WireError, match="mission_execution_uuid"):
+        read(MISSION, mission_execution_uuid="")
+    with pytest.raises(WireError, match="launch"):
+        read(MISSION, command="launch")
+
+
+@pytest.mark.parametrize(
+    ("state", "status"), [(ActionState.BLOCKED, "running"), (ActionState.COMPLETED, "completed")]
+)
+def test_the_status_of_a_mission_goes_to_its_own_topic(state, status):
+    report = NavigationReport(5.0, "e1", state, 50.0, "item 3 of 4", step=2)
+    ((leaf, payload),) = to_mqtt(report, source_type="edge", session="")
+    assert leaf == "mission/status"
+    assert json.loads(payload) == {
+        "mission_execution_uuid": "e1",
+        "status": status,
+        "current_step": 2,
+        "message": "item 3 of 4",
+        "source_type": "edge",
+        "timestamp": 5.0,
+    }

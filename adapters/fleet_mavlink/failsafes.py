@@ -1,0 +1,186 @@
+"""What the autopilot does by itself when the edge, the battery or the position is lost: verified, and set.
+
+The edge may die while the autopilot flies to a goal by itself. What happens then is the autopilot's to do, so
+its parameters are read when it is met and after each of its reboots. What is wrong is told as health; it is
+written only where fleet.yaml, or a command, says so, and never while the motors run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+import msgspec
+
+from fleet import NotReady, Refused
+from fleet.errors import CommandError
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+
+_LOG = logging.getLogger(__name__)
+_FOREVER = 3600.0  # s between looks when nothing happens
+_AGAIN = 10.0  # s until parameters that could not be read are read again
+
+LinkLoss = Literal["return_to_home", "land", "continue"]
+Keeping = Literal["check", "set", "ignore"]
+
+
+class Rule(msgspec.Struct, frozen=True):
+    """One parameter: ``names`` it has in different versions, the values that do, the one that is written."""
+
+    names: tuple[str, ...]
+    good: frozenset[int]
+    wanted: int
+    danger: str
+
+
+_ON_LINK_LOSS: Mapping[str, Mapping[str, Rule]] = {
+    "ardupilot": {
+        "return_to_home": Rule(
+            ("FS_GCS_ENABLE",), frozenset({1, 3, 4, 5}), 1, "it flies on when the edge is lost"
+        ),
+        "land": Rule(("FS_GCS_ENABLE",), frozenset({5}), 5, "it does not land when the edge is lost"),
+    },
+    "px4": {
+        "return_to_home": Rule(("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"),
+        "land": Rule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
+    },
+}
+_ALWAYS: Mapping[str, tuple[Rule, ...]] = {
+    "ardupilot": (
+        Rule(("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 2, "it flies on with an empty battery"),
+        Rule(("FS_EKF_ACTION",), frozenset({1, 2, 3}), 1, "it flies on without a position"),
+    ),
+    "px4": (
+        Rule(("COM_LOW_BAT_ACT",), frozenset({2, 3}), 3, "it flies on with an empty battery"),
+        Rule(
+            ("COM_OBL_RC_ACT",), frozenset({3, 4, 5}), 5, "it sinks when setpoints stop and no pilot is there"
+        ),
+    ),
+}
+
+
+def rules_for(flavour: str, link_loss: LinkLoss, station: int) -> tuple[Rule, ...]:
+    """Return what must hold; ``station`` is our own system id, the only one that ArduPilot watches then."""
+    rules = _ALWAYS[flavour]
+    lost = _ON_LINK_LOSS[flavour].get(link_loss)
+    if lost is None:
+        return rules
+    watched = Rule(
+        ("SYSID_MYGCS", "MAV_GCS_SYSID"),
+        frozenset({station}),
+        station,
+        f"it watches another station than this edge ({station})",
+    )
+    return (lost, watched, *rules) if flavour == "ardupilot" else (lost, *rules)
+
+
+class Failsafes:
+    """The fail-safes of one vehicle; ``troubles`` says what is wrong with them, empty when nothing is."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        parameters: Parameters,
+        *,
+        keeping: Keeping,
+        link_loss: LinkLoss,
+        station: int,
+        changed: Callable[[], None],
+    ) -> None:
+        self.troubles: tuple[str, ...] = ()
+        self._vehicle = vehicle
+        self._parameters = parameters
+        self._keeping = keeping
+        self._link_loss = link_loss
+        self._station = station
+        self._changed = changed
+
+    async def keep(self) -> None:
+        """Verify when the vehicle is met and after each reboot, until cancelled."""
+        while True:
+            await self._met()
+            reboots = self._vehicle.state.reboots
+            if await self._looked():
+                await self._rebooted(reboots, _FOREVER)
+            else:
+                await self._rebooted(reboots, _AGAIN)
+
+    async def _looked(self) -> bool:
+        """Verify, and set what is to be set; return False when the vehicle would not have it read."""
+        if self._keeping == "ignore":
+            return True
+        try:
+            await self.verify()
+            if self.troubles and self._keeping == "set":
+                await self._set_on_the_ground()
+        except CommandError as error:
+            self._tell((f"its fail-safes could not be verified: {error.reason}",))
+            return False
+        return True
+
+    async def verify(self) -> None:
+        """Read the parameters and note what is wrong; raises what reading them raises."""
+        self._tell(tuple([trouble for rule in self._rules() if (trouble := await self._trouble(rule))]))
+
+    async def set(self) -> None:
+        """Write what is wrong as it should be; raises Refused while the motors run."""
+        require_connection(self._vehicle)
+        if self._vehicle.state.armed:
+            raise Refused("it is armed", hint="land and disarm first")
+        for rule in self._rules():
+            name, value = await self._read(rule)
+            if value not in rule.good:
+                await self._parameters.write(name, rule.wanted)
+                _LOG.warning(
+                    "system %s: %s was %g and is %g now", self._vehicle.system, name, value, rule.wanted
+                )
+        await self.verify()
+
+    async def _set_on_the_ground(self) -> None:
+        """Set them as soon as the motors stand still."""
+        await self._vehicle.until(lambda state: not state.armed, _FOREVER)
+        await self.set()
+
+    async def _met(self) -> None:
+        """Wait until there is a vehicle of a known kind."""
+
+        def known(_state: VehicleState) -> bool:
+            return self._vehicle.connected and self._vehicle.flavour is not None
+
+        while not await self._vehicle.until(known, _FOREVER):
+            _LOG.debug("system %s is still not met", self._vehicle.system)
+
+    async def _rebooted(self, reboots: int, seconds: float) -> None:
+        """Wait for the next reboot, so long at most."""
+        await self._vehicle.until(lambda state: state.reboots > reboots, seconds)
+
+    def _rules(self) -> tuple[Rule, ...]:
+        """Return what must hold of this vehicle; raises NotReady before it is known."""
+        flavour = self._vehicle.flavour
+        if flavour is None:
+            raise NotReady("it is not known yet which autopilot this is")
+        return rules_for(flavour.name, self._link_loss, self._station)
+
+    async def _trouble(self, rule: Rule) -> str:
+        """Return what is wrong with one parameter, empty when nothing is."""
+        name, value = await self._read(rule)
+        return "" if value in rule.good else f"{name} is {value:g}: {rule.danger} (send set_failsafes)"
+
+    async def _read(self, rule: Rule) -> tuple[str, float]:
+        """Return the name that this version knows and its value; raises Refused when it knows none."""
+        for name in rule.names[:-1]:
+            try:
+                return name, (await self._parameters.read([name]))[0].value
+            except Refused:
+                continue
+        return rule.names[-1], (await self._parameters.read(rule.names[-1:]))[0].value
+
+    def _tell(self, troubles: tuple[str, ...]) -> None:
+        """Note what is wrong, and tell it when it is news."""
+        if troubles != self.troubles:
+            self.troubles = troubles
+            self._changed()

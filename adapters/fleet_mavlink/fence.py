@@ -1,0 +1,147 @@
+"""The fence of fleet.yaml in the autopilot itself, so that it is kept when the edge is not there.
+
+Its polygons go by the mission protocol and are read back; height, distance and what is done at the border are
+parameters. A fence is brought there on the ground only: in flight what is there is compared and told.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+
+from fleet import GeoOrigin, GeoPoint, Limits, Refused, Vector3
+from fleet.errors import CommandError
+from fleet.model.geodesy import geo_from_world
+from fleet.robot_config import FenceConfig
+from fleet_mavlink.mission import is_same
+from fleet_mavlink.mission_messages import MissionItemInt
+from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.plans import Kind, Plans
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import Cmd, Frame
+
+_LOG = logging.getLogger(__name__)
+_FOREVER = 3600.0  # s between looks when nothing happens
+_AGAIN = 10.0  # s until a fence that could not be brought there is tried again
+_WIDER = 2.0  # m by which the autopilot's limits are wider, so that the host acts first
+_HEIGHT, _CIRCLE, _POLYGON = 1, 2, 4  # bits of FENCE_TYPE
+_UNION = 2  # FENCE_OPTIONS: inside one of the inclusions is enough
+
+
+def items_of(fence: FenceConfig, world: GeoOrigin) -> tuple[MissionItemInt, ...]:
+    """Return the corners of a fence as items; each tells how many its polygon has."""
+    inside = _corners(fence, fence.inclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_INCLUSION, world)
+    outside = _corners(fence, fence.exclusion, Cmd.NAV_FENCE_POLYGON_VERTEX_EXCLUSION, world)
+    return (*inside, *outside)
+
+
+def _corners(
+    fence: FenceConfig,
+    polygons: Iterable[tuple[tuple[float, float], ...]],
+    command: Cmd,
+    world: GeoOrigin,
+) -> Iterable[MissionItemInt]:
+    """Yield the corners of polygons of one kind."""
+    for polygon in polygons:
+        for corner in polygon:
+            point = GeoPoint(*corner)
+            if fence.frame == "world":
+                point = geo_from_world(world, Vector3(*corner, 0.0))
+            x, y = round(point.latitude * 1e7), round(point.longitude * 1e7)
+            yield MissionItemInt(0, 0, 0, Frame.GLOBAL, command, param1=float(len(polygon)), x=x, y=y)
+
+
+def parameters_of(flavour: str, fence: FenceConfig, limits: Limits) -> Mapping[str, float]:
+    """Return the parameters that switch a fence on; at its border the vehicle returns home."""
+    polygons = bool(fence.inclusion or fence.exclusion)
+    height = 0.0 if limits.altitude is None else limits.altitude + _WIDER
+    radius = 0.0 if limits.distance is None else limits.distance + _WIDER
+    if flavour == "px4":
+        return {"GF_MAX_HOR_DIST": radius, "GF_MAX_VER_DIST": height, "GF_ACTION": 3}
+    kinds = _POLYGON * polygons + _HEIGHT * bool(height)
+    kinds += _CIRCLE * bool(radius)
+    wanted: dict[str, float] = {"FENCE_TYPE": kinds, "FENCE_ACTION": 1, "FENCE_OPTIONS": _UNION}
+    if height:
+        wanted["FENCE_ALT_MAX"] = height
+    if radius:
+        wanted["FENCE_RADIUS"] = radius
+    return {**wanted, "FENCE_ENABLE": 1}
+
+
+class FenceKeeper:
+    """Brings the fence to one vehicle; ``troubles`` says why it is not there, empty once it is."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        plans: Plans,
+        parameters: Parameters,
+        *,
+        fence: FenceConfig,
+        limits: Limits,
+        origin: Callable[[], GeoOrigin | None],
+        changed: Callable[[], None],
+    ) -> None:
+        self.troubles: tuple[str, ...] = ()
+        self._vehicle = vehicle
+        self._plans = plans
+        self._parameters = parameters
+        self._fence = fence
+        self._limits = limits
+        self._origin = origin
+        self._changed = changed
+
+    async def keep(self) -> None:
+        """Bring it there when the vehicle is met and after each reboot, until cancelled."""
+        self._tell("the fence is not in the autopilot yet")
+        while True:
+            await self._vehicle.until(self._is_met, _FOREVER)
+            reboots = self._vehicle.state.reboots
+            wait = _FOREVER
+            try:
+                await self._bring()
+                self._tell("")
+            except CommandError as error:
+                wait = _AGAIN
+                self._tell(f"the fence is not in the autopilot: {error.reason}")
+            await self._rebooted(reboots, wait)
+
+    async def _rebooted(self, reboots: int, seconds: float) -> None:
+        """Wait for the next reboot, so long at most."""
+        await self._vehicle.until(lambda state: state.reboots > reboots, seconds)
+
+    def _is_met(self, _state: VehicleState) -> bool:
+        """Return whether it answers and is known well enough to be given a fence."""
+        known = self._vehicle.flavour is not None and self._origin() is not None
+        return self._vehicle.connected and known
+
+    async def _bring(self) -> None:
+        """Make the vehicle's fence the one of fleet.yaml; raises what the exchanges raise."""
+        world, flavour = self._origin(), self._vehicle.flavour
+        if world is None or flavour is None:
+            return
+        items = items_of(self._fence, world)
+        if not is_same(items, await self._plans.download(Kind.FENCE)):
+            await self._landed()
+            await self._plans.upload(Kind.FENCE, items)
+            if not is_same(items, await self._plans.download(Kind.FENCE)):
+                raise Refused("it keeps another one than was sent")
+        for name, value in parameters_of(flavour.name, self._fence, self._limits).items():
+            (kept,) = await self._parameters.read([name])
+            if kept.value != value:
+                await self._landed()
+                await self._parameters.write(name, value)
+        _LOG.info("system %s has its fence of %d corners", self._vehicle.system, len(items))
+
+    async def _landed(self) -> None:
+        """Wait until the motors stand still."""
+        if self._vehicle.state.armed:
+            self._tell("the autopilot has another fence, which is not changed in flight")
+            await self._vehicle.until(lambda state: not state.armed, _FOREVER)
+
+    def _tell(self, trouble: str) -> None:
+        """Note what is wrong, and tell it when it is news."""
+        before, self.troubles = self.troubles, (trouble,) if trouble else ()
+        if before != self.troubles:
+            self._changed()

@@ -1,0 +1,261 @@
+"""Missions that the autopilot flies from its own memory: made into its items, started, watched by item."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+
+import msgspec
+
+from fleet import FlyMission, GeoOrigin, GeoPoint, Limits, NotReady, Progress, Refused
+from fleet.errors import CommandError
+from fleet.model.geodesy import world_from_geo
+from fleet.model.navigation import PlanItem
+from fleet_mavlink.driving import require_control
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.flight import Flight
+from fleet_mavlink.messages import CommandLong, MissionItemReached
+from fleet_mavlink.mission_messages import MissionItemInt
+from fleet_mavlink.plans import Kind, Plans
+from fleet_mavlink.words import Cmd, Frame
+
+_LOOK = 0.5  # s
+_LOWEST_TAKEOFF = 2.5  # m
+_ELSEWHERE = 1000.0  # m between the planned and the real home beyond which the plan is for another place
+_OTHER_GROUND = 50.0  # m of altitude between them
+_GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
+_CLOSE = 2.0  # m
+
+_COMMANDS: Mapping[str, Cmd] = {
+    "waypoint": Cmd.NAV_WAYPOINT,
+    "loiter_unlimited": Cmd.NAV_LOITER_UNLIM,
+    "loiter_turns": Cmd.NAV_LOITER_TURNS,
+    "loiter_time": Cmd.NAV_LOITER_TIME,
+    "return_to_launch": Cmd.NAV_RETURN_TO_LAUNCH,
+    "land_start": Cmd.DO_LAND_START,
+}
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """The items of a mission for one autopilot; ``steps`` has for each the mission's item it belongs to."""
+
+    items: tuple[MissionItemInt, ...]
+    steps: tuple[int, ...]
+
+
+def plan_of(mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: float) -> Plan:
+    """Return the items of a mission; ``home`` with its altitude AMSL, ``fastest`` in m/s."""
+    items: list[MissionItemInt] = []
+    steps: list[int] = []
+    if flavour.home_is_first:
+        items.append(_placed(MissionItemInt(0, 0, 0, Frame.GLOBAL, Cmd.NAV_WAYPOINT), home))
+        steps.append(0)
+    speed = min(fastest, mission.constraints.max_speed or math.inf)
+    for step, item in enumerate(mission.items):
+        wanted = speed if item.speed is None else min(fastest, item.speed)
+        if math.isfinite(wanted) and (item.speed is not None or step == 0):
+            items.append(_speed(wanted))
+            steps.append(step)
+        items.append(_item(item, flavour, above_sea=mission.above_sea))
+        steps.append(step)
+    return Plan(tuple(items), tuple(steps))
+
+
+def _speed(speed: float) -> MissionItemInt:
+    """Return the item that sets the speed from here on."""
+    return MissionItemInt(
+        0, 0, 0, Frame.MISSION, Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0
+    )
+
+
+def _item(item: PlanItem, flavour: Flavour, *, above_sea: bool) -> MissionItemInt:
+    """Return one item; ``param4`` is a heading, which is left to the autopilot."""
+    frame = Frame.GLOBAL_INT if above_sea else Frame.GLOBAL_RELATIVE_ALT_INT
+    radius = (item.radius or 0.0) * (1.0 if item.clockwise else -1.0)
+    made = MissionItemInt(0, 0, 0, frame, _COMMANDS[item.kind], param4=flavour.unset)
+    match item.kind:
+        case "waypoint":
+            made = msgspec.structs.replace(made, param2=item.tolerance or 0.0)
+        case "loiter_time":
+            made = msgspec.structs.replace(made, param1=item.seconds)
+        case "loiter_turns":
+            made = msgspec.structs.replace(made, param1=float(item.turns), param3=radius)
+        case "loiter_unlimited":
+            made = msgspec.structs.replace(made, param3=radius)
+        case _:
+            made = msgspec.structs.replace(made, frame=Frame.MISSION, param4=0.0)
+    return made if item.point is None else _placed(made, item.point)
+
+
+def _placed(item: MissionItemInt, point: GeoPoint) -> MissionItemInt:
+    """Return an item at a place; its altitude counts as its frame says."""
+    x, y = round(point.latitude * 1e7), round(point.longitude * 1e7)
+    return msgspec.structs.replace(item, x=x, y=y, z=point.altitude)
+
+
+def is_same(sent: Sequence[MissionItemInt], kept: Sequence[MissionItemInt], *, skip: int = 0) -> bool:
+    """Return whether a vehicle keeps the items that were sent; ``skip`` is how many are its own.
+
+    Frames come back as their older twins, and altitudes rounded to the centimetre.
+    """
+    return len(sent) == len(kept) and all(
+        one.command == other.command
+        and abs(one.x - other.x) <= 1
+        and abs(one.y - other.y) <= 1
+        and math.isclose(one.z, other.z, abs_tol=0.02)
+        for one, other in list(zip(sent, kept, strict=True))[skip:]
+    )
+
+
+class Missions:
+    """Flies missions with one vehicle. ``give_way(flavour, mode)`` ends the stream of setpoints before."""
+
+    def __init__(
+        self, flight: Flight, plans: Plans, limits: Limits, give_way: Callable[[Flavour, str], None]
+    ) -> None:
+        self._flight = flight
+        self._plans = plans
+        self._limits = limits
+        self._give_way = give_way
+        self._vehicle = flight.vehicle
+
+    async def fly(self, mission: FlyMission) -> AsyncIterator[Progress]:
+        """Send a mission and fly it to its end, or go on with it; everything is checked before it is sent."""
+        require_control(self._vehicle, self._flight.authority)
+        flavour = self._flight.flavour
+        home = self._home(mission)
+        plan = plan_of(mission, flavour, home, self._limits.speed or math.inf)
+        for item in mission.items:
+            self._require_reachable(item, mission, home)
+        await self._load(plan, flavour, resumed=mission.resumed)
+        yield Progress(0.0, "the autopilot has it")
+        if not self._vehicle.state.in_air:
+            height = next(item.point.altitude for item in mission.items if item.point)
+            height -= home.altitude if mission.above_sea else 0.0
+            async for progress in self._flight.take_off(max(_LOWEST_TAKEOFF, height)):
+                yield Progress(0.0, progress.message)
+        try:
+            async for progress in self._watch(mission, plan):
+                yield progress
+        except CommandError:
+            await self._flight.hold_if_ours()
+            raise
+
+    async def clear(self) -> None:
+        """Make the autopilot forget its mission; raises Refused while ArduPilot flies it."""
+        await self._plans.clear(Kind.MISSION)
+
+    async def _load(self, plan: Plan, flavour: Flavour, *, resumed: bool) -> None:
+        """Bring a mission into the vehicle's memory and read it back; a resumed one must be there."""
+        if not resumed:
+            await self._plans.upload(Kind.MISSION, plan.items)
+        kept = await self._plans.download(Kind.MISSION)
+        if not is_same(plan.items, kept, skip=int(flavour.home_is_first)):
+            what = (
+                "the mission was replaced meanwhile" if resumed else "it keeps another mission than was sent"
+            )
+            raise Refused(what, hint="start the mission anew")
+
+    async def _watch(self, mission: FlyMission, plan: Plan) -> AsyncIterator[Progress]:
+        """Start, or go on, and follow the items to the end."""
+        flight, flavour = self._flight, self._flight.flavour
+        returns = mission.items[-1].kind == "return_to_launch"
+        ends = (flavour.return_home,) if returns else (flavour.hold,)
+        self._give_way(flavour, flavour.mission)
+        with self._vehicle.hearing(MissionItemReached) as heard:
+            start = None if mission.resumed else CommandLong(Cmd.MISSION_START)
+            await flight.enter(flavour.mission, start)
+            watch = _Progress(plan, len(mission.items))
+            while not self._is_over(mission, watch, returns=returns):
+                reached = await heard.next(_LOOK)
+                watch.see(self._vehicle.state.mission_current, None if reached is None else reached.seq)
+                if watch.on_last:
+                    flight.authority.expect_also(*ends)
+                if not (returns and not self._vehicle.state.armed):
+                    flight.check(flavour.mission, *(ends if watch.on_last else ()))
+                yield watch.progress()
+        if not returns:
+            await flight.hold()
+
+    def _is_over(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
+        """Return whether the mission has ended: on the ground, at its last place, or with its last item."""
+        state = self._vehicle.state
+        if returns:
+            return watch.on_last and not state.armed
+        if mission.items[-1].kind == "loiter_unlimited":
+            point = mission.items[-1].point
+            near = _CLOSE + (mission.items[-1].radius or 0.0)
+            return watch.on_last and point is not None and self._away(point) <= near
+        held = watch.on_last and self._flight.mode(state) == self._flight.flavour.hold
+        return watch.finished or held
+
+    def _away(self, point: GeoPoint) -> float:
+        """Return metres over ground to a place, infinite while the position is unknown."""
+        here = self._vehicle.state.position
+        if here is None:
+            return math.inf
+        return world_from_geo(GeoOrigin(here.latitude, here.longitude), point).horizontal()
+
+    def _home(self, mission: FlyMission) -> GeoPoint:
+        """Return home with its altitude; raises Refused when the mission was planned for another place."""
+        state = self._vehicle.state
+        if state.home is None or state.home_altitude is None:
+            raise NotReady("home is unknown", hint="wait for a position")
+        home = GeoPoint(state.home.latitude, state.home.longitude, state.home_altitude)
+        if mission.home is None:
+            return home
+        offset = world_from_geo(GeoOrigin(home.latitude, home.longitude, home.altitude), mission.home)
+        if offset.horizontal() > _ELSEWHERE or abs(offset.z) > _OTHER_GROUND:
+            raise Refused(
+                f"the mission is planned from a home {offset.horizontal():.0f} m away and "
+                f"{offset.z:+.0f} m higher than this one",
+                hint="plan it for this place",
+            )
+        return home
+
+    def _require_reachable(self, item: PlanItem, mission: FlyMission, home: GeoPoint) -> None:
+        """Raise Refused for an item beyond the limits."""
+        if item.point is None:
+            return
+        self._flight.require_altitude(item.point.altitude + (0.0 if mission.above_sea else home.altitude))
+        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), item.point).horizontal()
+        if self._limits.distance is not None and away > self._limits.distance:
+            raise Refused(f"{away:.0f} m from home is beyond the limit of {self._limits.distance:g} m")
+
+
+class _Progress:
+    """How far a mission is, by the items that the vehicle is at and has reached."""
+
+    def __init__(self, plan: Plan, count: int) -> None:
+        self._plan = plan
+        self._count = count
+        self._done = 0  # items of the mission that are behind
+
+    @property
+    def on_last(self) -> bool:
+        """True from the last item on."""
+        return self._done >= self._count - 1
+
+    @property
+    def finished(self) -> bool:
+        """True once the last item was reached."""
+        return self._done >= self._count
+
+    def see(self, current: int | None, reached: int | None) -> None:
+        """Take the number of the active item, and of one that was reached, in the vehicle's numbering."""
+        if current is not None and 0 <= current < len(self._plan.steps):
+            self._done = max(self._done, self._plan.steps[current])
+        if reached is not None and 0 <= reached < len(self._plan.steps) and self._ends_step(reached):
+            self._done = max(self._done, self._plan.steps[reached] + 1)
+
+    def _ends_step(self, seq: int) -> bool:
+        """Return whether an item of the vehicle's is the last of one of the mission's; home is none."""
+        steps = self._plan.steps
+        own_home = seq == 0 and len(steps) > 1 and self._plan.items[0].frame == Frame.GLOBAL
+        return not own_home and (seq + 1 == len(steps) or steps[seq + 1] != steps[seq])
+
+    def progress(self) -> Progress:
+        """Return the progress."""
+        at = min(self._done + 1, self._count)
+        percent = min(99.0, 100.0 * self._done / self._count)
+        return Progress(percent, f"item {at} of {self._count}", reached=self._done)

@@ -1,0 +1,103 @@
+"""The MAVLink messages by which plans (missions, fences) are transferred, as typed values."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from fleet_mavlink.messages import Message
+
+
+class MissionRequest(Message, frozen=True):
+    """MISSION_REQUEST: the vehicle, or we, want one item; ArduPilot still asks in this way."""
+
+    message_id: ClassVar[int] = 40
+    target_system: int
+    target_component: int
+    seq: int
+    mission_type: int = 0
+
+
+class MissionRequestList(Message, frozen=True):
+    """MISSION_REQUEST_LIST: asks how many items there are."""
+
+    message_id: ClassVar[int] = 43
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+class MissionCount(Message, frozen=True):
+    """MISSION_COUNT: so many items follow, or are there."""
+
+    message_id: ClassVar[int] = 44
+    target_system: int
+    target_component: int
+    count: int
+    mission_type: int = 0
+
+
+class MissionClearAll(Message, frozen=True):
+    """MISSION_CLEAR_ALL: forget a plan."""
+
+    message_id: ClassVar[int] = 45
+    target_system: int
+    target_component: int
+    mission_type: int = 0
+
+
+class MissionAck(Message, frozen=True):
+    """MISSION_ACK: how a transfer ended (MAV_MISSION_RESULT); targets as in COMMAND_ACK."""
+
+    message_id: ClassVar[int] = 47
+    target_system: int
+    target_component: int
+    type: int
+    mission_type: int = 0
+
+
+class MissionRequestInt(Message, frozen=True):
+    """MISSION_REQUEST_INT: one item, with its place in degrees times 1e7."""
+
+    message_id: ClassVar[int] = 51
+    target_system: int
+    target_component: int
+    seq: int
+    mission_type: int = 0
+
+
+class MissionItemInt(Message, frozen=True):
+    """MISSION_ITEM_INT: one item; x and y in degrees times 1e7, z in metres."""
+
+    message_id: ClassVar[int] = 73
+    target_system: int
+    target_component: int
+    seq: int
+    frame: int
+    command: int
+    current: int = 0
+    autocontinue: int = 1
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+    mission_type: int = 0
+
+
+INCOMING: tuple[type[Message], ...] = (
+    MissionAck,
+    MissionCount,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestInt,
+)
+OUTGOING: tuple[type[Message], ...] = (
+    MissionAck,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestInt,
+    MissionRequestList,
+)

@@ -1,0 +1,218 @@
+"""Plans in the autopilot's memory (missions, fences): sent, read back, cleared.
+
+The autopilot asks for each item, ArduPilot with MISSION_REQUEST and PX4 with MISSION_REQUEST_INT, and again
+when an answer takes long. An answer to a request that was made twice is one too many for ArduPilot: it says
+13 (INVALID_SEQUENCE) and goes on. So what has arrived is read to its end before the newest request is
+answered, and 13 is no end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from fleet import Refused, TimedOut
+from fleet_mavlink.driving import require_connection
+from fleet_mavlink.heard import Heard
+from fleet_mavlink.messages import Message
+from fleet_mavlink.mission_messages import (
+    MissionAck,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestInt,
+    MissionRequestList,
+)
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import AUTOPILOT
+
+_SILENCE = 1.5  # s without a word after which we say ours again
+_TRIES = 5
+_ITEM_TRIES = 50  # requests for one and the same item
+_ACCEPTED, _DENIED, _INVALID_SEQUENCE = 0, 14, 13
+_RESULTS = (
+    "ACCEPTED",
+    "ERROR",
+    "UNSUPPORTED_FRAME",
+    "UNSUPPORTED",
+    "NO_SPACE",
+    "INVALID",
+    "INVALID_PARAM1",
+    "INVALID_PARAM2",
+    "INVALID_PARAM3",
+    "INVALID_PARAM4",
+    "INVALID_PARAM5_X",
+    "INVALID_PARAM6_Y",
+    "INVALID_PARAM7",
+    "INVALID_SEQUENCE",
+    "DENIED",
+    "OPERATION_CANCELLED",
+)
+
+_Said = MissionRequest | MissionRequestInt | MissionAck | MissionCount | MissionItemInt
+_KINDS: tuple[type[_Said], ...] = (
+    MissionRequest,
+    MissionRequestInt,
+    MissionAck,
+    MissionCount,
+    MissionItemInt,
+)
+_TOLD = (MissionCount, MissionItemInt)  # what a vehicle says that is asked for its plan
+
+
+class Kind(enum.IntEnum):
+    """MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+
+
+class Plans:
+    """The plans of one vehicle, one transfer at a time. Errors: Refused, TimedOut, NotReady, LinkLost."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._lock = asyncio.Lock()
+
+    async def upload(self, kind: Kind, items: Sequence[MissionItemInt]) -> None:
+        """Replace a plan by these items; they are numbered and addressed here.
+
+        What counts is what ``download`` finds afterwards: the vehicle's last word may have been lost.
+        """
+        async with self._lock:
+            require_connection(self._vehicle)
+            with self._vehicle.hearing(*_KINDS) as heard:
+                await self._send_all(kind, items, heard)
+
+    async def download(self, kind: Kind) -> tuple[MissionItemInt, ...]:
+        """Return the items of a plan as the vehicle has them."""
+        async with self._lock:
+            require_connection(self._vehicle)
+            with self._vehicle.hearing(*_KINDS) as heard:
+                count = await self._count(kind, heard)
+                items = tuple([await self._item(kind, seq, heard) for seq in range(count)])
+            self._send(MissionAck(0, 0, _ACCEPTED, kind))
+            return items
+
+    async def clear(self, kind: Kind) -> None:
+        """Forget a plan."""
+        async with self._lock:
+            require_connection(self._vehicle)
+            with self._vehicle.hearing(*_KINDS) as heard:
+                ask = MissionClearAll(0, 0, kind)
+                ack = await self._answer(
+                    ask, heard, lambda said: isinstance(said, MissionAck) and said.mission_type == kind
+                )
+        _require_accepted(ack, f"to forget its {kind.name.lower()}")
+
+    async def _send_all(self, kind: Kind, items: Sequence[MissionItemInt], heard: Heard[_Said]) -> None:
+        """Announce the items and answer what is asked until the vehicle says that it has them."""
+        asked: dict[int, int] = {}
+        tries = 0
+        while tries < _TRIES:
+            if not asked:
+                self._send(MissionCount(0, 0, len(items), kind))
+            said = await self._newest(kind, heard)
+            if said is None and len(asked) == len(items):
+                return  # the last word may be lost: the read-back tells
+            if said is None:
+                tries += 1
+            elif isinstance(said, MissionAck):
+                _require_accepted(said, f"the {kind.name.lower()}")
+                return
+            else:
+                tries = 0
+                self._answer_request(kind, items, said.seq, asked)
+        raise TimedOut(
+            f"system {self._vehicle.system} stopped asking for its {kind.name.lower()}",
+            hint=f"{len(asked)} of {len(items)} items were sent; is the link good?",
+        )
+
+    def _answer_request(
+        self, kind: Kind, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]
+    ) -> None:
+        """Send the item that was asked for; raises Refused for one that is not there."""
+        if not 0 <= seq < len(items):
+            raise Refused(f"system {self._vehicle.system} asks for item {seq} of {len(items)}")
+        asked[seq] = asked.get(seq, 0) + 1
+        if asked[seq] > _ITEM_TRIES:
+            raise TimedOut(f"system {self._vehicle.system} does not take item {seq}")
+        self._send(msgspec.structs.replace(items[seq], seq=seq, mission_type=kind))
+
+    async def _newest(
+        self, kind: Kind, heard: Heard[_Said]
+    ) -> MissionRequest | MissionRequestInt | MissionAck | None:
+        """Return the newest request, or the end, of what has arrived; None when nothing comes."""
+
+        def counts(said: _Said) -> bool:
+            late = isinstance(said, MissionAck) and said.type == _INVALID_SEQUENCE
+            return said.mission_type == kind and not late and not isinstance(said, _TOLD)
+
+        newest = await heard.first(counts, _SILENCE)
+        while newest is not None and not isinstance(newest, MissionAck):
+            later = await heard.first(counts, 0.001)
+            if later is None:
+                break
+            newest = later
+        return None if isinstance(newest, _TOLD) else newest
+
+    async def _count(self, kind: Kind, heard: Heard[_Said]) -> int:
+        """Return how many items there are; an upload that was broken off makes ArduPilot deny it at first."""
+        for _ in range(_TRIES):
+            said = await self._answer(
+                MissionRequestList(0, 0, kind),
+                heard,
+                lambda said: said.mission_type == kind and isinstance(said, MissionCount | MissionAck),
+            )
+            if isinstance(said, MissionCount):
+                return said.count
+            if isinstance(said, MissionAck) and said.type != _DENIED:
+                _require_accepted(said, f"to tell its {kind.name.lower()}")
+            await asyncio.sleep(_SILENCE)
+        raise Refused(f"system {self._vehicle.system} does not tell its {kind.name.lower()}")
+
+    async def _item(self, kind: Kind, seq: int, heard: Heard[_Said]) -> MissionItemInt:
+        """Return one item."""
+        said = await self._answer(
+            MissionRequestInt(0, 0, seq, kind),
+            heard,
+            lambda said: (
+                said.mission_type == kind
+                and (isinstance(said, MissionAck) or (isinstance(said, MissionItemInt) and said.seq == seq))
+            ),
+        )
+        if not isinstance(said, MissionItemInt):
+            raise Refused(f"system {self._vehicle.system} does not tell item {seq}: {_name(said)}")
+        return said
+
+    async def _answer(self, ask: Message, heard: Heard[_Said], wanted: Callable[[_Said], bool]) -> _Said:
+        """Ask until the answer comes; raises TimedOut."""
+        for _ in range(_TRIES):
+            self._send(ask)
+            said = await heard.first(wanted, _SILENCE)
+            if said is not None:
+                return said
+        raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")
+
+    def _send(self, message: Message) -> None:
+        """Write a message, addressed."""
+        self._vehicle.send(
+            msgspec.structs.replace(message, target_system=self._vehicle.system, target_component=AUTOPILOT)
+        )
+
+
+def _require_accepted(said: _Said, what: str) -> None:
+    """Raise Refused unless it was accepted."""
+    if not isinstance(said, MissionAck) or said.type != _ACCEPTED:
+        raise Refused(f"the autopilot refused {what}: {_name(said)}", device_result=_name(said))
+
+
+def _name(said: _Said) -> str:
+    """Return the name of a MAV_MISSION_RESULT."""
+    if not isinstance(said, MissionAck):
+        return type(said).__name__
+    return _RESULTS[said.type] if said.type < len(_RESULTS) else f"result {said.type}"

@@ -1,0 +1,252 @@
+"""Keeps one robot inside its fence and within its battery: goals before they begin, motion as it happens.
+
+It knows the robot by its reports: pose, home, battery. Whoever leads the robot (a person, the host's
+follower, its own autopilot) is judged alike.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import Refused
+from fleet.host.safety.fence import Fence
+from fleet.host.safety.reserve import Reserve
+from fleet.host.ticket import Ticket
+from fleet.model.command import Command, Origin, Way
+from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
+from fleet.model.polygon import Polygon
+from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report, TelemetryReport
+from fleet.robot_config import AdapterConfig, FenceConfig, Limits
+
+log = logging.getLogger(__name__)
+
+STALE = 1.0  # s after which a pose is too old to keep a fence by
+BEGINNINGS = frozenset({"takeoff", "arm"})
+"""Commands that begin a flight: refused outside the fence and with too little battery."""
+
+
+class Guard:
+    """One robot's fence and battery.
+
+    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``ours``
+    tells whether nobody else has it.
+    ``held`` is the body velocity that is being held.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        limits: Limits,
+        clock: Clock,
+        *,
+        end: Callable[[str], None],
+        ask: Callable[[Command, Ticket], None],
+        ours: Callable[[], bool],
+        publish: Callable[[Report], None],
+    ) -> None:
+        self._name = config.name
+        self._config = config.fence
+        self._limits = limits
+        self._clock = clock
+        self._end = end
+        self._ask = ask
+        self._ours = ours
+        self._publish = publish
+        self.held = ZERO_VELOCITY
+        policy = config.battery_policy
+        self._reserve = Reserve(policy.reserve, policy.low, policy.endurance) if policy else None
+        self._action = policy.action if policy else "tell"
+        place = config.origin
+        self._origin = None if place is None else msgspec.convert(place, GeoOrigin, from_attributes=True)
+        self._home: GeoPoint | None = None
+        self._pose: Pose | None = None
+        self._seen = 0.0
+        self._percent: float | None = None
+        self._trouble = ""
+        self._told_low = False
+        self._fence: Fence | None = None
+        self._draw()
+
+    # -- what the robot tells ------------------------------------------------------------------------
+
+    def see(self, report: Report) -> None:
+        """Take a report; a pose out of bounds and a low battery are acted upon."""
+        match report:
+            case PoseReport():
+                self._pose = Pose(report.position, report.rotation)
+                self._seen = self._clock.monotonic()
+                self._look()
+            case BatteryReport():
+                self._percent = report.percent
+                self._look_at_battery()
+            case FlightControllerReport() if report.home != self._home:
+                self._home = report.home
+                self._draw()
+            case _:
+                pass
+
+    def _look(self) -> None:
+        """Tell once that the robot is where it may not be, and end what leads it out."""
+        if self._fence is None or self._pose is None:
+            return
+        before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
+        if self._trouble and not before:
+            self._tell("fence_breached", reason=self._trouble)
+            self._end(f"fence: it is {self._trouble}")
+        elif self.within(self.held) != self.held:
+            self._end("fence: the velocity leads out of it")
+
+    def _look_at_battery(self) -> None:
+        """Act once on a low battery, again after it was charged."""
+        if self._reserve is None or self._percent is None:
+            return
+        low = self._reserve.is_low(self._percent)
+        if low and not self._told_low:
+            self._tell("battery_low", percent=self._percent, action=self._action)
+            if self._action != "tell" and self._ours():
+                ask = Command(self._action, origin=Origin(Way.MISSION, session="battery"))
+                self._ask(ask, Ticket(ask.name, lambda _: None))
+        self._told_low = low
+
+    def _tell(self, kind: str, **fields: object) -> None:
+        """Say what happened, in the log and on the telemetry channel."""
+        log.warning("%s: %s %s", self._name, kind, fields)
+        self._publish(TelemetryReport(self._clock.time(), kind, fields))
+
+    # -- what may be asked of it ---------------------------------------------------------------------
+
+    def beginning(self, name: str) -> str | None:
+        """Return why a command may not begin a flight, None when it may, or begins none."""
+        if name not in BEGINNINGS:
+            return None
+        if self._trouble:
+            return f"it is {self._trouble}"
+        return (self._reserve.trouble(self._percent) or None) if self._reserve else None
+
+    def task(self, task: Task) -> str | None:
+        """Return why a task may not begin, None when it may."""
+        if self._reserve is None and self._config is None and self._unlimited():
+            return None
+        try:
+            start, points = self._way(task)
+        except Refused as error:
+            return str(error)
+        home = self._home_point()
+        trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
+        if not trouble and self._reserve is not None:
+            metres = _length((start, *points, home))
+            trouble = self._reserve.trouble(self._percent, metres, self._speed(task))
+        return trouble or None
+
+    def within(self, velocity: Velocity) -> Velocity:
+        """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
+        if velocity.is_zero or (self._config is None and self._unlimited()):
+            return velocity
+        pose = self._fresh()
+        if pose is None or self._fence is None:
+            if self._config is None:
+                return velocity
+            raise Refused("the fence cannot be kept: where the robot is, is unknown")
+        yaw = pose.rotation.yaw
+        wanted = rotate_to_world(velocity.linear, yaw)
+        admitted = self._fence.admitted(pose.position, wanted, self._home_point())
+        if admitted == wanted:
+            return velocity
+        return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
+
+    # -- where things are ----------------------------------------------------------------------------
+
+    def _unlimited(self) -> bool:
+        """Return whether the limits bound no place."""
+        return self._limits.distance is None and self._limits.altitude is None
+
+    def _fresh(self) -> Pose | None:
+        """Return the pose, None when it is too old."""
+        return self._pose if self._clock.monotonic() - self._seen <= STALE else None
+
+    def _world(self) -> GeoOrigin | None:
+        """Return the world's origin: the one of fleet.yaml, else home."""
+        if self._origin is not None or self._home is None:
+            return self._origin
+        return GeoOrigin(self._home.latitude, self._home.longitude, self._home.altitude)
+
+    def _home_point(self) -> Vector3:
+        """Return home in the world; the origin for a robot that tells of none."""
+        if self._origin is None or self._home is None:
+            return Vector3()
+        return world_from_geo(self._origin, self._home)
+
+    def _draw(self) -> None:
+        """Make the fence of what is configured, as soon as its corners can be placed."""
+        config = self._config or FenceConfig()
+        world = self._world()
+        if config.frame == "geodetic" and world is None:
+            self._fence = None
+            return
+        self._fence = Fence(
+            tuple(_placed(corners, config, world) for corners in config.inclusion),
+            tuple(_placed(corners, config, world) for corners in config.exclusion),
+            self._limits.altitude,
+            self._limits.distance,
+            config.margin,
+        )
+
+    def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
+        """Return where a task begins and where it leads; raises Refused while that is unknown."""
+        pose = self._fresh()
+        if pose is None or self._fence is None:
+            raise Refused("where the robot is, is unknown, so its fence and battery cannot be kept")
+        match task:
+            case GoTo():
+                return pose.position, (self._place(task.goal),)
+            case FollowPath():
+                points = tuple(self._place(goal) for goal in task.goals)
+                return pose.position, points if task.loops == 1 else (*points, *points[:1])
+            case FlyMission():
+                return pose.position, tuple(self._points_of(task))
+        step = task.translation
+        if task.body_frame:
+            step = rotate_to_world(step, pose.rotation.yaw)
+        return pose.position, (pose.position + step,)
+
+    def _points_of(self, mission: FlyMission) -> Iterable[Vector3]:
+        """Yield the places of a mission in the world."""
+        ground = 0.0 if mission.above_sea or self._home is None else self._home.altitude
+        for item in mission.items:
+            if item.point is not None:
+                height = item.point.altitude + ground
+                yield self._place(Goal(geo=GeoPoint(item.point.latitude, item.point.longitude, height)))
+
+    def _place(self, goal: Goal) -> Vector3:
+        """Return a goal in the world; one that has no height of its own stays at the robot's."""
+        if goal.position is not None:
+            return goal.position
+        world = self._world()
+        if world is None or goal.geo is None:
+            raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
+        return world_from_geo(world, goal.geo)
+
+    def _speed(self, task: Task) -> float | None:
+        """Return the speed of a task, None when nobody says."""
+        return task.constraints.max_speed or self._limits.speed
+
+
+def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:
+    """Return the corners of a polygon in the world."""
+    if config.frame == "world" or world is None:
+        return tuple(corners)
+    points = [world_from_geo(world, GeoPoint(*corner, world.altitude)) for corner in corners]
+    return tuple((point.x, point.y) for point in points)
+
+
+def _length(points: Iterable[Vector3]) -> float:
+    """Return metres along a way."""
+    points = tuple(points)
+    return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))

@@ -1,0 +1,110 @@
+"""The fence of one robot: where it may be, which ways it may take, which velocities it may hold.
+
+Pure. Points are metres in the robot's world frame, heights metres above home. A way is straight: it must not
+lead through an exclusion or out of the inclusions, though both its ends be allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet.model.geometry import Vector3
+from fleet.model.polygon import Point, Polygon, contains, crosses, distance_to_border
+
+SLACK = 1.0  # m out of bounds that is put down to the position's noise and to overshooting
+LOOK_AHEAD = 1.5  # s of motion that must stay inside: an old pose, the answer, and the braking
+
+
+class Fence(msgspec.Struct, frozen=True):
+    """``inclusion``: it must be in one of them, where there are any; ``exclusion``: in none of these.
+
+    ``ceiling`` is metres above home, ``distance`` metres from home, ``margin`` metres that a held velocity
+    keeps from the border besides; None is no limit.
+    """
+
+    inclusion: tuple[Polygon, ...] = ()
+    exclusion: tuple[Polygon, ...] = ()
+    ceiling: float | None = None
+    distance: float | None = None
+    margin: float = 1.0
+
+    def trouble(self, point: Vector3, home: Vector3) -> str:
+        """Return why the robot may not be at a point, empty when it may."""
+        flat = (point.x, point.y)
+        if any(contains(polygon, flat) for polygon in self.exclusion):
+            return "in an exclusion of the fence"
+        if self.inclusion and not any(contains(polygon, flat) for polygon in self.inclusion):
+            return "outside the fence"
+        away = _away(point, home)
+        if self.distance is not None and away > self.distance:
+            return f"{away:.0f} m from home, the limit is {self.distance:g} m"
+        height = point.z - home.z
+        if self.ceiling is not None and height > self.ceiling:
+            return f"{height:.1f} m above home, the limit is {self.ceiling:g} m"
+        return ""
+
+    def breach(self, point: Vector3, home: Vector3) -> str:
+        """Return why a robot that is at a point has broken the fence, empty when it has not."""
+        over = -math.inf if self.ceiling is None else point.z - home.z - self.ceiling
+        return self.trouble(point, home) if max(over, self._beyond(point, home)) > SLACK else ""
+
+    def way_trouble(self, start: Vector3, points: Iterable[Vector3], home: Vector3) -> str:
+        """Return why a robot may not go from ``start`` through these points, empty when it may.
+
+        One that is outside already may come in.
+        """
+        inside = not self.trouble(start, home)
+        for number, point in enumerate(points, 1):
+            trouble = self.trouble(point, home)
+            if trouble:
+                return f"goal {number} is {trouble}"
+            if inside and self._leaves((start.x, start.y), (point.x, point.y)):
+                return f"the straight way to goal {number} leads out of the fence"
+            start, inside = point, True
+        return ""
+
+    def _leaves(self, start: Point, end: Point) -> bool:
+        """Return whether a straight way between allowed points meets what is not."""
+        if any(crosses(polygon, start, end) for polygon in self.exclusion):
+            return True
+        homes = [polygon for polygon in self.inclusion if contains(polygon, start)]
+        return bool(homes) and all(crosses(polygon, start, end) for polygon in homes)
+
+    def admitted(self, point: Vector3, velocity: Vector3, home: Vector3) -> Vector3:
+        """Return the part of a world velocity (m/s) that keeps the robot inside, or brings it back."""
+        flat, climb = Vector3(velocity.x, velocity.y, 0.0), velocity.z
+        if self._worse(point, flat, home):
+            flat = Vector3()
+        if climb > 0 and self.ceiling is not None and point.z - home.z + climb * LOOK_AHEAD > self.ceiling:
+            climb = 0.0
+        return Vector3(flat.x, flat.y, climb)
+
+    def _worse(self, point: Vector3, velocity: Vector3, home: Vector3) -> bool:
+        """Return whether a level velocity leads out, or farther out."""
+        speed = velocity.horizontal()
+        if speed == 0:
+            return False
+        seconds = LOOK_AHEAD + self.margin / speed
+        ahead = Vector3(point.x + velocity.x * seconds, point.y + velocity.y * seconds, point.z)
+        beyond = self._beyond(ahead, home)
+        before = self._beyond(point, home)
+        passes = before == 0 and self._leaves((point.x, point.y), (ahead.x, ahead.y))
+        return passes or (beyond > 0 and beyond >= before)
+
+    def _beyond(self, point: Vector3, home: Vector3) -> float:
+        """Return how many metres a point is out of bounds, 0 inside."""
+        flat = (point.x, point.y)
+        worst = [distance_to_border(each, flat) for each in self.exclusion if contains(each, flat)]
+        if self.inclusion and not any(contains(polygon, flat) for polygon in self.inclusion):
+            worst.append(min(distance_to_border(polygon, flat) for polygon in self.inclusion))
+        if self.distance is not None:
+            worst.append(_away(point, home) - self.distance)
+        return max(0.0, *worst) if worst else 0.0
+
+
+def _away(point: Vector3, home: Vector3) -> float:
+    """Return metres over ground between two points."""
+    return math.hypot(point.x - home.x, point.y - home.y)

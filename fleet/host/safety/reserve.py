@@ -1,0 +1,32 @@
+"""What must be left in the battery: goals beyond it are refused, and a low one is acted upon. Pure."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Reserve(msgspec.Struct, frozen=True):
+    """Percent: ``keep`` must be left when the robot is back home, at ``low`` it is acted upon.
+
+    ``endurance`` is how many seconds a full battery moves the robot, None when nobody knows.
+    """
+
+    keep: float
+    low: float
+    endurance: float | None = None
+
+    def trouble(self, percent: float | None, metres: float = 0.0, speed: float | None = None) -> str:
+        """Return why a way of ``metres``, there and home, may not be begun; empty when it may."""
+        if percent is None:
+            return "how full the battery is is unknown"
+        needed = 0.0
+        if self.endurance is not None and speed:
+            needed = 100 * metres / speed / self.endurance
+        if percent - needed >= self.keep:
+            return ""
+        what = f", the way there and home takes {needed:.0f} %" if needed >= 1 else ""
+        return f"the battery is at {percent:.0f} %{what} and {self.keep:g} % must be left"
+
+    def is_low(self, percent: float | None) -> bool:
+        """Return whether it must be acted upon now."""
+        return percent is not None and percent <= self.low

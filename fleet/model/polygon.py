@@ -1,0 +1,88 @@
+"""Closed polygons on the plane: inside, crossing, distance. Points are (x, y) in metres; pure."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+Point = tuple[float, float]
+Polygon = tuple[Point, ...]
+Edge = tuple[Point, Point]
+
+
+def edges(polygon: Polygon) -> Iterator[Edge]:
+    """Yield the sides; the last one leads back to the first corner."""
+    return itertools.pairwise((*polygon, polygon[0]))
+
+
+def contains(polygon: Polygon, point: Point) -> bool:
+    """Return whether a point is inside; on the border it may be either."""
+    x, y = point
+    inside = False
+    for (ax, ay), (bx, by) in edges(polygon):
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+    return inside
+
+
+def distance_to_border(polygon: Polygon, point: Point) -> float:
+    """Return metres to the nearest side, from inside or outside."""
+    return min(_distance(edge, point) for edge in edges(polygon))
+
+
+def _distance(edge: Edge, point: Point) -> float:
+    """Return metres from a point to a side."""
+    (ax, ay), (bx, by) = edge
+    dx, dy = bx - ax, by - ay
+    length = dx * dx + dy * dy
+    along = ((point[0] - ax) * dx + (point[1] - ay) * dy) / length if length > 0 else 0.0
+    along = max(0.0, min(1.0, along))
+    return math.hypot(point[0] - ax - along * dx, point[1] - ay - along * dy)
+
+
+def crosses(polygon: Polygon, start: Point, end: Point) -> bool:
+    """Return whether the straight way from ``start`` to ``end`` meets a side."""
+    return any(_meet((start, end), edge) for edge in edges(polygon))
+
+
+def is_simple(polygon: Polygon) -> bool:
+    """Return whether it is a shape with an area whose sides do not cross each other."""
+    sides = list(edges(polygon))
+    if any(start == end for start, end in sides) or abs(_area(polygon)) <= 0.0:
+        return False
+    for first, second in itertools.combinations(range(len(sides)), 2):
+        neighbours = second - first in {1, len(sides) - 1}
+        if not neighbours and _meet(sides[first], sides[second]):
+            return False
+    return True
+
+
+def _area(polygon: Polygon) -> float:
+    """Return the signed area, square metres."""
+    return sum(ax * by - bx * ay for (ax, ay), (bx, by) in edges(polygon)) / 2
+
+
+def _meet(one: Edge, other: Edge) -> bool:
+    """Return whether two straight lines between points touch or cross."""
+    turns = (
+        _turn(one[0], one[1], other[0]),
+        _turn(one[0], one[1], other[1]),
+        _turn(other[0], other[1], one[0]),
+        _turn(other[0], other[1], one[1]),
+    )
+    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+        return True
+    ends = ((one, other[0]), (one, other[1]), (other, one[0]), (other, one[1]))
+    return any(turn == 0 and _between(edge, point) for turn, (edge, point) in zip(turns, ends, strict=True))
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Return on which side of the line from a to b the point c is: positive left, 0 on it."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _between(edge: Edge, point: Point) -> bool:
+    """Return whether a point on the line of an edge is within its ends."""
+    (ax, ay), (bx, by) = edge
+    return min(ax, bx) <= point[0] <= max(ax, bx) and min(ay, by) <= point[1] <= max(ay, by)

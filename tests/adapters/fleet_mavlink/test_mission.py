@@ -1,0 +1,230 @@
+"""Missions from the autopilot's own memory, flown by both simulated autopilots."""
+
+import asyncio
+import contextlib
+
+import msgspec
+import pytest
+
+from fleet import FlyMission, GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Vector3
+from fleet.model.geodesy import geo_from_world
+from fleet.model.navigation import Constraints, PlanItem
+from fleet_mavlink.mission import plan_of
+from fleet_mavlink.plans import Kind
+from fleet_mavlink.words import Cmd
+
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+HOME = GeoOrigin(47.397742, 8.545594, 488.0)
+HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
+AUTO = {"ardupilot": "AUTO", "px4": "MISSION"}
+
+
+def at(east, north, height=10.0):
+    """Return a place by metres from home, its altitude above home."""
+    point = geo_from_world(HOME, Vector3(east, north, 0.0))
+    return GeoPoint(point.latitude, point.longitude, height)
+
+
+def mission(*items, **more):
+    return FlyMission("survey", items, **more)
+
+
+SQUARE = mission(
+    PlanItem("waypoint", at(0, 15)),
+    PlanItem("loiter_time", at(15, 15), seconds=3.0),
+    PlanItem("waypoint", at(15, 0, 6.0), speed=2.0, tolerance=1.0),
+)
+HOMEWARDS = mission(PlanItem("waypoint", at(0, 12)), PlanItem("return_to_launch"))
+
+
+async def flown(it, task):
+    """Fly a task; return its progress."""
+    async with contextlib.aclosing(it.adapter.navigate(task)) as steps:
+        return [step async for step in steps]
+
+
+@both
+def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            steps = await flown(it, SQUARE)
+            reached = [step.reached for step in steps]
+            assert reached == sorted(reached)
+            assert {0, 1, 2, 3} <= set(reached) | {3}
+            assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
+            await it.until(lambda: it.mode == HOLD[flavour], within=5.0)
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+@both
+def test_a_mission_that_ends_at_home_ends_on_the_ground(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await flown(it, HOMEWARDS)
+            assert not it.armed
+            assert it.place == pytest.approx((0.0, 0.0, 0.0), abs=1.0)
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+@both
+def test_a_mission_is_paused_and_goes_on_at_its_item(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
+                async for step in steps:
+                    if step.reached == 1:
+                        break
+            await it.adapter.stop("pause")
+            assert it.mode == HOLD[flavour]
+            uploads = it.sim.pilot.missions.items
+            steps = await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
+            assert it.sim.pilot.missions.items is uploads
+            assert steps[-1].reached >= 2
+            assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
+
+    fly(main())
+
+
+@both
+def test_a_mission_that_was_replaced_meanwhile_is_not_gone_on_with(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            with pytest.raises(Refused, match="replaced"):
+                await flown(it, msgspec.structs.replace(SQUARE, resumed=True))
+
+    fly(main())
+
+
+@both
+def test_the_speed_of_a_mission_is_kept_and_clamped(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, limits={"speed": 3.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            task = mission(PlanItem("waypoint", at(0, 60), speed=9.0), constraints=Constraints(2.0))
+            fastest = 0.0
+            async with contextlib.aclosing(it.adapter.navigate(task)) as steps:
+                async for _ in steps:
+                    fastest = max(fastest, it.sim.body.vn)
+            assert 2.5 < fastest < 3.3
+
+    fly(main())
+
+
+@both
+def test_a_pilot_who_takes_over_ends_the_mission(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            flying = asyncio.ensure_future(flown(it, SQUARE))
+            await it.until(lambda: it.mode == AUTO[flavour], within=60.0)
+            it.sim.set_fault("pilot_takeover", 1.0)
+            with pytest.raises(Refused, match=r"taken over|somebody else"):
+                await flying
+            assert it.robot.losses
+            assert it.mode in {"LOITER", "POSCTL"}
+
+    fly(main())
+
+
+@both
+def test_what_is_beyond_the_limits_or_planned_for_elsewhere_is_refused_before_it_is_sent(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, limits={"altitude": 20.0, "distance": 50.0}) as it:
+            await it.met()
+            beyond = (
+                mission(PlanItem("waypoint", at(0, 10, 21.0))),
+                mission(PlanItem("waypoint", at(0, 60))),
+                mission(PlanItem("waypoint", at(0, 10)), home=GeoPoint(48.0, 8.5, 488.0)),
+                mission(PlanItem("waypoint", at(0, 10)), home=GeoPoint(HOME.latitude, HOME.longitude, 988.0)),
+            )
+            for task in beyond:
+                with pytest.raises(Refused):
+                    await flown(it, task)
+            assert it.sim.pilot.missions.items == []
+            assert not it.armed
+
+    fly(main())
+
+
+@both
+def test_a_mission_is_forgotten_but_not_while_ardupilot_flies_it(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            flying = asyncio.ensure_future(flown(it, SQUARE))
+            await it.until(lambda: it.mode == AUTO[flavour], within=60.0)
+            if flavour == "ardupilot":
+                with pytest.raises(Refused, match="ERROR"):
+                    await it.do("clear_mission")
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
+            await it.adapter.stop("cancelled")
+            await it.do("clear_mission")
+            assert it.sim.pilot.missions.items == []
+
+    fly(main())
+
+
+def test_an_item_that_the_autopilot_does_not_fly_is_refused_in_its_words(fly, sky):
+    async def main():
+        turns = mission(PlanItem("loiter_turns", at(0, 15), turns=2, radius=5.0))
+        async with sky("px4") as it:
+            await it.met()
+            with pytest.raises(Refused, match="UNSUPPORTED"):
+                await flown(it, turns)
+        async with sky("ardupilot") as it:
+            await it.met()
+            await flown(it, turns)
+
+    fly(main())
+
+
+@both
+def test_a_mission_without_an_end_is_there_at_its_last_place(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await flown(it, mission(PlanItem("loiter_unlimited", at(0, 15))))
+            assert it.place[0] == pytest.approx(15.0, abs=2.5)
+
+    fly(main())
+
+
+@pytest.mark.parametrize("loss", [0.15, 0.3])
+@both
+def test_a_transfer_over_a_lossy_link_arrives_whole(fly, sky, flavour, loss):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            it.sim.set_fault("loss", loss)
+            items = tuple(PlanItem("waypoint", at(0, 10 + each)) for each in range(12))
+            plans = it.adapter._session.plans
+            plan = plan_of(mission(*items), it.adapter._session.flight.flavour, at(0, 0, 488.0), 5.0)
+            await plans.upload(Kind.MISSION, plan.items)
+            it.sim.set_fault("loss", None)
+            kept = await plans.download(Kind.MISSION)
+            assert [item.x for item in kept[-12:]] == [item.x for item in plan.items[-12:]]
+
+    fly(main())
+
+
+def test_a_vehicle_that_says_nothing_ends_the_transfer(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            it.radio = False
+            with pytest.raises((TimedOut, NotReady)):
+                await it.adapter._session.plans.download(Kind.MISSION)
+            assert it.asked(Cmd.MISSION_START) == []
+
+    fly(main())

@@ -1,0 +1,29 @@
+"""What must be left in the battery."""
+
+from fleet.host.safety.reserve import Reserve
+
+RESERVE = Reserve(keep=20.0, low=15.0, endurance=600.0)
+
+
+def test_a_way_that_leaves_the_reserve_may_be_begun():
+    assert RESERVE.trouble(50.0, metres=600.0, speed=5.0) == ""  # 120 s of 600: 20 %
+
+
+def test_a_way_that_eats_into_the_reserve_is_refused_with_the_figures():
+    why = RESERVE.trouble(35.0, metres=600.0, speed=5.0)
+    assert why == "the battery is at 35 %, the way there and home takes 20 % and 20 % must be left"
+
+
+def test_nothing_is_begun_with_a_battery_that_nobody_knows():
+    assert "unknown" in RESERVE.trouble(None)
+
+
+def test_without_an_endurance_only_the_charge_counts():
+    assert Reserve(20.0, 15.0).trouble(21.0, metres=1e6, speed=1.0) == ""
+    assert Reserve(20.0, 15.0).trouble(19.0) != ""
+
+
+def test_low_is_said_at_the_figure_and_below():
+    assert RESERVE.is_low(15.0)
+    assert not RESERVE.is_low(15.1)
+    assert not RESERVE.is_low(None)
