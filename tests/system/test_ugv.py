@@ -68,6 +68,8 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     twin.move_backward(0.3)
     wait_until("back", lambda: math.dist(place(twin), start) < 0.1)
 
+    # Each of the two ways of the SDK ends in a stop of its own, which gives the robot back to who comes next.
+    wait_until("both stops are answered", lambda: stops_answered(ears) == 2)
     action = uuid.uuid4().hex
     waypoints = [{"id": str(n), "position": {"x": x, "y": y, "z": 0}} for n, (x, y) in enumerate(SQUARE)]
     goal = {"command": "path", "action_id": action, "waypoints": waypoints, "source_type": "tele"}
@@ -87,6 +89,10 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
 def place(twin):
     at = twin.get_pose()["position"]
     return at["x"], at["y"]
+
+
+def stops_answered(ears):
+    return sum(each["command"] == "stop" and "status" in each for each in ears.of("command"))
 
 
 def states(ears, action):
