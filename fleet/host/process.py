@@ -124,7 +124,7 @@ class RobotProcess:
     def start(self) -> None:
         """Start every robot; those that fail are tried again by their own runners."""
         # A thread that wants to stop a robot must not wait long for the interpreter.
-        sys.setswitchinterval(0.0005)
+        sys.setswitchinterval(0.0001)
         # The garbage collector stops every thread while it looks at all there is: a quarter of a second with
         # a thousand robots, in which no dead-man runs. What lives as long as the process is kept out of its
         # sight: what is there now, and once more what the robots have made since.
