@@ -122,8 +122,3 @@ def module_at():
 def pytest_collection_modifyitems(items):
     """Begin with the real-time tests, which share one worker: the others fill the second one meanwhile."""
     items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
-
-
-def pytest_xdist_auto_num_workers():
-    """Use one worker more than there are processors: the real-time tests mostly wait."""
-    return (os.cpu_count() or 1) + 1
