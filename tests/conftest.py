@@ -116,9 +116,3 @@ def module_at():
         return module
 
     return load
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items):
-    """Begin with the real-time tests, which share one worker: the others fill the second one meanwhile."""
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)

@@ -58,10 +58,11 @@ def test_a_base_goes_its_way_and_stops_by_itself_whatever_dies(roll, bases, brok
         worker.wait(20)
         killed = port.now()
         wait_until("the board's own stop", lambda: port.board.halted_at is not None)
-        assert port.board.halted_at - killed <= port.board.timeout + 0.1
+        assert port.board.halted_at - killed <= port.board.timeout + 0.3  # s that a busy machine may add
         running.robot("rover", "is missed", lambda state: not is_well(state))
         running.robot("rover", "is back", is_well)
-        assert port.board.physics.speeds == [0.0, 0.0]
+        assert port.board.physics.wanted == [0.0, 0.0]
+        wait_until("the base to stand", lambda: port.board.physics.speeds == [0.0, 0.0])
     pilot.hold("move_forward", until=lambda: port.board.physics.speeds[0] > 0.2)
     bases.call(port.unplug)
     running.robot("rover", "is missed", lambda state: "is it plugged in?" in state.get("cause", ""))
