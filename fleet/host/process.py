@@ -214,8 +214,7 @@ class RobotProcess:
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""
-        for robot in self.robots.values():
-            aside(robot.desk.halt, wait=HALT_WAIT)
+        in_turn((robot.desk.halt for robot in self.robots.values()), wait=HALT_WAIT)
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
