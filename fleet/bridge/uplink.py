@@ -1,8 +1,8 @@
 """From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
 
-``arrived`` runs on the bus's threads and only stores. Once a turn of the wheel ``turn`` decodes, translates
-and publishes what is due, and the cloud's writer sends it all at once. How often, how large and whether at
-all is in the twin's rulebook.
+Events are translated and published as they come, on whatever thread brings them. Of state the newest is
+stored, and what is due published once a turn of the wheel. How often, how large and whether at all is in the
+twin's rulebook.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 import msgspec
 
 from fleet.bridge.counters import ClassCounts
+from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.tally import Tally
@@ -30,7 +31,6 @@ SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
-WAITING = 5000  # events that wait for a turn of the wheel; beyond it the oldest is dropped, counted
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
@@ -69,9 +69,10 @@ class _Slot:
         self.refused = False  # the last sample could not be translated
 
     def takes_event(self, now: float) -> bool:
-        """Return False for an event above the channel's rate; the events of one second may come at once."""
-        if not self.rate:
-            return True
+        """Return False for an event above the channel's rate; the events of one second may come at once.
+
+        Two threads that bring events of one channel at once may let one too many or too few pass.
+        """
         self.credit = min(max(self.rate, 1.0), self.credit + (now - self.sent) * self.rate)
         self.sent = now
         if self.credit < 1.0:
@@ -105,6 +106,7 @@ class Uplink:
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
         refusals: Tally,
+        clock: Clock,
     ) -> None:
         self._topics = topics
         self._twins = twins
@@ -112,11 +114,11 @@ class Uplink:
         self._publish = publish
         self._alive = alive
         self._waiting = waiting
+        self._clock = clock
         self._slots: dict[str, _Slot | None] = {}
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -130,7 +132,7 @@ class Uplink:
     @property
     def waiting(self) -> int:
         """How many samples wait for their turn."""
-        return len(self._events) + len(self._fresh)
+        return len(self._fresh)
 
     def arrived(self, key: str, sample: Report | bytes) -> None:
         """Take a sample from the bus, or a report of this process; any thread, never blocks."""
@@ -138,35 +140,31 @@ class Uplink:
         if slot is None:
             return
         self.received.counts[slot.traffic] += 1
-        if not slot.durable:
-            slot.sample = sample
-            if slot.fresh:
-                self.conflated.counts[slot.traffic] += 1
-            else:
-                slot.fresh = True
-                self._fresh.append(slot)
-            return
-        if len(self._events) == WAITING:
-            self.dropped.add(self._events[0][0].rule.traffic)
-        self._events.append((slot, sample))
-
-    def turn(self, now: float) -> Iterator[None]:
-        """Publish what is due at the monotonic time ``now``, one sample a step."""
-        for _ in range(len(self._events)):
-            slot, sample = self._events.popleft()
-            if slot.takes_event(now):
+        if slot.durable:
+            if not slot.rate or slot.takes_event(self._clock.monotonic()):
                 self._send(slot, sample)
-                yield
             else:
                 self.dropped.add(slot.rule.traffic)
+            return
+        slot.sample = sample
+        if slot.fresh:
+            self.conflated.counts[slot.traffic] += 1
+        else:
+            slot.fresh = True
+            self._fresh.append(slot)
+
+    def turn(self) -> Iterator[None]:
+        """Publish the state that is due, one sample a step."""
+        now = self._clock.monotonic()
         yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
             yield from self._repeat(now)
             self._tell_dropped(now)
 
-    def say_newest(self, now: float) -> None:
+    def say_newest(self) -> None:
         """Publish now what is true of the robots that answer, whatever was sent before."""
+        now = self._clock.monotonic()
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
                 slot.sent = now

@@ -237,7 +237,7 @@ class Edge:
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink.arrived
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
+            self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
