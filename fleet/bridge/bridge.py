@@ -27,7 +27,7 @@ from fleet.wire.health import edge_health
 from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule, Traffic, rule_of
+from fleet.wire.rules import Traffic, rule_of
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ class Bridge:
             topics,
             _infos(ports, rules),
             session=session,
-            publish=self._publish,
+            publish=self._queue,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
             refusals=self.refusals,
@@ -200,10 +200,6 @@ class Bridge:
     def _served(self) -> list[Port]:
         """Return the robots whose twins no other edge has."""
         return [port for twin, port in self._ports.items() if twin not in self._held]
-
-    def _publish(self, topic: str, payload: bytes, rule: Rule) -> bool:
-        """Queue what the uplink made."""
-        return self._queue(topic, payload, rule.qos, rule.traffic, rule.max_age or None)
 
     def _queue(
         self,

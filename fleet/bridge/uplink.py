@@ -34,8 +34,8 @@ REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Publish = Callable[[str, bytes, Rule], object]
-"""How the uplink publishes: topic, payload, and the rule by which it is carried."""
+Publish = Callable[[str, bytes, int, Traffic, float | None], object]
+"""How the uplink publishes: topic, payload, QoS, class, and how many seconds it is worth sending."""
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
@@ -49,11 +49,14 @@ class TwinInfo(msgspec.Struct, frozen=True):
 class _Slot:
     """One channel of one twin: how it is carried, its newest sample, and when it may go."""
 
-    def __init__(self, twin: str, channel: str, sensor: str | None, rule: Rule) -> None:
+    def __init__(self, twin: str, info: TwinInfo, channel: str, sensor: str | None, rule: Rule) -> None:
         self.twin = twin
+        self.info = info
         self.channel = channel
         self.sensor = sensor
         self.rule = rule
+        self.document = rule.form is Form.DOCUMENT
+        self.expiry = rule.max_age or None
         self.traffic = int(rule.traffic)
         self.size = rule.size
         self.topics: dict[str, str] = {}  # by leaf
@@ -166,7 +169,7 @@ class Uplink:
         """Publish now what is true of the robots that answer, whatever was sent before."""
         now = self._clock.monotonic()
         for slot in self._repeated:
-            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+            if slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
 
@@ -179,7 +182,7 @@ class Uplink:
                 self._fresh.append(slot)
                 continue
             slot.fresh = False
-            if slot.streams and waiting >= self._twins[slot.twin].rules.backlog:
+            if slot.streams and waiting >= slot.info.rules.backlog:
                 self.dropped.add(slot.rule.traffic)
                 continue
             slot.sent = now
@@ -200,7 +203,7 @@ class Uplink:
             # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
             early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
             due = slot.sample and not slot.refused and now - slot.sent >= early
-            if due and self._alive(self._twins[slot.twin].robot):
+            if due and self._alive(slot.info.robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
                 yield
@@ -224,12 +227,12 @@ class Uplink:
                 self.refusals.add("too large", line, topic, len(payload), slot.size)
                 continue
             self.sent.counts[slot.traffic] += 1
-            self._publish(topic, payload, slot.rule)
+            self._publish(topic, payload, slot.rule.qos, slot.rule.traffic, slot.expiry)
 
     def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
-        twin = self._twins[slot.twin]
-        if slot.rule.form is Form.DOCUMENT:
+        twin = slot.info
+        if slot.document:
             assert isinstance(sample, bytes)
             leaf = slot.leaf
             payload = document_out(leaf, sample, source_type=twin.source_type, session=self._session)
@@ -253,11 +256,11 @@ class Uplink:
         twin = self._twins.get(parsed.twin) if parsed else None
         rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
         # What a worker learned with one of a robot's sensors is seldom the robot's own state.
-        if parsed is None or rule is None or (parsed.sensor is not None and not rule.sensors):
+        if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
-        slot = _Slot(parsed.twin, parsed.channel, parsed.sensor, rule)
+        slot = _Slot(parsed.twin, twin, parsed.channel, parsed.sensor, rule)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

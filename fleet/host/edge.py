@@ -242,7 +242,8 @@ class Edge:
         health = self.bus.control.publisher(keys.health(edge))
 
         def tell_health() -> None:
-            health.put(msgspec.json.encode(self.state()))
+            if health.wanted:
+                health.put(msgspec.json.encode(self.state()))
 
         self.process.wheel.every(HEALTH_EVERY, tell_health, owner="", failed=_log_failure)
         if self.bridge is not None:

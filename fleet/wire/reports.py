@@ -72,11 +72,11 @@ def to_mqtt(
 
 
 def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
-    """Return a body with what all messages carry; nothing in the body can replace that."""
-    message = body | envelope
-    if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
-        del message["source_type"]
-    return message
+    """Add to a body what all messages carry, and return it; nothing in the body can replace that."""
+    body.update(envelope)
+    if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
+        del body["source_type"]
+    return body
 
 
 def _pose(report: PoseReport) -> Leaves:

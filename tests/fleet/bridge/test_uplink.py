@@ -64,8 +64,8 @@ class Bench:
     def now(self):
         return self.clock.monotonic()
 
-    def _publish(self, topic, payload, rule):
-        self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), rule.qos))
+    def _publish(self, topic, payload, qos, _traffic, _expiry):
+        self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
 
     def turn(self, seconds=TICK):
         self.clock.advance(seconds)
@@ -319,8 +319,8 @@ def test_a_sample_between_the_reading_of_the_queue_and_its_end_is_not_lost(bench
     publish = bench.uplink._publish
     late = [pose(2.0)]
 
-    def publish_and_be_overtaken(topic, payload, rule):
-        publish(topic, payload, rule)
+    def publish_and_be_overtaken(*message):
+        publish(*message)
         if late:
             bench.uplink.arrived(POSITION, late.pop())
 
@@ -430,7 +430,7 @@ def test_documents_cross_with_their_own_fields_and_a_stamp(bench, channel, leaf,
 def test_an_update_of_an_environment_goes_to_its_own_topic():
     topics = []
     bench = Bench(environments=[OTHER])
-    bench.uplink._publish = lambda topic, payload, _rule: topics.append((topic, json.loads(payload)))
+    bench.uplink._publish = lambda topic, payload, *_: topics.append((topic, json.loads(payload)))
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_added", b'{"ts": 5, "data": {"a": 1}}')
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/anything", b'{"ts": 5}')
     bench.uplink.arrived(f"cw/{OTHER}/data/position", b"{}")
