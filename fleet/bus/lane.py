@@ -1,7 +1,8 @@
 """One Zenoh session, in the few verbs that the project uses. The only module that imports zenoh.
 
-Callbacks are direct, but for ``gather``: they run on Zenoh's own threads, synchronously for what this session
-itself publishes. They must only store or hand over; one that blocks would hold up all that arrives on its link.
+Callbacks are direct, but for ``gather``: they run on Zenoh's own threads, synchronously for what this
+session itself publishes. They must only store or hand over; one that blocks would hold up everything that
+arrives on its link.
 """
 
 from __future__ import annotations

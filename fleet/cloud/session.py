@@ -7,7 +7,6 @@ acknowledged goes back to the spool when it ends; the next session sends it agai
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -16,6 +15,7 @@ import mqtt5
 from fleet.cloud import reasons
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
+from fleet.cloud.publish import publish
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
 from fleet.spool.message import Outcome, Outgoing
@@ -185,7 +185,7 @@ class Session:
         identifier = self._next_id() if message.qos else None
         message.qos = min(message.qos, self._most_qos)
         try:
-            data = self._encode(_publish_packet(message, identifier, now))
+            data = publish(message, identifier, now, self._settings.protocol)
         except (ValueError, TypeError) as error:
             return self._refuse(message, str(error))
         if len(data) > self._packet_limit:
@@ -346,21 +346,6 @@ class Session:
 
     def _on_pong(self, _packet: mqtt5.PingRespPacket, _now: float) -> None:
         """Do nothing: the keepalive watch has already noted that the link is alive."""
-
-
-def _publish_packet(message: Outgoing, identifier: int | None, now: float) -> mqtt5.PublishPacket:
-    """Return PUBLISH; what is left of the message's time goes along in whole seconds, rounded up."""
-    left = None if message.deadline is None else min(max(math.ceil(message.deadline - now), 1), 0xFFFF_FFFF)
-    return mqtt5.PublishPacket(
-        message.topic,
-        message.payload,
-        qos=mqtt5.QoS(message.qos),
-        packet_id=identifier,
-        duplicate=message.again,
-        message_expiry_interval=left,
-        content_type=message.content_type,
-        correlation_data=message.correlation,
-    )
 
 
 def _broken(message: str) -> SessionEnded:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from typing import Literal
 
 import msgspec
@@ -76,10 +77,19 @@ class CloudState(enum.StrEnum):
     CLOSED = "closed"
 
 
-class CloudStats:
-    """Counters since the start; read from any thread, written by the cloud thread and the queue.
+class Queued(msgspec.Struct, frozen=True):
+    """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped so far."""
 
-    ``rtt`` is the last measured round trip to the broker in seconds, None before the first.
+    messages: int = 0
+    size: int = 0
+    dropped: int = 0
+
+
+class CloudStats:
+    """Counters since the start; read from any thread, written by the cloud thread.
+
+    ``rtt`` is the last measured round trip to the broker in seconds, None before the first. ``outbox``
+    tells what waits when it is asked.
     """
 
     def __init__(self) -> None:
@@ -87,11 +97,24 @@ class CloudStats:
         self.received = 0
         self.sent = 0
         self.acked = 0
-        self.dropped = 0
         self.refused = 0
         self.held = 0
         self.refused_subscriptions = 0
         self.inflight = 0
-        self.queued = 0
-        self.queued_bytes = 0
         self.rtt: float | None = None
+        self.outbox: Callable[[], Queued] = Queued
+
+    @property
+    def queued(self) -> int:
+        """How many messages wait to be sent."""
+        return self.outbox().messages
+
+    @property
+    def queued_bytes(self) -> int:
+        """How many bytes of QoS 0 wait to be sent."""
+        return self.outbox().size
+
+    @property
+    def dropped(self) -> int:
+        """How many messages were lost on the way out."""
+        return self.outbox().dropped
