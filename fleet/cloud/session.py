@@ -204,6 +204,11 @@ class Session:
         self._done(message, Outcome.REFUSED)
         return b""
 
+    def _refused(self, message: Outgoing, why: str) -> None:
+        """Note that the broker will not have a message."""
+        self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
+        self._done(message, Outcome.REFUSED)
+
     def _tell(self, reason: str, text: str, *values: object) -> None:
         """Warn of a refusal, the first of each reason in this session; all are counted."""
         level = logging.DEBUG if reason in self._told else logging.WARNING
@@ -212,9 +217,7 @@ class Session:
 
     def _done(self, message: Outgoing, outcome: Outcome) -> None:
         """Note what became of a message; one that is held is sent again."""
-        self._stats.refused += outcome is Outcome.REFUSED
-        self._stats.acked += outcome is Outcome.ACKED
-        self._stats.held += outcome is Outcome.HELD
+        self._stats.outcomes[outcome] += 1
         if message.qos:
             self._answers.append((message, outcome))
         if outcome is not Outcome.HELD:
@@ -311,11 +314,11 @@ class Session:
         if message is None:
             logger.warning("the broker acknowledges message %d, which is not under way", packet.packet_id)
             return
-        outcome = _OUTCOMES.get(int(packet.reason_code), Outcome.REFUSED)
-        if outcome is Outcome.REFUSED:
-            why = packet.reason_code.name
-            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-        self._done(message, outcome)
+        outcome = _OUTCOMES.get(int(packet.reason_code))
+        if outcome is None:
+            self._refused(message, packet.reason_code.name)
+        else:
+            self._done(message, outcome)
 
     def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
         """Release a QoS 2 message that the broker has; it stays in the window until that is done.
@@ -325,9 +328,7 @@ class Session:
         message = self._inflight.get(packet.packet_id)
         if int(packet.reason_code) >= 0x80 and message is not None:
             del self._inflight[packet.packet_id]
-            why = packet.reason_code.name
-            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-            self._done(message, Outcome.REFUSED)
+            self._refused(message, packet.reason_code.name)
             return
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         self._replies.append(mqtt5.PubRelPacket(packet.packet_id, reason_code=known))

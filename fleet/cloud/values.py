@@ -8,6 +8,8 @@ from typing import Literal
 
 import msgspec
 
+from fleet.spool.message import Outcome
+
 PAYLOAD_LIMIT = 32 * 1024 * 1024
 """The largest MQTT packet, in bytes, that Cyberwave's broker takes; also the most that is accepted."""
 
@@ -78,7 +80,7 @@ class CloudState(enum.StrEnum):
 
 
 class Queued(msgspec.Struct, frozen=True):
-    """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped so far."""
+    """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped."""
 
     messages: int = 0
     size: int = 0
@@ -96,13 +98,26 @@ class CloudStats:
         self.connects = 0
         self.received = 0
         self.sent = 0
-        self.acked = 0
-        self.refused = 0
-        self.held = 0
         self.refused_subscriptions = 0
         self.inflight = 0
         self.rtt: float | None = None
+        self.outcomes = dict.fromkeys(Outcome, 0)
         self.outbox: Callable[[], Queued] = Queued
+
+    @property
+    def acked(self) -> int:
+        """How many messages the broker has taken."""
+        return self.outcomes[Outcome.ACKED]
+
+    @property
+    def refused(self) -> int:
+        """How many messages the broker has refused."""
+        return self.outcomes[Outcome.REFUSED]
+
+    @property
+    def held(self) -> int:
+        """How many times a message was given back, to be sent again."""
+        return self.outcomes[Outcome.HELD]
 
     @property
     def queued(self) -> int:

@@ -70,9 +70,9 @@ class Queue:
         self._seq += 1
         message.seq = self._seq
         line = self._line(message.topic, message.traffic)
-        spills = self._disk and not self.failing and not self._memory.fits(message)
-        message.cold = bool(line.cold) or spills
-        if not self._make_room(message, 1 if self.failing or not message.cold else 2, wall):
+        fits = self._memory.fits(message)
+        message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
+        if not (fits or self._make_room(message, 1 if self.failing or not message.cold else 2, wall)):
             self.losses.note(message.topic, Reason.ROOM, wall)
             return False
         self.waiting += 1
