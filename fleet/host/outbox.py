@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
 Place = tuple[str, str, str]  # twin, channel, sensor
+STEP = 4  # states in one step of a flush: less would cost more than the states
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
 
@@ -78,16 +79,17 @@ class Outbox:
             pass
 
     def flushing(self) -> Iterator[None]:
-        """Put everything that waits, one report a step; what comes meanwhile waits for the next time."""
+        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():
             for report in reports:
                 self._send(_place(twin, report), report)
                 yield
-        for place, report in latest.items():
+        for number, (place, report) in enumerate(latest.items(), 1):
             self._send(place, report)
-            yield
+            if not number % STEP:
+                yield
 
     def _send(self, place: Place, report: Report) -> None:
         """Put one report; what cannot be said is dropped and counted, the first of a row told."""
