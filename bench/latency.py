@@ -3,8 +3,9 @@
 Each side is measured under its own telemetry, as it would be at work: ours serves 50 drones that fly through
 it, the peer carries as many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the
 SDK's ZenohMqttBridge and the smallest adapter: a Zenoh subscriber that packs the command and sends it. The
-sides take turns on one broker, and the same 50 drones fly beside each: nobody hears them beside the peer. A relay notes when the command's bytes pass. Two commands are measured:
-``move``, a velocity, as it comes while somebody drives, and ``set_home_here``, which is done once, answered.
+sides take turns on one broker, and the same 50 drones fly beside each (nobody hears them beside the peer). A
+relay notes when the command's bytes pass. Two commands are measured: ``move``, a velocity, as it comes while
+somebody drives, and ``set_home_here``, which is done once, answered.
 """
 
 import contextlib
