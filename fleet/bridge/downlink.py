@@ -80,6 +80,7 @@ class Downlink:
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
         self._called = False
+        self._known: dict[str, tuple[Topic, Inward]] = {}  # of our own twins, by topic: there are not many
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
         self.received: Counter[str] = Counter()
@@ -122,6 +123,13 @@ class Downlink:
 
     def _rule_of(self, message: Message) -> tuple[Topic, Inward] | None:
         """Return whom a message is for and by which rule; None for what is nobody's here."""
+        found = self._known.get(message.topic)
+        if found is None and (found := self._find_rule(message)) and found[0].twin in self._ports:
+            self._known[message.topic] = found
+        return found
+
+    def _find_rule(self, message: Message) -> tuple[Topic, Inward] | None:
+        """Find whom a message is for and by which rule."""
         topic = self._topics.parse(message.topic)
         book = None
         if topic is not None:
