@@ -27,6 +27,8 @@ GATHERED = 1024
 """Samples that may wait for the thread that takes them; beyond it who publishes waits, or drops."""
 AT_ONCE = 200
 """Samples that are taken at once at most."""
+LAST_CALL = 2.0
+"""Seconds that a call with samples may still take when the lane is closed."""
 
 
 class Publisher:
@@ -85,11 +87,14 @@ class Lane:
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
         self._kept: list[Any] = []
+        self._threads: list[threading.Thread] = []
 
     def close(self) -> None:
         """Leave the bus; tokens and queryables vanish for everyone at once."""
         self._kept.clear()
         self._session.close()
+        for thread in self._threads:  # one that comes out of Zenoh after the interpreter's end would abort
+            thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
         """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
@@ -132,7 +137,9 @@ class Lane:
         )
         self._kept.append(samples)
         work = (samples.handler, _guarded(call))
-        threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True).start()
+        thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
+        self._threads.append(thread)
+        thread.start()
 
     def answer(self, key: str, call: Callable[[Question], None]) -> None:
         """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""
