@@ -26,7 +26,7 @@ import asyncio, contextlib, sys
 from fleet.clock import SystemClock
 from fleet_mavlink.hub import open_hub
 async def main():
-    async with open_hub("udpin:127.0.0.1:" + sys.argv[1], SystemClock(), 245, 191) as hub:
+    async with open_hub(["udpin:127.0.0.1:" + sys.argv[1]], SystemClock(), 245, 191) as hub:
         with contextlib.ExitStack() as stack:
             for system in range(1, int(sys.argv[2]) + 1):
                 stack.enter_context(hub.vehicle(system))
@@ -147,9 +147,9 @@ def measure_reader(program):
     notes, port = Notes(), free_port(socket.SOCK_DGRAM)
     reader = process(sys.executable, "-c", program, str(port), str(AIRCRAFT))
     with swarm(port, notes), reader as running:
-        time.sleep(8)
+        time.sleep(8)  # mavsdk looks for systems for 4 s
         if running.poll() is not None:
-            sys.exit("a reader ended")
+            sys.exit("a reader ended: " + program.splitlines()[1])
         return price(running.pid)
 
 

@@ -2,7 +2,7 @@
 
 ``python -m bench.swarm COUNT PORT NOTES``: systems 1 to COUNT speak to 127.0.0.1:PORT; every command is
 accepted, a mode is entered. What arrives is noted at NOTES, a datagram each: monotonic time, system, command.
-The time is the kernel's, of when the bytes were written to the socket, so that the swarm may be slow to read them.
+The time is the kernel's, of when the bytes were written to the socket: the swarm may be slow to read them.
 """
 
 import contextlib
