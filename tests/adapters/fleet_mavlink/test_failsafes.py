@@ -106,7 +106,9 @@ def test_after_the_fail_safe_a_new_command_is_needed(fly, sky, flavour):
 
 
 def test_other_names_of_newer_firmware_are_known():
-    (watched,) = [rule for rule in rules_for("ardupilot", "land", 245, receiver=True) if "MAV_GCS_SYSID" in rule.names]
+    (watched,) = [
+        rule for rule in rules_for("ardupilot", "land", 245, receiver=True) if "MAV_GCS_SYSID" in rule.names
+    ]
     assert watched.good == {245}
     assert decode(6, 245.0, "cast") in watched.good
 
