@@ -57,6 +57,14 @@ class Action:
         self.paused = False
         self.move(ActionState.RUNNING, message="resumed")
 
+    @property
+    def words(self) -> str:
+        """What it is doing, in a word or two for people."""
+        doing, task = "navigating", self.task
+        if isinstance(task, FlyMission):
+            doing = f"mission, item {min(self._reached + 1, len(task.items))} of {len(task.items)},"
+        return f"{doing} {self.status.progress:.0f} %" + (", paused" if self.paused else "")
+
     def progress(self, progress: Progress) -> None:
         """Tell how far it is; statuses that say nothing new are thinned out."""
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
