@@ -69,7 +69,7 @@ class Action:
         """Tell how far it is; statuses that say nothing new are thinned out."""
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
         percent = max(self.status.progress, min(99.0, progress.percent))
-        self._reached = progress.reached
+        self._reached = max(self._reached, progress.reached)
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._said >= REPEAT:
             self.move(state, percent, progress.message)
