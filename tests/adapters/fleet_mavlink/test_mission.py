@@ -60,6 +60,22 @@ def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavou
 
 
 @both
+def test_what_is_still_told_of_the_last_mission_is_not_taken_for_the_next_ones(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            for turn in range(8):
+                east = 5.0 * (turn % 2)
+                there = mission(*(PlanItem("waypoint", at(east, 5.0 * each)) for each in range(1, 4)))
+                steps = await flown(it, there)
+                assert it.place == pytest.approx((15.0, east, 10.0), abs=1.2)
+                assert [step.reached for step in steps[:4]] == [0, 0, 0, 0]
+                await asyncio.sleep(0.27 * turn)
+
+    fly(main())
+
+
+@both
 def test_a_mission_that_ends_at_home_ends_on_the_ground(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:
