@@ -1,4 +1,4 @@
-"""What a process has begun and the journal's disk may not have yet: a file in memory, ahead of it.
+"""What a process has begun or stopped and the journal's disk may not have yet: a file in memory, ahead of it.
 
 A write to it costs a command microseconds, where a synchronised write to a disk costs milliseconds. It lies
 in the runtime folder: the death of the process leaves it, and a computer that starts anew, which takes longer
@@ -8,15 +8,32 @@ than a command is obeyed, has an empty one.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
-Row = tuple[str, str, str, bool, float]
-"""Robot, identity, name, whether it is an action, when (Unix s)."""
 
-_ROW = msgspec.json.Decoder(Row)
+class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
+    """A command that is now carried out, or an action; ``stamp`` is Unix seconds."""
+
+    robot: str
+    identity: str
+    name: str
+    action: bool
+    stamp: float
+
+
+class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):
+    """An emergency stop, or with an empty ``why`` its release."""
+
+    robot: str
+    why: str
+
+
+Row = Started | Latched
+
+_ROW: msgspec.json.Decoder[Row] = msgspec.json.Decoder(Row)
 
 
 class Begun:
@@ -26,7 +43,7 @@ class Begun:
         self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
 
-    def add(self, row: Sequence[object]) -> None:
+    def add(self, row: Row) -> None:
         """Write a row; when this returns, the end of the process does not lose it."""
         os.write(self._file, msgspec.json.encode(row) + b"\n")
 

@@ -1,8 +1,8 @@
 """What safety must remember though the process dies: commands that were begun, emergency stops that are set.
 
-A discrete command is in ``begun`` before it is carried out, and on disk as soon as the disk is, so that a
-restart never does it twice. One thread writes for all robots of a process, all that waits in one commit;
-nobody's event loop waits for the disk.
+A discrete command is in ``begun`` before it is carried out, and soon on disk, so that a restart never does it
+twice; an emergency stop goes the same way. One thread writes for all robots of a process, all that waits in
+one commit; nobody's event loop waits for the disk.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.errors import StateError
-from fleet.host.begun import Begun
+from fleet.host.begun import Begun, Latched, Row, Started
 from fleet.host.safety.repeats import KEPT, Repeats
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
@@ -30,8 +30,8 @@ from fleet.spool.place import JOURNAL, locked, made
 log = logging.getLogger(__name__)
 
 GATHER = 0.05
-"""Seconds in which what is begun and ended gathers for the disk; a thread that woke for each command would
-want the interpreter just when the command is on its way to the robot. Stops do not wait."""
+"""Seconds in which changes gather for the disk; a thread that woke for each command would want the
+interpreter just when the command is on its way to the robot."""
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
 DONE = "completed"
 ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
@@ -50,6 +50,7 @@ _BEGIN = "INSERT OR REPLACE INTO begun VALUES (?, ?, ?, ?, ?, '')"
 _RECOVER = "INSERT OR IGNORE INTO begun VALUES (?, ?, ?, ?, ?, '')"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
+_RECOVERED = {Started: _RECOVER, Latched: _LATCH}
 _FORGET = "DELETE FROM begun WHERE stamp < ?"
 
 
@@ -69,10 +70,16 @@ class Past(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """One change of the journal."""
+    """One change of the journal; ``row`` is what must not wait for the disk."""
 
     change: str
     values: Sequence[object]
+    row: Row | None = None
+
+
+def _entry(change: str, row: Row) -> Entry:
+    """Return the change that a row makes."""
+    return Entry(change, msgspec.structs.astuple(row), row)
 
 
 class RobotJournal:
@@ -95,12 +102,13 @@ class RobotJournal:
 
     def latch(self, why: str) -> None:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
-        self._send(Entry(_LATCH, (self._robot, why)))
+        self._send(_entry(_LATCH, Latched(self._robot, why)))
 
     def note(self, identity: str, name: str, *, action: bool = False) -> None:
         """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
         if identity and self._clock is not None:
-            self._send(Entry(_BEGIN, (self._robot, identity, name, action, self._clock.time())))
+            row = Started(self._robot, identity, name, action, self._clock.time())
+            self._send(_entry(_BEGIN, row))
 
     def end(self, identity: str, outcome: str) -> None:
         """Remember how a command ended; in a word."""
@@ -153,8 +161,7 @@ class Journal:
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
         self._begun: Begun | None = None
         self._waiting: deque[Entry] = deque()
-        self._hurry = threading.Event()
-        self._closing = False
+        self._closing = threading.Event()
         self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
         self._database: sqlite3.Connection | None = None
         path = folder / JOURNAL
@@ -165,7 +172,8 @@ class Journal:
                 if aside is not None:
                     self._database.execute(_LATCH, (ANY, LOST))
                 self._begun = Begun(begun)
-                self._database.executemany(_RECOVER, self._begun.everybodys())
+                for row in self._begun.everybodys():
+                    self._database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
         except (StateError, sqlite3.Error, OSError) as error:
             self._fail(error)
         self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
@@ -186,8 +194,7 @@ class Journal:
 
     def close(self) -> None:
         """Write what waits and close the file."""
-        self._closing = True
-        self._hurry.set()
+        self._closing.set()
         self._thread.join()
         if self._database is not None:
             self._database.close()
@@ -197,16 +204,14 @@ class Journal:
             self._begun.close()
 
     def _put(self, entry: Entry) -> None:
-        """Take an entry: what is begun outlives the process from here on."""
+        """Take an entry: what is begun, and a stop, outlive the process from here on."""
         with self._adding:
-            if entry.change is _BEGIN and self._begun is not None:
+            if entry.row is not None and self._begun is not None:
                 try:
-                    self._begun.add(entry.values)
+                    self._begun.add(entry.row)
                 except OSError as error:
                     self._fail(error)
             self._waiting.append(entry)
-        if entry.change not in {_BEGIN, _END}:
-            self._hurry.set()
 
     def _recall(self, name: str) -> tuple[str, list[Past]]:
         """Return the robot's emergency stop and its commands, the oldest first."""
@@ -226,9 +231,9 @@ class Journal:
 
     def _write(self) -> None:
         """Be the thread: everything that waits goes into one commit."""
-        while not self._closing or self._waiting:
-            self._hurry.wait(GATHER)
-            self._hurry.clear()
+        closing = False
+        while not closing:
+            closing = self._closing.wait(GATHER)
             entries = [self._waiting.popleft() for _ in range(len(self._waiting))]
             if not entries:
                 continue

@@ -185,9 +185,18 @@ def test_what_the_disk_has_is_no_longer_kept_in_memory(tmp_path, opened):
     assert len(opened().robot("rex").past) == 100
 
 
+def test_a_stop_that_is_not_on_the_disk_yet_is_set_again_and_a_release_is_not(tmp_path, opened):
+    (tmp_path / "begun.arm").write_bytes(
+        b'["latch","rex","the stop key"]\n["latch","max","fire"]\n["latch","max",""]\n'
+    )
+    journal = opened()
+    assert journal.robot("rex").latched == "the stop key"
+    assert not journal.robot("max").latched
+
+
 def test_half_a_line_of_a_process_that_was_killed_is_none(tmp_path, opened):
-    (tmp_path / "begun.arm").write_bytes(b'["rex","r1","land",false,2e9]\n["rex","r2","la')
-    (tmp_path / "begun.main").write_bytes(b'["rex","r3","land",false,3e9]\n')
+    (tmp_path / "begun.arm").write_bytes(b'["begin","rex","r1","land",false,2e9]\n["begin","rex","r2","la')
+    (tmp_path / "begun.main").write_bytes(b'["begin","rex","r3","land",false,3e9]\n')
     assert [past.identity for past in opened().robot("rex").past] == ["r1", "r3"]
 
 
@@ -201,8 +210,6 @@ def main():
     folder = Path(sys.argv[1])
     rex = Journal(folder, ManualClock(), folder / "begun.main").robot("rex")
     rex.latch("asked by anna")
-    while not Journal(folder, ManualClock(), folder / "begun.other").robot("rex").latched:
-        pass
     rex.note("r1", "takeoff")
     os.kill(os.getpid(), signal.SIGKILL)
 
