@@ -28,6 +28,7 @@ class JointFeedback(NamedTuple):
     """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
 
     ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
+    ``voltage``: V on the drive's own supply, where it tells it.
     ``restarted``: the drive has forgotten how it was configured.
     """
 
@@ -38,6 +39,7 @@ class JointFeedback(NamedTuple):
     age: float = float("inf")
     temperature: float | None = None
     fault: str = ""
+    voltage: float | None = None
     restarted: bool = False
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import Leg, Point
@@ -91,6 +92,7 @@ class MujocoWorld:
             self.data.qpos[address] = angle
         self._rest = 0.0
         self._gains: list[tuple[float, float]] = []
+        self._loads = self._slopes = np.zeros(len(self.motors))
         for _ in range(250):
             self.step(STEP)
         self.measure()
@@ -108,16 +110,21 @@ class MujocoWorld:
     def step(self, dt: float) -> None:
         """Let ``dt`` seconds pass in steps of the engine; what is left over counts for the next call."""
         self._rest += dt
+        if self._rest > STEP - 1e-9:
+            self._load()
         while self._rest > STEP - 1e-9:
             self._rest -= STEP
-            self._load()
+            self._loads += self._slopes
+            self.data.ctrl[:] = self._loads
             mujoco.mj_step(self._model, self.data)
 
     def _load(self) -> None:
-        """Give the engine the motors' targets, and their gains where they have changed."""
-        self.data.ctrl[:] = [
-            motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed for motor in self.motors
-        ]
+        """Take the motors' targets, how they move in a step, and gains where they have changed."""
+        motors = self.motors
+        self._loads = np.array(
+            [motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed for motor in motors]
+        )
+        self._slopes = np.array([motor.kp * motor.slope * STEP for motor in motors])
         gains = [(-motor.kp, -motor.kd) for motor in self.motors]
         if gains != self._gains:
             self._gains = gains

@@ -48,6 +48,7 @@ class _Node:
     speed: float = 0.0
     torque: float = 0.0
     temperature: float | None = None
+    voltage: float | None = None
     told_at: float | None = None
     beat_at: float | None = None
     answers: Answers = field(default_factory=Answers)
@@ -74,7 +75,6 @@ class Cia402Drives:
                 (HEARTBEAT, self._beat),
             )
         }
-        self.voltage: float | None = None
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -183,6 +183,7 @@ class Cia402Drives:
             now - node.told_at,
             node.temperature,
             fault,
+            node.voltage,
             node.restarted,
         )
 
@@ -212,7 +213,7 @@ class Cia402Drives:
         slow = unpack_slow(data)
         if slow is None:
             return
-        self.voltage = slow.voltage
+        node.voltage = slow.voltage
         if slow.temperature is not None and self._dog.drive.temperature is not None:
             node.temperature = slow.temperature * self._dog.drive.temperature.scale
         if slow.code and node.state in {State.FAULT, State.FAULT_REACTION}:

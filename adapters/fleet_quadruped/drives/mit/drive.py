@@ -61,7 +61,6 @@ class MitDrives:
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
-        self.voltage: float | None = None
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -234,7 +233,7 @@ class MitDrives:
             now - motor.told_at,
             motor.temperature,
             fault,
-            motor.restarted,
+            restarted=motor.restarted,
         )
 
     def _is_enabled(self, motor: _Motor) -> bool:

@@ -1,0 +1,78 @@
+"""The simulated IMU and battery of a dog: their frames, and their faults by name."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+from fleet import Quaternion
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.frames import encode
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.parts import Sensor
+from fleet_quadruped.sim.world import World
+
+SENSOR_FAULTS: Mapping[str, str] = MappingProxyType(
+    {
+        "imu": "the IMU is silent",
+        "frozen": "the IMU says the same for ever",
+        "upside": "the IMU is mounted upside down",
+        "bms": "the battery is silent",
+        "battery": "percent that the battery has",
+    }
+)
+_BATTERY_EVERY = 1.0  # s
+_NOISE = 0.02  # m/s2: no IMU says the same twice
+FULL, _PERCENT = 48.0, 80.0  # V; of the battery
+
+
+class Sensors:
+    """What the sensors on a dog say. ``faults`` holds those that have begun, with their numbers."""
+
+    def __init__(self, dog: Description, world: World) -> None:
+        self.faults: dict[str, float] = {}
+        self.voltage = FULL
+        self._dog = dog
+        self._world = world
+        self._next_battery = 0.0
+        self._frozen: Imu | None = None
+        self._chance = random.Random(1)  # noqa: S311 - a simulation must be the same on every run
+
+    def frames(self, now: float) -> Iterator[tuple[str, Frame]]:
+        """Yield (bus, frame) for what is said at ``now``."""
+        imu, battery = self._dog.imu, self._dog.battery
+        if imu is not None and "imu" not in self.faults:
+            yield from _frames(imu, self._imu())
+        if battery is not None and now >= self._next_battery and "bms" not in self.faults:
+            self._next_battery = now + _BATTERY_EVERY
+            percent = self.faults.get("battery", _PERCENT)
+            yield from _frames(battery, {"percent": percent, "voltage": self.voltage, "current": 3.0})
+
+    def _imu(self) -> dict[str, float]:
+        """Return the IMU's values by the names that frame maps use."""
+        imu = self._world.imu()
+        if "frozen" in self.faults:
+            imu = self._frozen = self._frozen or imu
+        turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
+        if "upside" in self.faults:
+            turn = Quaternion(-turn.x, turn.w, turn.z, -turn.y)  # half a turn about its own x
+        noise = 0.0 if "frozen" in self.faults else _NOISE * (self._chance.random() - 0.5)
+        return {
+            "qw": turn.w,
+            "qx": turn.x,
+            "qy": turn.y,
+            "qz": turn.z,
+            "gx": gyro.x,
+            "gy": gyro.y,
+            "gz": gyro.z,
+            "ax": accel.x + noise,
+            "ay": accel.y,
+            "az": accel.z - noise,
+        }
+
+
+def _frames(sensor: Sensor, values: Mapping[str, float]) -> Iterator[tuple[str, Frame]]:
+    for frame in sensor.frames:
+        yield sensor.bus, Frame(frame.id, encode(frame, values))
