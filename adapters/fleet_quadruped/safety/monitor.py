@@ -21,7 +21,7 @@ _LASTS = 1.5  # s that a supply must be low: one odd value, or a moment under lo
 
 
 class Observed(NamedTuple):
-    """One cycle: ``targets`` are the angles last written, ages are in seconds, ``voltage`` is the battery's."""
+    """One cycle: ``targets`` are the angles last written, ages in seconds, ``voltage`` is the battery's."""
 
     mode: Mode
     joints: tuple[JointFeedback, ...]

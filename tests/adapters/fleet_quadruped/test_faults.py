@@ -254,6 +254,14 @@ def test_a_burst_of_lost_frames_is_walked_through(any_dog):
     assert (rig.mode, rig.fault) == (Mode.WALKING, "")
 
 
+@pytest.mark.parametrize(("fault", "share"), [("reorder", 0.1), ("corrupt", 0.01)])
+def test_frames_that_are_spoiled_or_out_of_order_end_with_a_cause_or_not_at_all(any_dog, fault, share):
+    rig = walking(any_dog)
+    rig.sim.fault(fault, share)
+    rig.go(1.5, Twist(0.4))
+    assert rig.mode is Mode.WALKING or re.match(r"(..)_(abad|hip|knee): |imu: ", rig.fault)
+
+
 # -- links that go and come --------------------------------------------------------------------------
 
 

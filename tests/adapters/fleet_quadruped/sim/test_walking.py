@@ -67,6 +67,16 @@ def test_five_percent_of_lost_frames_do_not_make_it_fall(walker):
     assert (walker.mode, walker.fault) == (Mode.WALKING, "")
 
 
+@pytest.mark.parametrize("twist", [Twist(-0.3), Twist(0.4, 0.0, 0.5)])
+def test_it_stays_up_on_ice_and_with_late_frames(any_dog, twist):
+    rig = Rig(any_dog, MujocoWorld(any_dog, friction=0.4))
+    rig.stand()
+    rig.sim.fault("delay", 0.01)  # a cycle, each way
+    rig.go(3.0, twist)
+    assert (rig.mode, rig.fault) == (Mode.WALKING, "")
+    assert math.degrees(rig.tilt) < 8
+
+
 @pytest.mark.parametrize("phase", [0.0, 0.1, 0.2, 0.3])
 def test_an_emergency_stop_lowers_it_gently(walker, phase):
     walker.go(1.5 + phase, Twist(0.5))
