@@ -41,7 +41,8 @@ class Monitor:
         self._far = [0.0] * len(dog.all_joints)
         self._angles = [0.0] * len(dog.all_joints)
         self._quiet = [math.inf] * len(dog.all_joints)  # s since the angle was told
-        self._sent = [(0.0, 0.0)] * len(dog.all_joints)  # between which angles, since its own changed
+        self._sent: dict[int, tuple[float, float]] = {}  # where joints were sent since their angle changed
+        self._fastest = [_FASTER * joint.kind.velocity for joint in dog.all_joints]
         self._empty = self._sagging = 0.0  # s
         self._imu: Imu | None = None
         self._same = 0.0  # s that the IMU has said the same
@@ -69,9 +70,11 @@ class Monitor:
         if seen.mode is Mode.OFF:
             return
         for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
+            if told.power is Power.ENABLED:
+                continue
             if told.power is Power.FAULT:
                 yield Trip(Stage.DAMP, f"{joint.name}: {told.fault or 'the drive reports a fault'}")
-            elif seen.mode in POSITIONED and told.power is not Power.ENABLED:
+            elif seen.mode in POSITIONED:
                 why = told.fault or f"wanted enabled, the drive is {told.power.value}"
                 yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
@@ -113,26 +116,24 @@ class Monitor:
 
     def encoders(self, seen: Observed) -> Iterator[Trip]:
         """Stop for an angle that changes faster than the joint can turn, or not at all."""
-        positioned = seen.mode in POSITIONED
-        for number, (joint, told) in enumerate(zip(self._dog.all_joints, seen.joints, strict=True)):
-            self._quiet[number] += seen.dt
-            if told.age >= seen.dt:
+        positioned, dt, angles, quiets = seen.mode in POSITIONED, seen.dt, self._angles, self._quiet
+        for number, told in enumerate(seen.joints):
+            quiet, angle, before = quiets[number] + dt, told.angle, angles[number]
+            if told.age >= dt:
+                quiets[number] = quiet
                 continue
-            before, quiet = self._angles[number], self._quiet[number]
-            self._angles[number], self._quiet[number] = told.angle, 0.0
-            if told.angle == before and positioned:
+            angles[number], quiets[number] = angle, 0.0
+            if angle == before and positioned:
                 yield from self._stuck(number, seen.targets[number])
                 continue
-            self._sent[number] = seen.targets[number], seen.targets[number]
-            if positioned and abs(told.angle - before) > _FASTER * joint.kind.velocity * quiet:
-                yield Trip(
-                    Stage.DAMP,
-                    f"{joint.name}: its encoder jumped from {before:.2f} to {told.angle:.2f} rad",
-                )
+            self._sent.pop(number, None)
+            if positioned and abs(angle - before) > self._fastest[number] * quiet:
+                name = self._dog.all_joints[number].name
+                yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
 
     def _stuck(self, number: int, target: float) -> Iterator[Trip]:
         """Stop for a joint that is sent about while its angle stays the same to the last count."""
-        low, high = self._sent[number]
+        low, high = self._sent.get(number, (target, target))
         low, high = self._sent[number] = min(low, target), max(high, target)
         if high - low > _STUCK:
             name, angle = self._dog.all_joints[number].name, self._angles[number]

@@ -36,6 +36,7 @@ class SimDog:
         self._wires = BadBuses(dog.buses, seed)
         self._sensors = Sensors(dog, world)
         self._weak: list[Motor] = []
+        self._senders = {bus: self._sender(bus) for bus in dog.buses}
         self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
         self.drives: list[AnyDrive] = []
         for joint, motor in zip(dog.all_joints, world.motors, strict=True):
@@ -73,7 +74,7 @@ class SimDog:
 
     def _add(self, joint: Joint, motor: Motor) -> None:
         """Put a drive on its bus."""
-        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._sender(joint.bus), self.dog.drive)
+        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)
         for identifier in drive.hears:
             self._listeners.setdefault((joint.bus, identifier), []).append(drive)
@@ -86,7 +87,8 @@ class SimDog:
     def take(self, bus: str, frame: Frame) -> None:
         """Take a frame that was sent to the dog."""
         if not self._wires.faults:
-            self._deliver(bus, frame)
+            for drive in self._listeners.get((bus, frame.id), ()):
+                drive.take(frame)
             return
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(bus, arrived)
@@ -104,7 +106,7 @@ class SimDog:
         self.time += dt
         if sense:
             for bus, frame in self._sensors.frames(self.time):
-                self._send(bus, frame)
+                self._senders[bus](frame)
         if self._wires.faults:
             self._hand_over()
 
@@ -121,12 +123,14 @@ class SimDog:
             drive.take(frame)
 
     def _sender(self, bus: str) -> Callable[[Frame], None]:
-        return lambda frame: self._send(bus, frame)
+        """Return what puts a frame of the dog on a bus."""
+        heard, wires = self._heard, self._wires
 
-    def _send(self, bus: str, frame: Frame) -> None:
-        """Put a frame of the dog on a bus."""
-        if not self._wires.faults:
-            self._heard(bus, frame)
-            return
-        for arrived in self._wires.from_dog(bus, [frame], self.time):
-            self._heard(bus, arrived)
+        def send(frame: Frame) -> None:
+            if not wires.faults:
+                heard(bus, frame)
+                return
+            for arrived in wires.from_dog(bus, [frame], self.time):
+                heard(bus, arrived)
+
+        return send

@@ -15,7 +15,7 @@ from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import Motor
 
-STEP = 0.002  # s; divides every control cycle that is used
+STEP = 0.0025  # s; divides the cycles of 50, 100, 200 and 400 Hz
 _TRUNK = 0.55  # share of the mass
 _BODY_HALF_HEIGHT = 0.05  # m
 _BUFFER = 0.03  # rad before the limits where the rubber of the end stops begins; targets stay off it
@@ -84,6 +84,7 @@ class MujocoWorld:
     def __init__(self, dog: Description, *, friction: float = 0.8) -> None:
         self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
         self.data: Any = mujoco.MjData(self._model)
+        self._ctrl: Any = self.data.ctrl
         self._addresses = [int(self._model.joint(joint.name).qposadr[0]) for joint in dog.all_joints]
         self._speeds = [int(self._model.joint(joint.name).dofadr[0]) for joint in dog.all_joints]
         fold = dog.posture(dog.poses.fold)
@@ -115,7 +116,7 @@ class MujocoWorld:
         while self._rest > STEP - 1e-9:
             self._rest -= STEP
             self._loads += self._slopes
-            self.data.ctrl[:] = self._loads
+            self._ctrl[:] = self._loads
             mujoco.mj_step(self._model, self.data)
 
     def _load(self) -> None:

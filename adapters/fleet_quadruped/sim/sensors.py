@@ -9,7 +9,7 @@ from types import MappingProxyType
 from fleet import Quaternion
 from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.frames import encode
+from fleet_quadruped.frames import Encoder
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.parts import Sensor
 from fleet_quadruped.sim.world import World
@@ -34,21 +34,24 @@ class Sensors:
     def __init__(self, dog: Description, world: World) -> None:
         self.faults: dict[str, float] = {}
         self.voltage = FULL
-        self._dog = dog
         self._world = world
         self._next_battery = 0.0
+        self._imu_frames, self._battery_frames = _encoders(dog.imu), _encoders(dog.battery)
         self._frozen: Imu | None = None
         self._chance = random.Random(1)  # noqa: S311 - a simulation must be the same on every run
 
     def frames(self, now: float) -> Iterator[tuple[str, Frame]]:
         """Yield (bus, frame) for what is said at ``now``."""
-        imu, battery = self._dog.imu, self._dog.battery
-        if imu is not None and "imu" not in self.faults:
-            yield from _frames(imu, self._imu())
-        if battery is not None and now >= self._next_battery and "bms" not in self.faults:
+        if self._imu_frames and "imu" not in self.faults:
+            values = self._imu()
+            for bus, number, encoder in self._imu_frames:
+                yield bus, Frame(number, encoder.encode(values))
+        if now >= self._next_battery and "bms" not in self.faults:
             self._next_battery = now + _BATTERY_EVERY
             percent = self.faults.get("battery", _PERCENT)
-            yield from _frames(battery, {"percent": percent, "voltage": self.voltage, "current": 3.0})
+            for bus, number, encoder in self._battery_frames:
+                told = {"percent": percent, "voltage": self.voltage, "current": 3.0}
+                yield bus, Frame(number, encoder.encode(told))
 
     def _imu(self) -> dict[str, float]:
         """Return the IMU's values by the names that frame maps use."""
@@ -73,6 +76,6 @@ class Sensors:
         }
 
 
-def _frames(sensor: Sensor, values: Mapping[str, float]) -> Iterator[tuple[str, Frame]]:
-    for frame in sensor.frames:
-        yield sensor.bus, Frame(frame.id, encode(frame, values))
+def _encoders(sensor: Sensor | None) -> list[tuple[str, int, Encoder]]:
+    """Return bus, identifier and encoder of each frame of a sensor."""
+    return [(sensor.bus, frame.id, Encoder(frame)) for frame in sensor.frames] if sensor else []

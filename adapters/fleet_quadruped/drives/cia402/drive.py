@@ -28,7 +28,7 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_told,
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
-from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, follows, state_of
+from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_word, state_of
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.parts import Drive
@@ -202,11 +202,13 @@ class Cia402Drives:
         told = unpack_told(data)
         if told is None:
             return
-        angle = node.units.angle(told.counts)
+        status, counts, per_mille = told
+        angle = node.units.angle(counts)
         if node.told_at is not None and now - node.told_at > 1e-4:
             node.speed = (angle - node.angle) / (now - node.told_at)
-        node.state, node.angle, node.told_at = state_of(told.status), angle, now
-        node.torque, node.follows = node.units.torque(told.per_mille), follows(told.status)
+        node.state = state = state_of(status)
+        node.angle, node.told_at, node.torque = angle, now, node.units.torque(per_mille)
+        node.follows = state is not State.ENABLED or bool(status & FOLLOWS)
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:
