@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 
 
@@ -70,6 +71,9 @@ class JointDrive(Protocol):
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a frame that was received at ``now`` (monotonic s); frames of others are ignored."""
+
+    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+        """Return which joint a frame of ours sends where (rad); None for any other frame."""
 
     def begin_cycle(self, now: float) -> None:
         """Begin a cycle: ask for feedback (SYNC) and keep the drives' watchdogs fed."""

@@ -43,11 +43,11 @@ def safe_angle(
 ) -> float:
     """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
     step, fastest, following = safety.step, joint.kind.velocity * dt, safety.following
-    step = fastest if fastest < step else step
+    step = min(step, fastest)
     low, high = joint.low + safety.margin, joint.high - safety.margin
-    if low <= wanted <= high and -step <= wanted - last <= step:
-        if -following <= wanted - measured <= following:
-            return wanted  # as it nearly always is
+    near = -step <= wanted - last <= step and -following <= wanted - measured <= following
+    if near and low <= wanted <= high:
+        return wanted  # as it nearly always is
     angle = wanted if math.isfinite(wanted) else last
     angle = _between(angle, last - step, last + step)
     angle = _between(angle, measured - following, measured + following)

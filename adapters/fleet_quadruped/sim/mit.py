@@ -31,6 +31,7 @@ class SimMitDrive:
         self.motor = motor
         self._send = send
         self._profile = PROFILES[drive.profile]
+        self._layout = wire.Layout(self._profile)
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
             register: struct.pack("<f", value)
@@ -151,7 +152,7 @@ class SimMitDrive:
         elif data == wire.CLEAR:
             self.status = 0
         else:
-            self._command = wire.unpack_command(data, self._profile) or self._command
+            self._command = self._layout.unpack_command(data) or self._command
 
     def _reply(self) -> None:
         """Tell where the motor is."""
@@ -165,7 +166,7 @@ class SimMitDrive:
             self._temperature,
         )
         identifier = wire.MASTER + joint.id if self._profile.damiao else 0
-        data = wire.pack_reply(reply, self._profile)
+        data = self._layout.pack_reply(reply)
         self._send(Frame(identifier, data[:2] if self._terse else data))
 
     def _register(self, data: bytes) -> None:

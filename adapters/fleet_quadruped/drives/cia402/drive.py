@@ -111,6 +111,12 @@ class Cia402Drives:
         if found is not None:
             found[0](found[1], frame.data, now)
 
+    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+        """Return which joint an RPDO1 sends where."""
+        found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
+        told = unpack_told(frame.data) if RPDO1 < frame.id <= RPDO1 + MASTER else None
+        return None if found is None or told is None else (found[1].joint, found[1].units.angle(told.counts))
+
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
         """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
         for node in self._nodes:
