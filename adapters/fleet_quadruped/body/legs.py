@@ -62,4 +62,4 @@ class Leg(NamedTuple):
 def _cosine(a: float, b: float, opposite: float) -> float:
     """Return the cosine of the angle between two sides of a triangle."""
     cosine = (a * a + b * b - opposite * opposite) / (2 * a * b)
-    return -1.0 if cosine < -1.0 else min(cosine, 1.0)  # quicker than max and min
+    return -1.0 if cosine < -1.0 else 1.0 if cosine > 1.0 else cosine  # noqa: FURB136 - quicker than max, min

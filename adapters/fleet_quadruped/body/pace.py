@@ -10,7 +10,7 @@ from fleet_quadruped.robot.parts import Pace
 
 def within(value: float, limit: float) -> float:
     """Return a value no farther from zero than the limit."""
-    return -limit if value < -limit else min(value, limit)  # quicker than max and min
+    return -limit if value < -limit else limit if value > limit else value  # noqa: FURB136 - quicker than max, min
 
 
 def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:

@@ -42,8 +42,7 @@ def safe_angle(
     wanted: float, last: float, measured: float, joint: Joint, safety: Safety, *, dt: float
 ) -> float:
     """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
-    step, fastest, following = safety.step, joint.kind.velocity * dt, safety.following
-    step = min(step, fastest)
+    step, following = min(safety.step, joint.kind.velocity * dt), safety.following
     low, high = joint.low + safety.margin, joint.high - safety.margin
     near = -step <= wanted - last <= step and -following <= wanted - measured <= following
     if near and low <= wanted <= high:
