@@ -47,10 +47,14 @@ class JointFeedback(NamedTuple):
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    ``bits`` is asked of the class. No method blocks but ``configure`` and ``limit_torque``.
+    ``problem`` and ``bits`` are asked of the class. No method blocks but ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
+
+    @staticmethod
+    def problem(drive: Drive) -> str:
+        """Return what is wrong with the section ``drive`` of a description, empty when nothing is."""
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:

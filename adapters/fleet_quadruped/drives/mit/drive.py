@@ -15,7 +15,7 @@ from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
-from fleet_quadruped.drives.mit.profiles import PROFILES, Profile
+from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.parts import Drive
@@ -55,13 +55,20 @@ class MitDrives:
     def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
-        self._profile = profile_of(dog)
+        self._profile = PROFILES[dog.drive.profile]
         self._layout = wire.Layout(self._profile)
         self._motors = [_Motor(joint) for joint in joints]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
+
+    @staticmethod
+    def problem(drive: Drive) -> str:
+        """Return that there is no such motor."""
+        if drive.profile in PROFILES:
+            return ""
+        return f"drive.profile: there is no {drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -300,13 +307,3 @@ class MitDrives:
                         f"{motor.joint.name}: register {register} ({name}) is {actual:g}, "
                         f"wanted {most:g} for {self._dog.drive.profile}"
                     )
-
-
-def profile_of(dog: Description) -> Profile:
-    """Return the dog's motor profile; raises LinkRefused for one that is not known."""
-    profile = PROFILES.get(dog.drive.profile)
-    if profile is None:
-        raise LinkRefused(
-            f"drive.profile: there is no {dog.drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
-        )
-    return profile
