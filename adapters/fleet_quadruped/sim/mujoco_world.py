@@ -18,11 +18,13 @@ from fleet_quadruped.sim.world import Motor
 STEP = 0.0025  # s; divides the cycles of 50, 100, 200 and 400 Hz
 _TRUNK = 0.55  # share of the mass
 _BODY_HALF_HEIGHT = 0.05  # m
-_BUFFER = 0.03  # rad before the limits where the rubber of the end stops begins; targets stay off it
 
 
 def model_of(dog: Description, friction: float = 0.8) -> str:
-    """Return the MuJoCo model (MJCF) of a dog on flat ground."""
+    """Return the MuJoCo model (MJCF) of a dog on flat ground.
+
+    The rubber of the joints' end stops fills the margin that targets keep, so that its give ends at the limits.
+    """
     mass = dog.robot.mass
     shape = dog.geometry
     legs = "".join(
@@ -37,7 +39,7 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
   <compiler angle="radian"/>
   <option timestep="{STEP}" integrator="implicitfast"/>
   <default><geom friction="{friction} 0.02 0.001" solref="0.01 1"/>
-    <joint armature="0.01" damping="0.05" limited="true" margin="{min(_BUFFER, dog.safety.margin)}"
+    <joint armature="0.01" damping="0.05" limited="true" margin="{dog.safety.margin}"
            solreflimit="{2 * STEP} 1" solimplimit="0.99 0.999 0.0001"/></default>
   <worldbody>
     <geom name="floor" type="plane" size="50 50 1" conaffinity="1" contype="1"/>
