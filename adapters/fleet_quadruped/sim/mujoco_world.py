@@ -23,7 +23,7 @@ _BODY_HALF_HEIGHT = 0.05  # m
 def model_of(dog: Description, friction: float = 0.8) -> str:
     """Return the MuJoCo model (MJCF) of a dog on flat ground.
 
-    The rubber of the joints' end stops fills the margin that targets keep, so that its give ends at the limits.
+    The rubber of the end stops fills the margin that targets keep, so that its give ends at the limits.
     """
     mass = dog.robot.mass
     shape = dog.geometry
