@@ -15,8 +15,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from msgspec.structs import astuple
-
 from bench import dog_loop
 from bench.common import line
 from fleet_quadruped.body.gait import Twist
@@ -82,10 +80,19 @@ def stops(dog: Description) -> None:
         rig.go(1.5 + phase * dog.gait.period / 8, Twist(0.5))
         falling: list[float] = []
         felt: list[float] = []
+        speeds = [rig.sim.world.data.qvel[:3].tolist()]
 
-        def watch(rig: Rig = rig, falling: list[float] = falling, felt: list[float] = felt) -> None:
+        def watch(
+            rig: Rig = rig,
+            falling: list[float] = falling,
+            felt: list[float] = felt,
+            speeds: list[list[float]] = speeds,
+        ) -> None:
             falling.append(rig.sim.world.fall_speed)
-            felt.append(math.hypot(*astuple(rig.sim.world.imu().accel)) / 9.81)
+            now = rig.sim.world.data.qvel[:3].tolist()
+            x, y, z = ((one - other) / rig.dog.dt for one, other in zip(now, speeds[-1], strict=True))
+            speeds.append(now)
+            felt.append(math.hypot(x, y, z + 9.81) / 9.81)
 
         rig.watch = watch
         rig.emergency()
@@ -96,7 +103,9 @@ def stops(dog: Description) -> None:
     name = f"{dog.drive.protocol}: emergency stop in 8 phases of a trot"
     line(f"{name}: damped after", f"{max(cycles)} cycle", "aim: 1")
     line(
-        "  speed of the drop; acceleration", f"{max(drops):.2f} m/s; {max(peaks):.1f} g", "aim: 0.5 m/s; 4 g"
+        "  speed of the drop; acceleration over a cycle",
+        f"{max(drops):.2f} m/s; {max(peaks):.1f} g",
+        "aim: 0.5 m/s; 4 g",
     )
 
 

@@ -13,7 +13,9 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
 _ALONE = 3  # times the limit that a joint of one leg only may be silent
-_FASTER = 1.5  # times the highest speed that an angle may seem to change
+_FASTER = (
+    2.0  # times the highest speed that an angle may seem to change: after lost frames a joint catches up
+)
 _BEYOND = 0.1  # rad a joint may be measured outside its limits
 _STUCK = 0.2  # rad that a joint is sent about while its angle does not change by a single count
 _FROZEN = 0.3  # s in which an IMU on a walking dog cannot say the same, to the bit
