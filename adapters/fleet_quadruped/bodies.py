@@ -12,7 +12,7 @@ AnyBody = Description | SelfWalker
 
 
 def load_body(path: Path) -> AnyBody:
-    """Read a description of either kind; raises ConfigError with one line for each problem."""
+    """Read a description of either kind; raises ConfigError with every problem."""
     tree = read_tree(path)
     by_itself = isinstance(tree, dict) and not {"frames", "objects"}.isdisjoint(tree)
     return checked(path, tree, SelfWalker) if by_itself else checked(path, tree, Description)

@@ -12,7 +12,9 @@ from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
 from fleet_quadruped.bench import Bench, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.bodies import AnyBody, load_body
+from fleet_quadruped.can.capture import read_capture
 from fleet_quadruped.jog import MOST_DEGREES, MOST_SHARE, Jog, Jogger, Pressed, Stopped, direction
+from fleet_quadruped.replay import Replay
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -102,6 +104,17 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
                     *(f"bus {name}: {count / took:.0f} frames/s" for name, count in bench.frames.items()),
                 ]
             )
+    return 0
+
+
+@can.command("replay")
+@_BODY
+@click.argument("capture", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--joint", "name", type=click.Choice(JOINTS), help="This joint; else the one farthest off.")
+def replay_command(body: Path, capture: Path, name: str | None) -> int:
+    """Tell what was on the buses before a fault: what was wanted, what was so, what the drives said."""
+    lines = list(Replay(_with_joints(body)).lines(read_capture(capture), name or ""))
+    _show(lines or [f"{capture}: no frames"])
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -47,8 +48,13 @@ class QuadrupedConfig(AdapterConfig):
         None, description="A simulated dog: sim:auto, sim:mujoco or sim:kinematic, with ?faults=loss:0.05."
     )
     trim: float = Field(1.0, gt=0.5, lt=2.0, description="Real distance over leg odometry, measured once.")
-
     camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
+
+    captures: Path | None = Field(
+        None,
+        description="Folder for what was on the buses before each of the last 5 faults, 1 MB each. "
+        "Left out: fleet/captures/<name> in XDG_STATE_HOME, ~/.local/state.",
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> QuadrupedConfig:
@@ -61,3 +67,9 @@ class QuadrupedConfig(AdapterConfig):
     def body_file(self) -> Path:
         """The description to load: what was given, else the example dog's."""
         return self.body or EXAMPLE
+
+    @property
+    def captures_folder(self) -> Path:
+        """Where captures go: what was given, else a folder of this dog's among the states."""
+        states = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+        return self.captures or Path(states) / "fleet" / "captures" / self.name

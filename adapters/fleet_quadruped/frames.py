@@ -100,14 +100,35 @@ class Decoder:
         return found
 
 
+class Encoder:
+    """Writes values into one frame of a map."""
+
+    def __init__(self, frame: FrameMap) -> None:
+        self._length = frame.length
+        self._plan = [
+            (name, field.layout.pack_into, field.at, field.scale, field.offset, _RANGES[field.type])
+            for name, field in frame.fields.items()
+        ]
+        self._whole = [field.type != "f32" for field in frame.fields.values()]
+
+    def encode(self, values: Mapping[str, float]) -> bytes:
+        """Return the data; values out of range are clamped, never wrapped; missing ones are raw zero.
+
+        Raises ValueError for what is no number.
+        """
+        data = bytearray(self._length)
+        for (name, pack_into, at, scale, offset, (low, high)), whole in zip(
+            self._plan, self._whole, strict=True
+        ):
+            raw = (values.get(name, offset) - offset) / scale
+            if not low <= raw <= high:
+                if math.isnan(raw):
+                    raise ValueError(f"{name} is not a number")
+                raw = low if raw < low else high
+            pack_into(data, at, round(raw) if whole else raw)
+        return bytes(data)
+
+
 def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:
-    """Return a frame's data; values out of range are clamped, never wrapped; missing ones are raw zero."""
-    data = bytearray(frame.length)
-    for name, field in frame.fields.items():
-        raw = (values.get(name, field.offset) - field.offset) / field.scale
-        if math.isnan(raw):
-            raise ValueError(f"{name} is not a number")
-        low, high = _RANGES[field.type]
-        within = max(low, min(high, raw))
-        field.layout.pack_into(data, field.at, within if field.type == "f32" else round(within))
-    return bytes(data)
+    """Return one frame's data; see ``Encoder``, which is quicker for many."""
+    return Encoder(frame).encode(values)

@@ -64,7 +64,9 @@ class BodyProcess:
     async def _start(self) -> None:
         config = self._config
         world, faults = simulation(config.link) if config.link else ("", {})
-        plan = Plan(str(config.body_file), config.buses, world, faults, *self._descriptors)
+        order, state = self._descriptors
+        captures = str(config.captures_folder)
+        plan = Plan(str(config.body_file), config.buses, world, faults, order, state, captures)
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),

@@ -61,7 +61,8 @@ def health_of(state: State, cycle_hz: float) -> Health:
     if state.fault == EMERGENCY_STOP:
         return Health(Level.DEGRADED, state.fault)
     if state.fault:
-        return Health(Level.FAULT, f"{state.fault}; look at the dog, then send reset_faults")
+        frames = f"; frames: {state.capture}" if state.capture else ""
+        return Health(Level.FAULT, f"{state.fault}; look at the dog, then send reset_faults{frames}")
     if state.warning:
         return Health(Level.DEGRADED, state.warning)
     if 0 < state.timing.rate < SLOW_RATE * cycle_hz:

@@ -9,7 +9,9 @@ import socket
 import sys
 import tempfile
 import uuid
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -24,6 +26,22 @@ MQTT_PORT = 1883
 SPACING = 0.0001  # degrees of latitude between two drones: 11 m
 FLAVOURS = ("px4", "ardupilot")
 UGV = "waveshare-beast"
+
+
+class Try(NamedTuple):
+    """What to try with the first robot of a kind: a command, its data, and a goal (m)."""
+
+    robot: str
+    command: str
+    data: Mapping[str, float]
+    goal: str
+
+
+TRIES = (
+    Try("drone-1", "takeoff", {"altitude": 5}, "10 0 5"),
+    Try("dog-1", "stand_up", {}, "1 0.5 0"),
+    Try("ugv-1", "move_forward", {"distance": 1}, "1 0.5 0"),
+)
 
 
 def twin_of(name: str) -> str:
@@ -88,23 +106,27 @@ def demo(  # noqa: PLR0917 - click's options
         loaded = load(path)
 
         def started(_edge: Edge) -> None:
-            _welcome(out, host, port)
+            there = {config.name for config, _ in loaded.robots}
+            _welcome(out, host, port, [one for one in TRIES if one.robot in there])
 
         return serve(loaded, path, out, verbose=verbose, started=started)
 
 
-def _welcome(out: Output, host: str, port: int) -> None:
-    """Say where to look and what to try."""
-    topic = f"cyberwave/twin/{twin_of('drone-1')}"
-    takeoff = json.dumps({"command": "takeoff", "source_type": "tele", "data": {"altitude": 5}})
+def _welcome(out: Output, host: str, port: int, tries: Sequence[Try]) -> None:
+    """Say where to look and what to try, with a robot that is there."""
     out.note(f"MQTT broker       {host}:{port}")
-    out.note(f"drone-1's topics  {topic}/+")
-    out.note("try, in another terminal:")
-    out.note(f"  {fleet_program()} ps")
-    out.note(f"  {fleet_program()} send drone-1 takeoff altitude=5 --wait")
-    out.note(f"  {fleet_program()} goto drone-1 10 0 5 --wait")
-    out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")
-    out.note(f"  mosquitto_pub -h {host} -p {port} -t {topic}/command -m '{takeoff}'")
+    for robot, command, data, goal in tries[:1]:
+        topic = f"cyberwave/twin/{twin_of(robot)}"
+        message = json.dumps({"command": command, "source_type": "tele", "data": data})
+        words = " ".join([command, *(f"{name}={value}" for name, value in data.items())])
+        label = f"{robot}'s topics"
+        out.note(f"{label:17} {topic}/+")
+        out.note("try, in another terminal:")
+        out.note(f"  {fleet_program()} ps")
+        out.note(f"  {fleet_program()} send {robot} {words} --wait")
+        out.note(f"  {fleet_program()} goto {robot} {goal} --wait")
+        out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")
+        out.note(f"  mosquitto_pub -h {host} -p {port} -t {topic}/command -m '{message}'")
     out.note("Ctrl-C ends it.")
 
 

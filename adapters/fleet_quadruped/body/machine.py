@@ -85,7 +85,7 @@ class Body:
         if self.fault:
             return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
         if sense.imu is not None and sense.imu.up < _UPRIGHT:
-            return "it is not upright; send recovery_stand"
+            return "it is not upright; send recovery_stand, or check how its IMU is mounted"
         return self._power_up(Mode.RISING)
 
     def _recover(self, _value: float, sense: Sense) -> str:
@@ -200,7 +200,12 @@ class Body:
             self._enter(Mode.RISING)
             return
         if self._tries >= _TRIES or self._dog.poses.roll_near is None:
-            self.trip(Trip(Stage.DAMP, f"recovery: still not upright after {self._tries} tries"))
+            self.trip(
+                Trip(
+                    Stage.DAMP,
+                    f"recovery: still not upright after {self._tries} tries; its IMU may be mounted wrongly",
+                )
+            )
             return
         to_left = (roll > 0) == (self._tries % 2 == 0)
         self._tries += 1

@@ -42,7 +42,11 @@ class Odometry:
         seen = body_twist(standing, None if gyro is None else gyro.z)
         share = min(1.0, dt / self._smooth)
         old = self.twist
-        self.twist = Twist(*(before + (now - before) * share for before, now in zip(old, seen, strict=True)))
+        self.twist = Twist(
+            old.x + (seen.x - old.x) * share,
+            old.y + (seen.y - old.y) * share,
+            old.turn + (seen.turn - old.turn) * share,
+        )
         self._turn(dt, sense, seen.turn)
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         self.x += (cos * seen.x - sin * seen.y) * dt
@@ -62,13 +66,12 @@ class Odometry:
         """Return a foot's place and the velocity of its contact point, as the joints move it."""
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)
-        rates = leg_angles(sense.speeds, number)
+        out, swing, bend = leg_angles(sense.speeds, number)
         (x, y, z), (abad, hip, knee) = leg.reach(angles)
-        moved_x = abad[0] * rates[0] + hip[0] * rates[1] + knee[0] * rates[2]
-        moved_y = abad[1] * rates[0] + hip[1] * rates[1] + knee[1] * rates[2]
-        bend = rates[1] + rates[2]
-        about_x = rates[0] + (gyro.x if gyro else 0.0)
-        about_y = bend * math.cos(angles[0]) + (gyro.y if gyro else 0.0)
+        moved_x = abad[0] * out + hip[0] * swing + knee[0] * bend
+        moved_y = abad[1] * out + hip[1] * swing + knee[1] * bend
+        about_x = out + (gyro.x if gyro else 0.0)
+        about_y = (swing + bend) * math.cos(angles[0]) + (gyro.y if gyro else 0.0)
         if gyro is not None:
             moved_x += gyro.y * z
             moved_y -= gyro.x * z

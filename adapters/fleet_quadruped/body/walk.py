@@ -65,9 +65,9 @@ class Walker:
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
-        given = Twist(*(ramped + added for ramped, added in zip(self._ramped, self._added, strict=True)))
-        seen = self.odometry.twist
-        error = Twist(seen.x - self._ramped.x, seen.y - self._ramped.y)
+        now, added, seen = self._ramped, self._added, self.odometry.twist
+        given = Twist(now.x + added.x, now.y + added.y, now.turn + added.turn)
+        error = Twist(seen.x - now.x, seen.y - now.y)
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
         return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt), sense)
 
@@ -76,12 +76,11 @@ class Walker:
         if self._ramped.zero:
             self._added = Twist()
             return
-        seen = self.odometry.twist
+        seen, wanted, added, share = self.odometry.twist, self._ramped, self._added, _INTEGRAL * dt
         self._added = Twist(
-            *(
-                within(added + _INTEGRAL * (wanted - now) * dt, _CORRECTION)
-                for added, wanted, now in zip(self._added, self._ramped, seen, strict=True)
-            )
+            within(added.x + share * (wanted.x - seen.x), _CORRECTION),
+            within(added.y + share * (wanted.y - seen.y), _CORRECTION),
+            within(added.turn + share * (wanted.turn - seen.turn), _CORRECTION),
         )
 
     def _targets(self, dt: float, feet: list[Point], sense: Sense) -> Targets:

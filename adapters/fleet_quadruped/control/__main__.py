@@ -15,6 +15,7 @@ from fleet.clock import Clock, SystemClock
 from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.exchange import Slot
@@ -68,13 +69,17 @@ def _run(plan: Plan, clock: Clock) -> None:
             buses = {
                 name: stack.enter_context(_opened(name, url, body, clock)) for name, url in plan.buses.items()
             }
+        capture = Capture(buses, Path(plan.captures), clock)
+        stack.callback(capture.finish)
+        buses = capture.buses
         controller = (
             Controller(body, buses) if isinstance(body, Description) else SelfWalkController(body, buses)
         )
         controller.configure()
         _say(Word(ready=True))
         moved = machine.advance if machine else None
-        Loop(controller, buses, Memory(plan), clock, owner=sys.stdin.fileno(), moved=moved).run()
+        owner = sys.stdin.fileno()
+        Loop(controller, buses, Memory(plan), clock, owner=owner, moved=moved, capture=capture).run()
 
 
 def _begin(machine: Simulated, faults: dict[str, float]) -> None:

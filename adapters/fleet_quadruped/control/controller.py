@@ -32,7 +32,7 @@ class Controller:
         self.body = Body(dog)
         self.clamped = 0
         self._monitor = Monitor(dog)
-        self._imu = Values(dog.imu) if dog.imu else None
+        self._imu = Values(dog.imu, whole=True) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
         self._sensors = {
             place: sensor
@@ -110,7 +110,7 @@ class Controller:
             stamp=now,
             mode=self.body.mode.value,
             fault=self.body.fault or self._failed(),
-            warning=self._warning(),
+            warning=self._warning(now),
             answered=self._errand,
             refusal=self._refusal,
             stopped=self._stops,
@@ -156,6 +156,7 @@ class Controller:
             imu_age=self._imu.age(now) if self._imu else 0.0,
             battery=battery.values.get("percent") if battery and fresh else None,
             dt=dt,
+            voltage=battery.values.get("voltage") if battery and fresh else None,
         )
 
     def _obey(self, order: Order, now: float, sense: Sense) -> None:
@@ -247,13 +248,17 @@ class Controller:
                 self.drives.disable()
         self._last = sense.angles
 
-    def _warning(self) -> str:
+    def _warning(self, now: float) -> str:
         """Return what a person should know, empty when all is well."""
         share = self.body.walker.speed_share
         if share < 1.0:
             return f"joints are warm: speed is held to {share:.0%}"
-        battery = self.dog.battery
-        percent = self._battery.values.get("percent") if self._battery else None
-        if battery is not None and percent is not None and percent <= battery.warn:
+        battery, told = self.dog.battery, self._battery
+        if battery is None or told is None or self._begun is None:
+            return ""
+        if min(told.age(now), now - self._begun) > battery.timeout:
+            return f"battery: silent on bus {battery.bus}; nobody sees it run empty: check its frames"
+        percent = told.values.get("percent")
+        if percent is not None and percent <= battery.warn:
             return f"battery at {percent:.0f} %"
         return ""

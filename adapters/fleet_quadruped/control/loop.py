@@ -11,9 +11,13 @@ import select
 from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
 
+import msgspec
+
 from fleet.clock import Clock
+from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.control.orders import Order, State, Timing
+from fleet_quadruped.safety.stages import EMERGENCY_STOP
 
 log = logging.getLogger(__name__)
 
@@ -96,6 +100,7 @@ class Loop:
     """Runs a controller on open buses until it is told to leave and the dog is off.
 
     ``moved`` is called with the cycle's seconds after each cycle: a simulated dog in this process moves then.
+    ``capture`` writes down what was on the buses when a fault latches.
     ``owner`` is a descriptor whose end of file means that whoever gives orders is gone.
     """
 
@@ -108,6 +113,7 @@ class Loop:
         *,
         owner: int | None = None,
         moved: Callable[[float], None] | None = None,
+        capture: Capture | None = None,
     ) -> None:
         self._controller = controller
         self._buses = buses
@@ -115,6 +121,7 @@ class Loop:
         self._clock = clock
         self._owner = owner
         self._moved = moved
+        self._capture = capture
         self._orphan = False
         self._priority = False
         self._cycles = self._overruns = self._incomplete = 0
@@ -155,10 +162,17 @@ class Loop:
         controller.finish(self._clock.monotonic(), dt, order)
         end = self._clock.monotonic()
         self._count(end, end - now)
-        self._exchange.put(controller.state(end, self._timing()))
+        self._exchange.put(self._captured(controller.state(end, self._timing())))
         if self._moved is not None:
             self._moved(dt)
         return order
+
+    def _captured(self, state: State) -> State:
+        """Return the state, with the file that its fault was written to."""
+        if self._capture is None or state.fault == EMERGENCY_STOP:
+            return state
+        path = self._capture.look(state.fault, resting=self._controller.resting)
+        return msgspec.structs.replace(state, capture=path) if path else state
 
     def _gather(self, until: float) -> None:
         """Read all buses until every drive has answered, or it is too late."""

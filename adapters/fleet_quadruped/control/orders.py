@@ -80,3 +80,4 @@ class State(msgspec.Struct, frozen=True):
     battery_age: float | None = None
     loads: dict[str, float] = {}
     timing: Timing = Timing()
+    capture: str = ""  # the file with what was on the buses before the fault

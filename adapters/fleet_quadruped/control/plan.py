@@ -6,7 +6,10 @@ import msgspec
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """The dog, its buses by name (URLs) or its simulated world, and the shared memory's descriptors."""
+    """The dog, its buses by name (URLs) or its simulated world, and the shared memory's descriptors.
+
+    ``captures`` is the folder for what was on the buses before a fault.
+    """
 
     body: str
     buses: dict[str, str]
@@ -14,6 +17,7 @@ class Plan(msgspec.Struct, frozen=True):
     faults: dict[str, float]
     order: int
     state: int
+    captures: str
 
 
 class Word(msgspec.Struct, frozen=True, omit_defaults=True):

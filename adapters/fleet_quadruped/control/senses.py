@@ -12,10 +12,15 @@ from fleet_quadruped.robot.parts import Sensor
 
 
 class Values:
-    """The newest values of one sensor, by name."""
+    """The newest values of one sensor, by name; a value that is told to be invalid is not known any more.
 
-    def __init__(self, sensor: Sensor) -> None:
+    ``whole``: a frame with an invalid value does not count at all.
+    """
+
+    def __init__(self, sensor: Sensor, *, whole: bool = False) -> None:
         self.frames = frozenset((sensor.bus, frame.id) for frame in sensor.frames)
+        self._names = {frame.id: frame.fields.keys() for frame in sensor.frames}
+        self._whole = whole
         self._decoder = Decoder(sensor.frames)
         self._times: dict[int, float] = {}
         self.values: dict[str, float] = {}
@@ -23,9 +28,15 @@ class Values:
     def take(self, frame: Frame, now: float) -> None:
         """Take one of ``frames`` (bus, id) that was received at ``now``."""
         found = self._decoder.decode(frame.id, frame.data)
-        if found:
-            self.values.update(found)
-            self._times[frame.id] = now
+        if not found:
+            return
+        if len(found) < len(self._names[frame.id]):
+            if self._whole:
+                return
+            for name in self._names[frame.id] - found.keys():
+                self.values.pop(name, None)
+        self.values.update(found)
+        self._times[frame.id] = now
 
     def age(self, now: float) -> float:
         """Return the age of the oldest frame; infinite while one has never come."""

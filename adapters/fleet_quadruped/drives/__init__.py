@@ -22,6 +22,9 @@ class Kind(Protocol):
     ) -> JointDrive:
         """Return the drives of these joints."""
 
+    def problem(self, drive: Drive, /) -> str:
+        """Return what is wrong with the section ``drive`` of a description, empty when nothing is."""
+
     def bits(self, drive: Drive, joints: int, /) -> float:
         """Return the bits a second that so many joints put on a bus."""
 

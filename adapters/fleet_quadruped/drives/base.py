@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 
 
@@ -28,6 +29,7 @@ class JointFeedback(NamedTuple):
     """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
 
     ``fault`` names the object and what it says, empty without a fault. Temperature in degrees C.
+    ``voltage``: V on the drive's own supply, where it tells it.
     ``restarted``: the drive has forgotten how it was configured.
     """
 
@@ -38,16 +40,21 @@ class JointFeedback(NamedTuple):
     age: float = float("inf")
     temperature: float | None = None
     fault: str = ""
+    voltage: float | None = None
     restarted: bool = False
 
 
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    ``bits`` is asked of the class. No method blocks but ``configure`` and ``limit_torque``.
+    ``problem`` and ``bits`` are asked of the class. No method blocks but ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
+
+    @staticmethod
+    def problem(drive: Drive) -> str:
+        """Return what is wrong with the section ``drive`` of a description, empty when nothing is."""
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -68,6 +75,9 @@ class JointDrive(Protocol):
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a frame that was received at ``now`` (monotonic s); frames of others are ignored."""
+
+    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+        """Return which joint a frame of ours sends where (rad); None for any other frame."""
 
     def begin_cycle(self, now: float) -> None:
         """Begin a cycle: ask for feedback (SYNC) and keep the drives' watchdogs fed."""

@@ -148,11 +148,14 @@ def leg_angles(posture: Twelve, leg: int) -> Angles:
 
 
 def _protocol(dog: Description) -> list[str]:
-    """Return that nobody speaks the drives' protocol."""
+    """Return that nobody speaks the drives' protocol, or what that protocol misses in their section."""
     from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
 
     known, asked = ", ".join(PROTOCOLS), dog.drive.protocol
-    return [] if asked in PROTOCOLS else [f"drive.protocol: there is no {asked!r}; there are {known}"]
+    if asked not in PROTOCOLS:
+        return [f"drive.protocol: there is no {asked!r}; there are {known}"]
+    problem = PROTOCOLS[asked].problem(dog.drive)
+    return [problem] if problem else []
 
 
 def _missing(dog: Description) -> list[str]:
@@ -220,5 +223,5 @@ def _loads(dog: Description) -> list[str]:
 
 
 def load_description(path: Path) -> Description:
-    """Read a dog's YAML file; raises ConfigError with one line for each problem."""
+    """Read a dog's YAML file; raises ConfigError with every problem."""
     return checked(path, read_tree(path), Description)

@@ -201,4 +201,7 @@ class Safety(Watch):
     margin: float = Field(0.035, ge=0, le=0.2, description="Kept between targets and joint limits, rad.")
     kd: float = Field(3.0, gt=0, le=5, description="Damping of the emergency stop, N m s/rad.")
     damp_time: float = Field(2.0, ge=0.5, le=10, description="Seconds of damping before torque goes off, s.")
+    lowest_voltage: float | None = Field(
+        None, gt=0, description="Supply of the drives (else of the battery) at which it sits down, V."
+    )
     stale_cycles: int = Field(5, ge=2, le=50, description="Cycles without feedback until it lets go.")

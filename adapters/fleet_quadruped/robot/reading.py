@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from fleet.errors import ConfigError
 from fleet_quadruped.robot.parts import Section
@@ -27,14 +29,30 @@ def read_tree(path: Path) -> Any:
 
 
 def checked(path: Path, tree: Any, kind: type[SectionT]) -> SectionT:
-    """Return a tree as a section; raises ConfigError with one line for each problem."""
+    """Return a tree as a section; raises ConfigError with every problem and its place."""
     try:
         return kind.model_validate(tree)
     except ValidationError as error:
-        lines = [f"{path}: {_place(problem['loc'])}{problem['msg']}" for problem in error.errors()]
-        raise ConfigError("\n".join(lines)) from None
+        known = _names(kind)
+        problems = [_told(problem, known) for problem in error.errors()]
+        raise ConfigError(f"{path}: {'; '.join(problems)}") from None
 
 
-def _place(location: tuple[int | str, ...]) -> str:
-    """Return where in the file a problem is, empty for the file as a whole."""
-    return f"{'.'.join(map(str, location))}: " if location else ""
+def _told(problem: ErrorDetails, known: frozenset[str]) -> str:
+    """Return where a problem is, what is wrong and what was written there."""
+    place = ".".join(map(str, problem["loc"]))
+    if problem["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(str(problem["loc"][-1]), known, n=1)
+        return f"{place}: unknown key" + (f", did you mean {near[0]!r}?" if near else "")
+    what = problem["msg"].removeprefix("Value error, ")
+    given = problem["input"]
+    if problem["loc"] and isinstance(given, (str, int, float)):
+        what = f"{what}, not {given!r}"
+    return f"{place}: {what}" if place else what
+
+
+def _names(kind: type[Section]) -> frozenset[str]:
+    """Return all keys that a section and those in it may have."""
+    schema = kind.model_json_schema()
+    sections = [schema, *schema.get("$defs", {}).values()]
+    return frozenset(name for section in sections for name in section.get("properties", {}))

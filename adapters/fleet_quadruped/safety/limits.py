@@ -29,27 +29,28 @@ def limit(
     Not-a-number keeps the last target. The limits of position are applied last and always hold.
     """
     clamped = 0
-    angles: list[float] = []
-    for angle, before, actual, joint in zip(wanted.angles, last, measured, joints, strict=True):
+    targets: list[tuple[float, float, float]] = []
+    for angle, speed, torque, before, actual, joint in zip(*wanted, last, measured, joints, strict=True):
+        kind = joint.kind
         safe = safe_angle(angle, before, actual, joint, safety, dt=dt)
         clamped += not -_SAME < safe - angle < _SAME
-        angles.append(safe)
-    speeds = [_within(speed, joint.kind.velocity) for speed, joint in zip(wanted.speeds, joints, strict=True)]
-    torques = [
-        _within(torque, joint.kind.torque) for torque, joint in zip(wanted.torques, joints, strict=True)
-    ]
-    return Limited(Targets(tuple(angles), tuple(speeds), tuple(torques)), clamped)
+        targets.append((safe, _within(speed, kind.velocity), _within(torque, kind.torque)))
+    return Limited(Targets(*zip(*targets, strict=True)), clamped)
 
 
 def safe_angle(
     wanted: float, last: float, measured: float, joint: Joint, safety: Safety, *, dt: float
 ) -> float:
     """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
+    step, following = min(safety.step, joint.kind.velocity * dt), safety.following
+    low, high = joint.low + safety.margin, joint.high - safety.margin
+    near = -step <= wanted - last <= step and -following <= wanted - measured <= following
+    if near and low <= wanted <= high:
+        return wanted  # as it nearly always is
     angle = wanted if math.isfinite(wanted) else last
-    step = min(safety.step, joint.kind.velocity * dt)
     angle = _between(angle, last - step, last + step)
-    angle = _between(angle, measured - safety.following, measured + safety.following)
-    return _between(angle, joint.low + safety.margin, joint.high - safety.margin)
+    angle = _between(angle, measured - following, measured + following)
+    return _between(angle, low, high)
 
 
 def _between(value: float, low: float, high: float) -> float:
@@ -59,4 +60,6 @@ def _between(value: float, low: float, high: float) -> float:
 
 def _within(value: float, most: float) -> float:
     """Return a finite value between -most and most; 0 for what is no number."""
+    if -most <= value <= most:
+        return value
     return _between(value, -most, most) if math.isfinite(value) else 0.0

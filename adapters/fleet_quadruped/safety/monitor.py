@@ -13,12 +13,17 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
 _ALONE = 3  # times the limit that a joint of one leg only may be silent
-_FASTER = 1.5  # times the highest speed that an angle may seem to change
+_FASTER = (
+    2.0  # times the highest speed that an angle may seem to change: after lost frames a joint catches up
+)
 _BEYOND = 0.1  # rad a joint may be measured outside its limits
+_STUCK = 0.2  # rad that a joint is sent about while its angle does not change by a single count
+_FROZEN = 0.3  # s in which an IMU on a walking dog cannot say the same, to the bit
+_LASTS = 1.5  # s that a supply must be low: one odd value, or a moment under load, is not
 
 
 class Observed(NamedTuple):
-    """One cycle: ``targets`` are the angles last written; ages in seconds."""
+    """One cycle: ``targets`` are the angles last written, ages in seconds, ``voltage`` is the battery's."""
 
     mode: Mode
     joints: tuple[JointFeedback, ...]
@@ -27,16 +32,22 @@ class Observed(NamedTuple):
     imu_age: float
     battery: float | None
     dt: float
+    voltage: float | None = None
 
 
 class Monitor:
-    """Remembers how long each joint has been far from its target."""
+    """Remembers how long each joint has been far from its target, and how long a supply has been low."""
 
     def __init__(self, dog: Description) -> None:
         self._dog = dog
         self._far = [0.0] * len(dog.all_joints)
         self._angles = [0.0] * len(dog.all_joints)
         self._quiet = [math.inf] * len(dog.all_joints)  # s since the angle was told
+        self._sent: dict[int, tuple[float, float]] = {}  # where joints were sent since their angle changed
+        self._fastest = [_FASTER * joint.kind.velocity for joint in dog.all_joints]
+        self._empty = self._sagging = 0.0  # s
+        self._imu: Imu | None = None
+        self._same = 0.0  # s that the IMU has said the same
 
     def check(self, seen: Observed) -> Trip | None:
         """Return the hardest reason to stop; None when there is none."""
@@ -61,9 +72,11 @@ class Monitor:
         if seen.mode is Mode.OFF:
             return
         for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
+            if told.power is Power.ENABLED:
+                continue
             if told.power is Power.FAULT:
                 yield Trip(Stage.DAMP, f"{joint.name}: {told.fault or 'the drive reports a fault'}")
-            elif seen.mode in POSITIONED and told.power is not Power.ENABLED:
+            elif seen.mode in POSITIONED:
                 why = told.fault or f"wanted enabled, the drive is {told.power.value}"
                 yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
@@ -103,20 +116,34 @@ class Monitor:
                     Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}"
                 )
 
-    def jumps(self, seen: Observed) -> Iterator[Trip]:
-        """Stop for an angle that changes faster than the joint can turn."""
-        for number, (joint, told) in enumerate(zip(self._dog.all_joints, seen.joints, strict=True)):
-            self._quiet[number] += seen.dt
-            if told.age >= seen.dt:
+    def encoders(self, seen: Observed) -> Iterator[Trip]:
+        """Stop for an angle that changes faster than the joint can turn, or not at all."""
+        positioned, dt, angles, quiets = seen.mode in POSITIONED, seen.dt, self._angles, self._quiet
+        for number, told in enumerate(seen.joints):
+            quiet, angle, before = quiets[number] + dt, told.angle, angles[number]
+            if told.age >= dt:
+                quiets[number] = quiet
                 continue
-            moved = abs(told.angle - self._angles[number])
-            fast = moved > _FASTER * joint.kind.velocity * self._quiet[number]
-            before, self._angles[number], self._quiet[number] = self._angles[number], told.angle, 0.0
-            if fast and seen.mode in POSITIONED:
-                yield Trip(
-                    Stage.DAMP,
-                    f"{joint.name}: its encoder jumped from {before:.2f} to {told.angle:.2f} rad",
-                )
+            angles[number], quiets[number] = angle, 0.0
+            if angle == before and positioned:
+                yield from self._stuck(number, seen.targets[number])
+                continue
+            self._sent.pop(number, None)
+            if positioned and abs(angle - before) > self._fastest[number] * quiet:
+                name = self._dog.all_joints[number].name
+                yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
+
+    def _stuck(self, number: int, target: float) -> Iterator[Trip]:
+        """Stop for a joint that is sent about while its angle stays the same to the last count."""
+        low, high = self._sent.get(number, (target, target))
+        low, high = self._sent[number] = min(low, target), max(high, target)
+        if high - low > _STUCK:
+            name, angle = self._dog.all_joints[number].name, self._angles[number]
+            yield Trip(
+                Stage.DAMP,
+                f"{name}: stays at exactly {angle:.3f} rad, wanted {low:.2f} to {high:.2f}: "
+                "its encoder is stuck, or the joint is blocked",
+            )
 
     def places(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a joint that is measured where it cannot be."""
@@ -139,6 +166,10 @@ class Monitor:
         if seen.imu is None or seen.imu_age > self._dog.imu.timeout:
             yield Trip(Stage.DAMP, f"imu: no valid frame for {seen.imu_age:.2f} s")
             return
+        self._same = self._same + seen.dt if seen.mode is Mode.WALKING and seen.imu == self._imu else 0.0
+        self._imu = seen.imu
+        if self._same > _FROZEN:
+            yield Trip(Stage.DAMP, f"imu: frozen, exactly the same for {self._same:.2f} s of walking")
         angle = math.acos(max(-1.0, min(1.0, seen.imu.up)))
         if angle > self._dog.safety.tilt:
             yield Trip(Stage.DAMP, f"imu: tilted {angle:.2f} rad, more than {self._dog.safety.tilt:g}")
@@ -155,17 +186,40 @@ class Monitor:
     def battery(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for an empty battery."""
         battery = self._dog.battery
-        if battery is not None and seen.battery is not None and seen.battery <= battery.sit_at:
+        if battery is None or seen.battery is None or seen.battery > battery.sit_at:
+            self._empty = 0.0
+            return
+        self._empty += seen.dt
+        if self._empty > _LASTS:
             yield Trip(Stage.SIT, f"battery: {seen.battery:.0f} %, it sits down at {battery.sit_at:g} %")
+
+    def supply(self, seen: Observed) -> Iterator[Trip]:
+        """Sit down before the drives give up for want of voltage."""
+        lowest = self._dog.safety.lowest_voltage
+        if lowest is None:
+            return
+        told = [
+            (joint.voltage, named.name)
+            for named, joint in zip(self._dog.all_joints, seen.joints, strict=True)
+            if joint.voltage is not None
+        ]
+        least, who = min(told, default=(seen.voltage, "battery"))
+        if least is None or least > lowest:
+            self._sagging = 0.0
+            return
+        self._sagging += seen.dt
+        if self._sagging > _LASTS:
+            yield Trip(Stage.SIT, f"{who}: supply at {least:.1f} V, it sits down at {lowest:g} V")
 
 
 _RULES: tuple[Callable[[Monitor, Observed], Iterator[Trip]], ...] = (
     Monitor.drives,
     Monitor.feedback,
     Monitor.following,
-    Monitor.jumps,
+    Monitor.encoders,
     Monitor.places,
     Monitor.tilt,
     Monitor.heat,
     Monitor.battery,
+    Monitor.supply,
 )

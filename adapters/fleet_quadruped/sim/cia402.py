@@ -11,10 +11,12 @@ from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402 import frames as wire
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTIONAL, mapping_objects
 from fleet_quadruped.drives.cia402.states import FOLLOWS, State
+from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, WARMING
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING
 from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
+from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
 _NO_LIMIT = 0xFFFF  # in 6072h
@@ -43,7 +45,6 @@ _STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
     }
 )
 """(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
-_VOLTAGE = 48.0  # V
 _SOON = 1e-6  # s beyond a time-out
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
@@ -64,6 +65,9 @@ class SimDrive:
         self.nmt = 0x7F  # pre-operational
         self._muted = self._terse = self._deaf = False
         self._jump = 0.0  # rad that the encoder is off
+        self._stuck: float | None = None  # rad that the encoder says for ever
+        self._dozing = 0  # times that it does not hear that it is to be enabled
+        self.voltage = FULL
         self._code = 0
         self._control = 0
         self._waiting: wire.Told | None = None
@@ -76,13 +80,19 @@ class SimDrive:
         self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
         self._syncs = 0
+        self._handlers: Mapping[int, Callable[[Frame], None]] = {
+            0x000: self._command,
+            wire.SYNC: self._sync,
+            wire.HEARTBEAT + wire.MASTER: self._master,
+            wire.RPDO1 + joint.id: self._target,
+            REQUEST + joint.id: self.sdo.take,
+        }
         self.boot()
 
     @property
     def hears(self) -> frozenset[int]:
         """NMT, SYNC, the master's heartbeat, its own RPDO and SDO."""
-        node = self.joint.id
-        return frozenset({0x000, wire.SYNC, wire.HEARTBEAT + wire.MASTER, wire.RPDO1 + node, REQUEST + node})
+        return frozenset(self._handlers)
 
     def boot(self) -> None:
         """Start as after power-on."""
@@ -119,6 +129,14 @@ class SimDrive:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
 
+    def stick(self) -> None:
+        """Let the encoder say the same for ever."""
+        self._stuck = self._measured()
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
+        self._dozing = STUBBORN
+
     def pretend(self) -> None:
         """Be an I/O module."""
         self.sdo.objects[0x1000, 0].value = 0x0003_0191
@@ -134,38 +152,29 @@ class SimDrive:
 
     def take(self, frame: Frame) -> None:
         """Take a frame from the bus."""
-        if self._muted:
-            return
-        if frame.id == wire.SYNC:
-            self._sync()
-        elif frame.id == wire.RPDO1 + self.joint.id:
-            self._waiting = wire.unpack_target(frame.data) if self.nmt == wire.OPERATIONAL else None
-        elif frame.id == wire.HEARTBEAT + wire.MASTER:
-            if self._master_at is None:
-                self._look_at = self._time
-            self._master_at = self._time
-        elif frame.id == 0x000:
-            self._command(frame.data)
-        else:
-            self.sdo.take(frame)
+        handler = None if self._muted else self._handlers.get(frame.id)
+        if handler is not None:
+            handler(frame)
 
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
-        self._time += dt
         if self._time >= self._look_at or self.sdo.changed:
             self._look()
+        left = self._begun + self._cycle - self._time  # s of interpolation
+        self._time += dt
         motor = self.motor
+        if self._stuck is not None:
+            self._jump = self._stuck - motor.angle
         if self.state is not State.ENABLED:
-            motor.kp = motor.feed = motor.target_speed = 0.0
+            motor.kp = motor.feed = motor.target_speed = motor.slope = 0.0
             motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
             return
         motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-        passed = self._time - self._begun
-        if passed < self._cycle:
-            motor.target_speed = (self._to - self._from) / self._cycle
-            motor.target = self._from + motor.target_speed * passed
-        else:
-            motor.target, motor.target_speed = self._to, 0.0
+        motor.target, motor.slope = self._to, 0.0
+        if left > _SOON:
+            motor.target -= (self._to - self._from) * left / self._cycle
+            motor.slope = (self._to - motor.target) / max(left, dt)
+        motor.target_speed = motor.slope
         if self._reach < math.inf:
             motor.target = max(motor.angle - self._reach, min(motor.angle + self._reach, motor.target))
 
@@ -200,8 +209,19 @@ class SimDrive:
         if self.state is State.ENABLED and self.sdo.objects[0x6007, 0].value == 3:
             self.state = State.QUICK_STOP
 
-    def _command(self, data: bytes) -> None:
+    def _master(self, _frame: Frame) -> None:
+        """Note that the master lives."""
+        if self._master_at is None:
+            self._look_at = self._time
+        self._master_at = self._time
+
+    def _target(self, frame: Frame) -> None:
+        """Keep a control word and a target for the next SYNC."""
+        self._waiting = wire.unpack_told(frame.data) if self.nmt == wire.OPERATIONAL else None
+
+    def _command(self, frame: Frame) -> None:
         """Obey NMT."""
+        data = frame.data
         if len(data) < 2 or data[1] not in {0, self.joint.id}:
             return
         command = data[0]
@@ -210,27 +230,32 @@ class SimDrive:
         else:
             self.nmt = {0x01: wire.OPERATIONAL, 0x02: 0x04, 0x80: 0x7F}.get(command, self.nmt)
 
-    def _sync(self) -> None:
+    def _measured(self) -> float:
+        """Return what the encoder says, rad of the joint."""
+        return self.motor.angle + self._jump if self._stuck is None else self._stuck
+
+    def _sync(self, _frame: Frame) -> None:
         """Obey the target that came since the last SYNC, and tell where we are."""
         if self.nmt != wire.OPERATIONAL:
             return
         if self._waiting is not None:
             self._obey(self._waiting)
             self._waiting = None
-        angle = self._units.counts(self.motor.angle + self._jump)
-        torque = self._units.per_mille(self.motor.torque)
         status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
-        told = wire.pack_told(wire.Told(status, angle, torque))
-        self._say(wire.TPDO1, told[:6] if self.sdo.unmappable else told)
+        torque = None if self.sdo.unmappable else self._units.per_mille(self.motor.torque)
+        self._say(wire.TPDO1, wire.pack_target(status, self._units.counts(self._measured()), torque))
         self._syncs += 1
-        if self._syncs % 10 == 0:
+        if self._syncs % SLOW_EVERY == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
             heat = None if self._scale is None else round(warm / self._scale)
-            self._say(wire.TPDO2, wire.pack_slow(wire.Slow(_VOLTAGE, self._code, heat)))
+            self._say(wire.TPDO2, wire.pack_slow(wire.Slow(self.voltage, self._code, heat)))
 
     def _obey(self, told: wire.Told) -> None:
         """Take a control word and a target."""
         control, before = told.status, self._control
+        if self._dozing and control & 0x0F == 0x0F and self.state is State.SWITCHED_ON:
+            self._dozing -= 1
+            return
         self._control = control
         if self.state is State.FAULT:
             if control & 0x80 and not before & 0x80:

@@ -6,18 +6,17 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from fleet.sim.faults import check_fault
-from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.frames import encode
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
 from fleet_quadruped.sim.mit import SimMitDrive
+from fleet_quadruped.sim.sensors import SENSOR_FAULTS, Sensors
 from fleet_quadruped.sim.wires import BadBuses
 from fleet_quadruped.sim.world import Motor, World
 
-STEP = 0.002  # s between two steps of the drives' own loops
+_LOOP = 0.01  # s, about, between two looks of the drives; they interpolate between them
 _MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDrive, "mit": SimMitDrive})
 
 
@@ -33,11 +32,11 @@ class SimDog:
         self.dog = dog
         self.world = world
         self.time = 0.0
-        self.percent = 80.0
         self._heard = heard
         self._wires = BadBuses(dog.buses, seed)
-        self._imu_silent = False
-        self._next_battery = 0.0
+        self._sensors = Sensors(dog, world)
+        self._weak: list[Motor] = []
+        self._senders = {bus: self._sender(bus) for bus in dog.buses}
         self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
         self.drives: list[AnyDrive] = []
         for joint, motor in zip(dog.all_joints, world.motors, strict=True):
@@ -50,10 +49,12 @@ class SimDog:
             if not 1 <= value <= len(self.dog.all_joints):
                 raise ValueError(f"fault {name}: {value:g} is no {ALL_FAULTS[name]}")
             self._fault_on(int(value) - 1, name)
-        elif name == "imu":
-            self._imu_silent = True
-        elif name == "battery":
-            self.percent = value
+        elif name in SENSOR_FAULTS:
+            self._sensors.faults[name] = value
+        elif name == "volts":
+            self._sensors.voltage = value
+            for drive in self.drives:
+                drive.voltage = value
         else:
             self._wires.faults[name] = value
 
@@ -62,6 +63,8 @@ class SimDog:
         drive = self.drives[joint]
         if name == "twin":
             self._add(self.dog.all_joints[joint], Motor(angle=self.world.motors[joint].angle + 0.1))
+        elif name == "weak":
+            self._weak.append(self.world.motors[joint])
         elif name in ON_DRIVE:
             ON_DRIVE[name](drive)
         elif isinstance(drive, SimDrive):
@@ -71,37 +74,47 @@ class SimDog:
 
     def _add(self, joint: Joint, motor: Motor) -> None:
         """Put a drive on its bus."""
-        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._sender(joint.bus), self.dog.drive)
+        drive = _MAKE[self.dog.drive.protocol](joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)
         for identifier in drive.hears:
             self._listeners.setdefault((joint.bus, identifier), []).append(drive)
 
     def clear(self, name: str) -> None:
-        """End a fault of the wire, or of the IMU."""
+        """End a fault of the wire, or of a sensor."""
         self._wires.faults.pop(name, None)
-        if name == "imu":
-            self._imu_silent = False
+        self._sensors.faults.pop(name, None)
 
     def take(self, bus: str, frame: Frame) -> None:
         """Take a frame that was sent to the dog."""
+        if not self._wires.faults:
+            for drive in self._listeners.get((bus, frame.id), ()):
+                drive.take(frame)
+            return
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(bus, arrived)
 
     def advance(self, dt: float, *, sense: bool = True) -> None:
         """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
-        steps = max(1, round(dt / STEP))
+        steps = max(1, round(dt / _LOOP))
         for _ in range(steps):
             for drive in self.drives:
                 drive.control(dt / steps)
+            for motor in self._weak:
+                motor.kp = motor.kd = motor.feed = 0.0
             self.world.step(dt / steps)
         self.world.measure()
         self.time += dt
+        if sense:
+            for bus, frame in self._sensors.frames(self.time):
+                self._senders[bus](frame)
+        if self._wires.faults:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Hand over what a bad wire has kept until now."""
         for bus in self.dog.buses:
             for frame in self._wires.to_dog(bus, (), self.time):
                 self._deliver(bus, frame)
-        if sense:
-            self._sense()
-        for bus in self.dog.buses:
             for frame in self._wires.from_dog(bus, (), self.time):
                 self._heard(bus, frame)
 
@@ -109,40 +122,15 @@ class SimDog:
         for drive in self._listeners.get((bus, frame.id), ()):
             drive.take(frame)
 
-    def _sense(self) -> None:
-        """Send what the IMU and the battery measure."""
-        sensors = self.dog.imu, self.dog.battery
-        if sensors[0] is not None and not self._imu_silent:
-            values = imu_values(self.world.imu())
-            for frame in sensors[0].frames:
-                self._send(sensors[0].bus, Frame(frame.id, encode(frame, values)))
-        if sensors[1] is not None and self.time >= self._next_battery:
-            self._next_battery = self.time + 1.0
-            values = {"percent": self.percent, "voltage": 44.0 + self.percent * 0.06, "current": 3.0}
-            for frame in sensors[1].frames:
-                self._send(sensors[1].bus, Frame(frame.id, encode(frame, values)))
-
     def _sender(self, bus: str) -> Callable[[Frame], None]:
-        return lambda frame: self._send(bus, frame)
+        """Return what puts a frame of the dog on a bus."""
+        heard, wires = self._heard, self._wires
 
-    def _send(self, bus: str, frame: Frame) -> None:
-        """Put a frame of the dog on a bus."""
-        for arrived in self._wires.from_dog(bus, [frame], self.time):
-            self._heard(bus, arrived)
+        def send(frame: Frame) -> None:
+            if not wires.faults:
+                heard(bus, frame)
+                return
+            for arrived in wires.from_dog(bus, [frame], self.time):
+                heard(bus, arrived)
 
-
-def imu_values(imu: Imu) -> dict[str, float]:
-    """Return an IMU's values by the names that frame maps use."""
-    turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
-    return {
-        "qw": turn.w,
-        "qx": turn.x,
-        "qy": turn.y,
-        "qz": turn.z,
-        "gx": gyro.x,
-        "gy": gyro.y,
-        "gz": gyro.z,
-        "ax": accel.x,
-        "ay": accel.y,
-        "az": accel.z,
-    }
+        return send

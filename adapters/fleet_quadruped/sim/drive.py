@@ -6,11 +6,14 @@ from typing import Protocol
 
 from fleet_quadruped.can.frame import Frame
 
+STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
 COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
 
 
 class AnyDrive(Protocol):
-    """One simulated drive."""
+    """One simulated drive; ``voltage`` is what its supply has, V."""
+
+    voltage: float
 
     @property
     def hears(self) -> frozenset[int]:
@@ -20,7 +23,7 @@ class AnyDrive(Protocol):
         """Take a frame from the bus."""
 
     def control(self, dt: float) -> None:
-        """Set the motor for the next ``dt`` seconds."""
+        """Set the motor for the next ``dt`` seconds, at most a hundredth or so."""
 
     def mute(self) -> None:
         """Say nothing any more."""
@@ -39,6 +42,12 @@ class AnyDrive(Protocol):
 
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
+
+    def stick(self) -> None:
+        """Let the encoder say the same for ever."""
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
 
     def pretend(self) -> None:
         """Be another device."""

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from fleet.sim.faults import WIRE_FAULTS
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive
+from fleet_quadruped.sim.sensors import SENSOR_FAULTS
 
 DOG_FAULTS: Mapping[str, str] = MappingProxyType(
     {
@@ -21,10 +22,13 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "mode": "joint 1 to 12 whose drive (CiA 402) does not take its mode",
         "twin": "joint 1 to 12 at whose id there is a second drive",
         "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
+        "stuck": "joint 1 to 12 whose encoder says the same for ever",
+        "weak": "joint 1 to 12 whose motor has no force any more",
+        "lazy": "joint 1 to 12 whose drive misses the first times that it is to be enabled",
         "stranger": "joint 1 to 12 at whose id another device is",
         "abort": "joint 1 to 12 whose drive refuses its PDO mapping",
-        "imu": "the IMU is silent",
-        "battery": "percent that the battery has",
+        "volts": "voltage of the supply",
+        **SENSOR_FAULTS,
     }
 )
 WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
@@ -49,6 +53,8 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
         "warm": lambda drive: drive.warm(),
         "short": lambda drive: drive.cut_short(),
         "jump": lambda drive: drive.shift(0.5),
+        "stuck": lambda drive: drive.stick(),
+        "lazy": lambda drive: drive.doze(),
         "stranger": lambda drive: drive.pretend(),
         "abort": lambda drive: drive.refuse(),
     }

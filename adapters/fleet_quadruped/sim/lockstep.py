@@ -29,7 +29,7 @@ class SimBus:
         self.sent: deque[Frame] = deque(maxlen=64)
         self._dog: Takes | None = None
         self._arrived: deque[Frame] = deque()
-        self._news = threading.Event()
+        self._news: threading.Event | None = None  # while somebody waits
 
     def connect(self, dog: Takes) -> None:
         """Join the dog."""
@@ -39,7 +39,9 @@ class SimBus:
         """Take a frame from the dog."""
         if not self.cut:
             self._arrived.append(frame)
-            self._news.set()
+            news = self._news
+            if news is not None:
+                news.set()
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the dog."""
@@ -50,15 +52,21 @@ class SimBus:
 
     def receive(self, wait: float) -> list[Frame]:
         """Return what the dog has sent, waiting for what another thread asks it; raises LinkLost if cut."""
-        if wait > 0 and not self._arrived:
-            self._news.wait(wait)
-        self._news.clear()
+        if wait > 0:
+            self._wait(wait)
         if self.cut:
             raise LinkLost(f"bus {self.name!r} is gone")
         frames = []
         while self._arrived:
             frames.append(self._arrived.popleft())
         return frames
+
+    def _wait(self, seconds: float) -> None:
+        """Wait for a frame that another thread's asking brings."""
+        self._news = news = threading.Event()
+        if not self._arrived:
+            news.wait(seconds)
+        self._news = None
 
     def close(self) -> None:
         """Leave the dog."""

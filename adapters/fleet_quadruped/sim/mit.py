@@ -6,14 +6,14 @@ import math
 import struct
 from collections.abc import Callable
 
-from fleet.errors import LinkRefused
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, WARMING
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING
+from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
 _STATUS = {"overcurrent": 0xA, "hot": 0xC}
@@ -24,12 +24,11 @@ class SimMitDrive:
     """One motor at one joint; ``send`` puts its frames on the bus."""
 
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
-        if drive.profile not in PROFILES:
-            raise LinkRefused(f"there is no motor {drive.profile!r}")
         self.joint = joint
         self.motor = motor
         self._send = send
         self._profile = PROFILES[drive.profile]
+        self._layout = wire.Layout(self._profile)
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
             register: struct.pack("<f", value)
@@ -44,7 +43,11 @@ class SimMitDrive:
         self._muted = self._terse = False
         self._refusing = False
         self._jump = 0.0
+        self._stuck: float | None = None  # rad that the encoder says for ever
+        self._dozing = 0  # times that it does not hear that it is to be enabled
+        self.voltage = FULL  # of which its frames say nothing
         self._silence = 0.0
+        self._timeout = math.inf  # s of silence after which it lets go
 
     @property
     def hears(self) -> frozenset[int]:
@@ -55,6 +58,7 @@ class SimMitDrive:
         """Start as after power-on: disabled, registers as they were stored."""
         self.status = 0
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
+        self._timeout = math.inf
 
     def mute(self) -> None:
         """Say and hear nothing any more."""
@@ -76,6 +80,14 @@ class SimMitDrive:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
         self._done = None
+
+    def stick(self) -> None:
+        """Let the encoder say the same for ever."""
+        self._stuck = self._measured()
+
+    def doze(self) -> None:
+        """Miss the first few times that it is to be enabled."""
+        self._dozing = STUBBORN
 
     def pretend(self) -> None:
         """Be a motor with other ranges."""
@@ -99,16 +111,17 @@ class SimMitDrive:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
         self._temperature += self._warming * dt
-        if self.status == wire.ENABLED and self._silence > self._timeout():
+        if self._stuck is not None:
+            self._jump, self._done = self._stuck - self.motor.angle, None
+        if self.status == wire.ENABLED and self._silence > self._timeout:
             self.status = _LOST
         if (self.status, self._command) != self._done:
             self._done = self.status, self._command
             self._apply()
 
-    def _timeout(self) -> float:
-        """Return the seconds of silence after which the motor lets go."""
-        (ticks,) = struct.unpack("<I", self._registers[wire.TIMEOUT_REGISTER])
-        return ticks * 50e-6 or math.inf
+    def _measured(self) -> float:
+        """Return what the encoder says, rad of the joint."""
+        return self.motor.angle + self._jump if self._stuck is None else self._stuck
 
     def _apply(self) -> None:
         """Do what was commanded last, or nothing when not enabled."""
@@ -127,27 +140,30 @@ class SimMitDrive:
         self._silence = 0.0
         if data == wire.ENABLE:
             self._command = MitCommand()
-            self.status = wire.ENABLED if self.status in {0, wire.ENABLED} else self.status
+            if self._dozing:
+                self._dozing -= 1
+            elif self.status == 0:
+                self.status = wire.ENABLED
         elif data == wire.DISABLE:
             self.status = 0 if self.status == wire.ENABLED else self.status
         elif data == wire.CLEAR:
             self.status = 0
         else:
-            self._command = wire.unpack_command(data, self._profile) or self._command
+            self._command = self._layout.unpack_command(data) or self._command
 
     def _reply(self) -> None:
         """Tell where the motor is."""
         joint, motor = self.joint, self.motor
         reply = MitReply(
             joint.id,
-            joint.motor(motor.angle + self._jump),
+            joint.motor(self._measured()),
             joint.sign * motor.speed * joint.kind.ratio,
             joint.sign * motor.torque / joint.kind.ratio,
             self.status,
             self._temperature,
         )
         identifier = wire.MASTER + joint.id if self._profile.damiao else 0
-        data = wire.pack_reply(reply, self._profile)
+        data = self._layout.pack_reply(reply)
         self._send(Frame(identifier, data[:2] if self._terse else data))
 
     def _register(self, data: bytes) -> None:
@@ -158,5 +174,12 @@ class SimMitDrive:
         motor, register, value = told
         if data[2] == wire.WRITE and not self._refusing:
             self._registers[register] = value
+            self._timeout = _timeout(self._registers[wire.TIMEOUT_REGISTER])
         answer = struct.pack("<HBB4s", motor, data[2], register, self._registers[register])
         self._send(Frame(wire.MASTER + self.joint.id, answer))
+
+
+def _timeout(register: bytes) -> float:
+    """Return the seconds of silence after which a motor lets go."""
+    (ticks,) = struct.unpack("<I", register)
+    return ticks * 50e-6 or math.inf

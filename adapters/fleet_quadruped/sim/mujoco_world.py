@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import Leg, Point
@@ -14,13 +15,16 @@ from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import Motor
 
-STEP = 0.002  # s; divides every control cycle that is used
+STEP = 0.0025  # s; divides the cycles of 50, 100, 200 and 400 Hz
 _TRUNK = 0.55  # share of the mass
 _BODY_HALF_HEIGHT = 0.05  # m
 
 
 def model_of(dog: Description, friction: float = 0.8) -> str:
-    """Return the MuJoCo model (MJCF) of a dog on flat ground."""
+    """Return the MuJoCo model (MJCF) of a dog on flat ground.
+
+    The rubber of the end stops fills the margin that targets keep, so that its give ends at the limits.
+    """
     mass = dog.robot.mass
     shape = dog.geometry
     legs = "".join(
@@ -35,7 +39,8 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
   <compiler angle="radian"/>
   <option timestep="{STEP}" integrator="implicitfast"/>
   <default><geom friction="{friction} 0.02 0.001" solref="0.01 1"/>
-    <joint armature="0.01" damping="0.05" limited="true"/></default>
+    <joint armature="0.01" damping="0.05" limited="true" margin="{dog.safety.margin}"
+           solreflimit="{2 * STEP} 1" solimplimit="0.99 0.999 0.0001"/></default>
   <worldbody>
     <geom name="floor" type="plane" size="50 50 1" conaffinity="1" contype="1"/>
     <body name="trunk" pos="0 0 0.13">
@@ -81,6 +86,7 @@ class MujocoWorld:
     def __init__(self, dog: Description, *, friction: float = 0.8) -> None:
         self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
         self.data: Any = mujoco.MjData(self._model)
+        self._ctrl: Any = self.data.ctrl
         self._addresses = [int(self._model.joint(joint.name).qposadr[0]) for joint in dog.all_joints]
         self._speeds = [int(self._model.joint(joint.name).dofadr[0]) for joint in dog.all_joints]
         fold = dog.posture(dog.poses.fold)
@@ -89,6 +95,7 @@ class MujocoWorld:
             self.data.qpos[address] = angle
         self._rest = 0.0
         self._gains: list[tuple[float, float]] = []
+        self._loads = self._slopes = np.zeros(len(self.motors))
         for _ in range(250):
             self.step(STEP)
         self.measure()
@@ -106,16 +113,21 @@ class MujocoWorld:
     def step(self, dt: float) -> None:
         """Let ``dt`` seconds pass in steps of the engine; what is left over counts for the next call."""
         self._rest += dt
+        if self._rest > STEP - 1e-9:
+            self._load()
         while self._rest > STEP - 1e-9:
             self._rest -= STEP
-            self._load()
+            self._loads += self._slopes
+            self._ctrl[:] = self._loads
             mujoco.mj_step(self._model, self.data)
 
     def _load(self) -> None:
-        """Give the engine the motors' targets, and their gains where they have changed."""
-        self.data.ctrl[:] = [
-            motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed for motor in self.motors
-        ]
+        """Take the motors' targets, how they move in a step, and gains where they have changed."""
+        motors = self.motors
+        self._loads = np.array(
+            [motor.kp * motor.target + motor.kd * motor.target_speed + motor.feed for motor in motors]
+        )
+        self._slopes = np.array([motor.kp * motor.slope * STEP for motor in motors])
         gains = [(-motor.kp, -motor.kd) for motor in self.motors]
         if gains != self._gains:
             self._gains = gains

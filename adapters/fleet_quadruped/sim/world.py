@@ -25,7 +25,8 @@ _GROUNDED = 0.008  # m above the lowest foot that still counts as standing
 class Motor:
     """One joint between its drive and the world: rad, rad/s, N m of the joint.
 
-    The drive sets the second half: torque = kp (target - angle) + kd (target_speed - speed) + feed.
+    The drive sets the second half: torque = kp (target - angle) + kd (target_speed - speed) + feed; the
+    target itself moves by ``slope`` (rad/s), which is how a drive interpolates.
     """
 
     angle: float = 0.0
@@ -36,6 +37,7 @@ class Motor:
     target: float = 0.0
     target_speed: float = 0.0
     feed: float = 0.0
+    slope: float = 0.0
 
 
 class World(Protocol):
@@ -71,11 +73,13 @@ class KinematicWorld:
     def step(self, dt: float) -> None:
         """Move the joints."""
         self._passed += dt
+        share = 1.0 - math.exp(-dt / _LAG)
         for motor, joint in zip(self.motors, self._dog.all_joints, strict=True):
             before = motor.angle
             if motor.kp > 0:
                 most = joint.kind.velocity * dt
-                motor.angle += max(-most, min(most, (motor.target - motor.angle) * min(1.0, dt / _LAG)))
+                motor.target += motor.slope * dt
+                motor.angle += max(-most, min(most, (motor.target - motor.angle) * share))
             motor.speed = (motor.angle - before) / dt
             motor.torque = motor.feed if motor.kp > 0 else 0.0
 

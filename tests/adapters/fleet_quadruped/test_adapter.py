@@ -103,6 +103,8 @@ async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
     async with running(link="sim:kinematic?faults=overcurrent:8") as (adapter, robot, _):
         await robot.until(lambda: "RL_hip: over-current" in robot.healths[-1].cause)
         assert robot.healths[-1].level is Level.FAULT
+        await robot.until(lambda: "frames: " in robot.healths[-1].cause)
+        assert robot.healths[-1].cause.endswith(".log")
         with pytest.raises(Refused, match="send reset_faults"):
             await all_of(adapter.stand_up())
         await adapter.reset_faults()

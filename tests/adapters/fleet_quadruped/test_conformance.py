@@ -116,7 +116,7 @@ def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     assert (rig.mode, rig.fault) == (Mode.OFF, "emergency stop")
 
 
-@pytest.mark.parametrize("ask", [Ask.STAND, Ask.SIT])
+@pytest.mark.parametrize("ask", [Ask.STAND, Ask.SIT, Ask.RECOVER])
 def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
     if ask is Ask.SIT:
         rig.stand()
@@ -158,6 +158,38 @@ def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     assert rig.mode is Mode.STANDING
     rig.go(4.0, Twist(0.4))
     assert rig.mode is Mode.OFF
+
+
+def test_silence_is_found_within_the_time_that_was_set(standing):
+    standing.go(1.0, Twist(0.5))
+    last = standing.sim.time - standing.dog.dt  # a cycle asks first, and then its time passes
+    while any(motor.kp > 0 for motor in standing.sim.world.motors):
+        standing.sim.advance(0.002)
+    assert standing.sim.time - last <= standing.dog.drive.timeout + standing.dog.dt
+    standing.go(0.02)
+    assert standing.mode is Mode.DAMPED
+
+
+def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(standing):
+    standing.go(1.0, Twist(0.5))
+    standing.sim.fault("overcurrent", RL_HIP)
+    if standing.dog.drive.protocol == "mit":
+        standing.cycle()  # such a motor speaks only when it is spoken to
+    standing.cycle()
+    assert standing.mode is Mode.DAMPED
+    standing.cycle()
+    healthy = [motor for number, motor in enumerate(standing.sim.world.motors, 1) if number != RL_HIP]
+    assert all(motor.kp == 0 and motor.kd >= 2.9 for motor in healthy)
+
+
+def test_two_dogs_do_not_hear_each_other(any_dog):
+    one, other = Rig(any_dog), Rig(any_dog)
+    one.stand()
+    other.stand()
+    one.emergency()
+    for rig in (one, other):
+        rig.go(1.0, Twist(0.4))
+    assert (one.mode, other.mode) == (Mode.DAMPED, Mode.WALKING)
 
 
 def test_the_drives_stop_by_themselves_when_the_controller_dies(standing):

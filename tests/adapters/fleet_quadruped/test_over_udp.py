@@ -1,7 +1,11 @@
 """The dog in a process of its own, reached over CAN on UDP multicast: nothing is shared but frames."""
 
+import contextlib
 import os
+import pty
 import random
+import re
+import select
 import signal
 import subprocess
 import sys
@@ -15,16 +19,23 @@ from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
 from fleet_quadruped.drives.cia402.states import State, state_of
 
 
-@pytest.fixture
-def bus():
-    """Return the URL of a multicast group of our own, with a simulated dog on it."""
+@contextlib.contextmanager
+def _on_a_bus(*options):
+    """Give the URL of a multicast group of our own, with a simulated dog on it."""
     group = f"239.{random.randint(1, 254)}.{random.randint(1, 254)}.{random.randint(1, 254)}"
     url = f"can:udp_multicast:{group}?port={random.randint(43000, 60000)}"
     command = [sys.executable, "-m", "fleet_quadruped.sim", "--world", "kinematic", "--bus", f"a={url}"]
+    command += options
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as sim:
         assert sim.stdout.readline() == b"ready\n"
         yield url
         sim.stdin.close()
+
+
+@pytest.fixture
+def bus():
+    with _on_a_bus() as url:
+        yield url
 
 
 def states(url):
@@ -63,3 +74,32 @@ def _stopped(url):
     while State.ENABLED in seen and time.monotonic() < deadline:
         seen = states(url)
     return seen
+
+
+def test_a_person_jogs_one_motor_and_is_told_its_sign(write_dog):
+    body = str(write_dog(("protocol: cia402", "protocol: mit\n  profile: damiao-8006")))
+    with _on_a_bus("--body", body) as url:
+        jog = ["can", "jog", body, "--bus", f"a={url}", "--joint", "FR_knee"]
+        person, terminal = pty.openpty()
+        with subprocess.Popen(
+            [sys.executable, "-m", "fleet", *jog], stdin=terminal, stdout=terminal, stderr=terminal
+        ) as jogging:
+            os.close(terminal)
+            _read_until(person, "everybody clear?")
+            os.write(person, b"y\n")
+            _read_until(person, "Did it move the foot to the rear?")
+            os.write(person, b"y\n")
+            told = _read_until(person, "sign: -1")
+        os.close(person)
+    assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees", told)
+    assert jogging.returncode == 0
+
+
+def _read_until(terminal, words):
+    """Return what a terminal shows until some words come, within 30 s."""
+    shown, deadline = "", time.monotonic() + 30.0
+    while words not in shown and time.monotonic() < deadline:
+        if select.select([terminal], [], [], 0.5)[0]:
+            shown += os.read(terminal, 4096).decode()
+    assert words in shown
+    return shown

@@ -28,7 +28,7 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_told,
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
-from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, follows, state_of
+from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_word, state_of
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.parts import Drive
@@ -48,6 +48,7 @@ class _Node:
     speed: float = 0.0
     torque: float = 0.0
     temperature: float | None = None
+    voltage: float | None = None
     told_at: float | None = None
     beat_at: float | None = None
     answers: Answers = field(default_factory=Answers)
@@ -74,7 +75,11 @@ class Cia402Drives:
                 (HEARTBEAT, self._beat),
             )
         }
-        self.voltage: float | None = None
+
+    @staticmethod
+    def problem(drive: Drive) -> str:  # noqa: ARG004 - each of its keys is checked by itself
+        """Return that nothing is wrong."""
+        return ""
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -110,6 +115,12 @@ class Cia402Drives:
         found = self._by_frame.get((bus, frame.id))
         if found is not None:
             found[0](found[1], frame.data, now)
+
+    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+        """Return which joint an RPDO1 sends where."""
+        found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
+        told = unpack_told(frame.data) if RPDO1 < frame.id <= RPDO1 + MASTER else None
+        return None if found is None or told is None else (found[1].joint, found[1].units.angle(told.counts))
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
         """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
@@ -183,6 +194,7 @@ class Cia402Drives:
             now - node.told_at,
             node.temperature,
             fault,
+            node.voltage,
             node.restarted,
         )
 
@@ -201,18 +213,20 @@ class Cia402Drives:
         told = unpack_told(data)
         if told is None:
             return
-        angle = node.units.angle(told.counts)
+        status, counts, per_mille = told
+        angle = node.units.angle(counts)
         if node.told_at is not None and now - node.told_at > 1e-4:
             node.speed = (angle - node.angle) / (now - node.told_at)
-        node.state, node.angle, node.told_at = state_of(told.status), angle, now
-        node.torque, node.follows = node.units.torque(told.per_mille), follows(told.status)
+        node.state = state = state_of(status)
+        node.angle, node.told_at, node.torque = angle, now, node.units.torque(per_mille)
+        node.follows = state is not State.ENABLED or bool(status & FOLLOWS)
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:
         slow = unpack_slow(data)
         if slow is None:
             return
-        self.voltage = slow.voltage
+        node.voltage = slow.voltage
         if slow.temperature is not None and self._dog.drive.temperature is not None:
             node.temperature = slow.temperature * self._dog.drive.temperature.scale
         if slow.code and node.state in {State.FAULT, State.FAULT_REACTION}:

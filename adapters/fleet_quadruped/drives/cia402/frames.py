@@ -67,7 +67,10 @@ class Emergency(NamedTuple):
 
 
 def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
-    """Return RPDO1, without a torque for None; numbers out of range are clamped, never wrapped."""
+    """Return RPDO1, without a torque for None; numbers out of range are clamped, never wrapped.
+
+    TPDO1 is alike, with the status word for the control word.
+    """
     if per_mille is None:
         return _WITHOUT_TORQUE.pack(control & 0xFFFF, _clamp(counts, _I32))
     try:
@@ -76,18 +79,8 @@ def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
         return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
-def unpack_target(data: bytes) -> Told | None:
-    """Return what RPDO1 says (the drive's side); None when it is too short."""
-    return unpack_told(data)
-
-
-def pack_told(told: Told) -> bytes:
-    """Return TPDO1 (the drive's side)."""
-    return pack_target(*told)
-
-
 def unpack_told(data: bytes) -> Told | None:
-    """Return what TPDO1 says, torque 0 where it tells none; None when it is too short."""
+    """Return what TPDO1 says, torque 0 where it tells none; None when it is too short. RPDO1 is alike."""
     if len(data) == _WITHOUT_TORQUE.size:
         status, counts = _WITHOUT_TORQUE.unpack(data)
         return Told(status, counts, 0)

@@ -22,7 +22,7 @@ class State(enum.StrEnum):
     FAULT = "fault"
 
 
-class Goal(enum.Enum):
+class Goal(enum.StrEnum):
     """Where a drive is to be brought."""
 
     OFF = "off"
@@ -39,11 +39,6 @@ _STRICT: Mapping[int, State] = MappingProxyType(
 )
 _STATES = tuple(_LOOSE.get(status & 0x4F) or _STRICT.get(status) or State.NOT_READY for status in range(0x70))
 FOLLOWS = 1 << 12  # status word: in cyclic synchronous position the drive follows the target
-
-
-def follows(status: int) -> bool:
-    """Return False for a drive that is enabled and yet ignores its targets."""
-    return bool(status & FOLLOWS) or state_of(status) is not State.ENABLED
 
 
 def state_of(status: int) -> State:

@@ -15,7 +15,7 @@ from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
-from fleet_quadruped.drives.mit.profiles import PROFILES, Profile
+from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.busload import frame_bits
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.parts import Drive
@@ -55,13 +55,20 @@ class MitDrives:
     def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
-        self._profile = profile_of(dog)
+        self._profile = PROFILES[dog.drive.profile]
+        self._layout = wire.Layout(self._profile)
         self._motors = [_Motor(joint) for joint in joints]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
-        self.voltage: float | None = None
+
+    @staticmethod
+    def problem(drive: Drive) -> str:
+        """Return that there is no such motor."""
+        if drive.profile in PROFILES:
+            return ""
+        return f"drive.profile: there is no {drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
 
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
@@ -114,7 +121,7 @@ class MitDrives:
         if told is not None and told[0] == motor.joint.id:
             self._registers[bus, told[0], told[1]] = told[2]
             return
-        reply = wire.unpack_reply(frame.data, self._profile)
+        reply = self._layout.unpack_reply(frame.data)
         if reply is None:
             return
         joint = motor.joint
@@ -125,6 +132,14 @@ class MitDrives:
         motor.told_at = now
         motor.answers.take(frame.data)
         self._note_hold(motor)
+
+    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+        """Return which joint a command sends where; one without stiffness sends it nowhere."""
+        motor = self._by_id.get((bus, frame.id))
+        command = self._layout.unpack_command(frame.data)
+        if motor is None or command is None or frame.data in wire.SPECIAL or command.kp == 0:
+            return None
+        return motor.joint, motor.joint.angle(command.angle)
 
     def _note_hold(self, motor: _Motor) -> None:
         """Notice a motor that lets go although nobody told it to."""
@@ -153,9 +168,8 @@ class MitDrives:
         self._wanted = Power.ENABLED
         for motor in self._motors:
             if self._is_enabled(motor):
-                self._send(
-                    motor, wire.pack_command(MitCommand(motor.joint.motor(motor.angle)), self._profile)
-                )
+                here = MitCommand(motor.joint.motor(motor.angle))
+                self._send(motor, self._layout.pack_command(here))
             else:
                 motor.enabled = True
                 motor.told_at = motor.told_at if self._profile.damiao else None
@@ -163,21 +177,17 @@ class MitDrives:
 
     def write(self, targets: Targets) -> None:
         """Send targets with the gains of the description."""
-        for number, motor in enumerate(self._motors):
+        for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
             joint = motor.joint
-            self._send(
-                motor,
-                wire.pack_command(
-                    MitCommand(
-                        joint.motor(self._near(motor, targets.angles[number])),
-                        joint.sign * targets.speeds[number] * joint.kind.ratio,
-                        joint.kind.kp / joint.kind.ratio**2,
-                        joint.kind.kd / joint.kind.ratio**2,
-                        joint.sign * targets.torques[number] / joint.kind.ratio,
-                    ),
-                    self._profile,
-                ),
+            kind, ratio = joint.kind, joint.kind.ratio
+            command = MitCommand(
+                joint.motor(self._near(motor, angle)),
+                joint.sign * speed * ratio,
+                kind.kp / ratio**2,
+                kind.kd / ratio**2,
+                joint.sign * torque / ratio,
             )
+            self._send(motor, self._layout.pack_command(command))
 
     def _near(self, motor: _Motor, angle: float) -> float:
         """Return a target that the torque limit allows."""
@@ -192,7 +202,7 @@ class MitDrives:
         for motor in self._motors:
             kind = motor.joint.kind
             command = MitCommand(motor.joint.motor(motor.angle), kd=kd / kind.ratio**2)
-            self._send(motor, wire.pack_command(command, self._profile))
+            self._send(motor, self._layout.pack_command(command))
 
     def quick_stop(self) -> None:
         """Damp as the description says."""
@@ -234,7 +244,7 @@ class MitDrives:
             now - motor.told_at,
             motor.temperature,
             fault,
-            motor.restarted,
+            restarted=motor.restarted,
         )
 
     def _is_enabled(self, motor: _Motor) -> bool:
@@ -297,13 +307,3 @@ class MitDrives:
                         f"{motor.joint.name}: register {register} ({name}) is {actual:g}, "
                         f"wanted {most:g} for {self._dog.drive.profile}"
                     )
-
-
-def profile_of(dog: Description) -> Profile:
-    """Return the dog's motor profile; raises LinkRefused for one that is not known."""
-    profile = PROFILES.get(dog.drive.profile)
-    if profile is None:
-        raise LinkRefused(
-            f"drive.profile: there is no {dog.drive.profile!r}; there are {', '.join(sorted(PROFILES))}"
-        )
-    return profile

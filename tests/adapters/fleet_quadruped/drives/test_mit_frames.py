@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_quadruped.drives.mit import frames as wire
-from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
+from fleet_quadruped.drives.mit.frames import Layout, MitCommand, MitReply
 from fleet_quadruped.drives.mit.profiles import PROFILES
 
 KATZ = PROFILES["tmotor-ak80-9"]
@@ -25,12 +25,12 @@ commands = st.builds(MitCommand, numbers, numbers, numbers, numbers, numbers)
     ],
 )
 def test_golden_commands(command, golden):
-    assert wire.pack_command(command, DAMIAO).hex() == golden
+    assert Layout(DAMIAO).pack_command(command).hex() == golden
 
 
 @given(commands, profiles)
 def test_a_command_is_clamped_and_never_wrapped(command, profile):
-    told = wire.unpack_command(wire.pack_command(command, profile), profile)
+    told = Layout(profile).unpack_command(Layout(profile).pack_command(command))
     assert told.angle == pytest.approx(
         max(-profile.angle, min(profile.angle, command.angle)), abs=profile.angle / 65000
     )
@@ -41,28 +41,28 @@ def test_a_command_is_clamped_and_never_wrapped(command, profile):
 
 @given(commands, profiles)
 def test_a_command_is_never_a_special_frame(command, profile):
-    assert wire.pack_command(command, profile)[:7] != b"\xff" * 7
+    assert Layout(profile).pack_command(command)[:7] != b"\xff" * 7
 
 
 def test_what_is_no_number_is_not_sent():
     with pytest.raises(ValueError, match="cannot be sent nan"):
-        wire.pack_command(MitCommand(math.nan), KATZ)
+        Layout(KATZ).pack_command(MitCommand(math.nan))
 
 
 def test_golden_reply_of_a_damiao_motor():
-    reply = wire.unpack_reply(bytes.fromhex("1380007ff7ff2a2c"), DAMIAO)
+    reply = Layout(DAMIAO).unpack_reply(bytes.fromhex("1380007ff7ff2a2c"))
     assert reply == MitReply(3, pytest.approx(0, abs=1e-3), *[pytest.approx(0, abs=0.02)] * 2, 1, 44.0)
 
 
 def test_a_plain_reply_has_no_status():
-    assert wire.unpack_reply(bytes.fromhex("0380007ff7ff"), KATZ).status is None
-    assert wire.unpack_reply(bytes.fromhex("0380007ff7"), KATZ) is None
+    assert Layout(KATZ).unpack_reply(bytes.fromhex("0380007ff7ff")).status is None
+    assert Layout(KATZ).unpack_reply(bytes.fromhex("0380007ff7")) is None
 
 
 @given(profiles, st.floats(-8, 8), st.sampled_from([0, 1, 0xA, 0xD]))
 def test_replies_come_back(profile, value, status):
     sent = MitReply(3, value, value, value, status, 40.0)
-    told = wire.unpack_reply(wire.pack_reply(sent, profile), profile)
+    told = Layout(profile).unpack_reply(Layout(profile).pack_reply(sent))
     assert told.motor == 3
     assert told.angle == pytest.approx(value, abs=profile.angle / 65000)
     if profile.damiao:

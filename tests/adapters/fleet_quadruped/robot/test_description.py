@@ -83,6 +83,30 @@ def test_a_protocol_that_nobody_speaks_is_told_with_those_there_are(write_dog):
         load_description(write_dog(("protocol: cia402", "protocol: moteus")))
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("cycle_hz", "cycel_hz", "dog.yaml: drive.cycel_hz: unknown key, did you mean 'cycle_hz'?"),
+        ("duty: 0.58", "duty: 1.5", "dog.yaml: gait.duty: Input should be less than 0.9, not 1.5"),
+        ("heartbeat: 0.05", "heartbeat: 50ms", "unable to parse string as a number, not '50ms'"),
+        (
+            "protocol: cia402",
+            "protocol: mit\n  profile: dm-8006",
+            "dog.yaml: drive.profile: there is no 'dm-8006'",
+        ),
+    ],
+)
+def test_a_slip_is_told_with_what_was_meant(write_dog, right, wrong, told):
+    assert told in refused(write_dog((right, wrong)))
+
+
+def test_all_slips_are_told_in_one_line(write_dog):
+    told = refused(write_dog(("duty: 0.58", "duty: 1.5"), ("mass: 12.6", "mass: -1")))
+    assert "gait.duty" in told
+    assert "robot.mass" in told
+    assert "\n" not in told
+
+
 def test_a_protocol_is_a_class_and_its_row(dog, monkeypatch, write_dog):
     class Quiet(MitDrives):
         @staticmethod

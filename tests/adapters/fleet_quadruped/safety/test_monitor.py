@@ -20,15 +20,15 @@ def look(dog):
         told = [JointFeedback(angle, power=Power.ENABLED, age=0.0) for angle in stance]
         number = JOINTS.index(joint)
         told[number] = told[number]._replace(**(change or {}))
-        plain = {"imu": LEVEL, "imu_age": 0.0, "battery": 80.0, "mode": Mode.WALKING}
-        seen = Observed(joints=tuple(told), targets=stance, dt=0.01, **(plain | changes))
+        plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": Mode.WALKING}
+        seen = Observed(joints=tuple(told), dt=0.01, **(plain | changes))
         return [monitor.check(seen) for _ in range(cycles)][-1]
 
     return check
 
 
 def test_a_healthy_dog_walks_on(look):
-    assert look(cycles=100) is None
+    assert look(cycles=25) is None
 
 
 def test_a_fault_of_a_drive_damps_and_names_it(look):
@@ -74,11 +74,38 @@ def test_a_hot_joint_makes_it_sit_down(look):
 
 
 def test_an_empty_battery_makes_it_sit_down(look):
-    assert look(battery=9.0).stage is Stage.SIT
+    assert look(mode=Mode.STANDING, battery=9.0, cycles=140) is None
+    assert look(mode=Mode.STANDING, battery=9.0, cycles=20).stage is Stage.SIT
+
+
+def test_a_low_supply_makes_it_sit_down_and_names_who_saw_it(look):
+    assert look(mode=Mode.STANDING, change={"voltage": 39.0}, cycles=140) is None
+    assert look(mode=Mode.STANDING, change={"voltage": 39.0}, cycles=20) == (
+        Stage.SIT,
+        "FL_hip: supply at 39.0 V, it sits down at 40 V",
+    )
+
+
+def test_a_supply_that_sags_under_load_for_a_moment_does_not(look):
+    assert look(mode=Mode.STANDING, voltage=39.0, cycles=100) is None
+    assert look(voltage=47.0) is None
+    assert look(mode=Mode.STANDING, voltage=39.0, cycles=100) is None
+
+
+def test_an_angle_that_never_changes_while_its_target_does_is_a_stuck_encoder(dog, look):
+    stance = dog.stance(0.27)
+    assert look(cycles=10) is None
+    sent = [angle + 0.25 * (number == 1) for number, angle in enumerate(stance)]
+    assert "its encoder is stuck" in look(targets=sent).cause
+
+
+def test_an_imu_that_says_the_same_counts_only_while_it_walks(look):
+    assert look(cycles=100, mode=Mode.STANDING) is None
+    assert look(cycles=32).cause == "imu: frozen, exactly the same for 0.32 s of walking"
 
 
 def test_the_hardest_reason_wins(look):
-    trip = look(change={"power": Power.FAULT, "fault": "encoder"}, battery=5.0)
+    trip = look(change={"power": Power.FAULT, "fault": "encoder"}, battery=5.0, cycles=200)
     assert trip.cause == "FL_hip: encoder"
 
 

@@ -43,7 +43,7 @@ def write(tmp_path):
         (OWN, "led: {bus: a", "led: {bus: z", "there is no bus 'z'"),
         (CANOPEN, "    y: {index: 0x2100", "    z: {index: 0x2100", "a velocity has the entries"),
         (CANOPEN, "type: i16, scale: 3.05", "type: f32, scale: 3.05", "do not fit into 4 PDOs"),
-        (CANOPEN, "objects:", "frames: null\nobject:", "object: Extra inputs"),
+        (CANOPEN, "objects:", "frames: null\nobject:", "object: unknown key, did you mean"),
     ],
 )
 def test_what_cannot_be_walked_with_is_refused(write, example, old, new, told):

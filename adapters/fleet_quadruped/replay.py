@@ -1,0 +1,86 @@
+"""What a capture tells a person: by joint, what was wanted, what was so, and which drive said what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from fleet_quadruped.can.capture import Captured
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives import drives_of
+from fleet_quadruped.drives.base import JointFeedback
+from fleet_quadruped.robot.description import Description, Joint
+
+_EVERY = 0.1  # s between two lines of the farthest joint
+
+
+class _Silent:
+    """A bus that carries nothing: drives are only told what was heard then."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def send(self, frame: Frame) -> None:
+        """Send nothing."""
+
+    def receive(self, wait: float) -> list[Frame]:  # noqa: ARG002 - nothing ever comes
+        """Return nothing."""
+        return []
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class Replay:
+    """A dog's drives as they were heard. ``wanted`` is where each joint was sent last, rad."""
+
+    def __init__(self, dog: Description) -> None:
+        self.dog = dog
+        self.drives = drives_of(dog, {name: _Silent(name) for name in dog.buses})
+        self.wanted: dict[str, float] = {}
+        self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0)
+
+    def take(self, captured: Captured) -> None:
+        """Take the next frame."""
+        if captured.sent:
+            target = self.drives.target(captured.bus, captured.frame)
+            if target is not None:
+                self.wanted[target[0].name] = target[1]
+            return
+        self.drives.take(captured.bus, captured.frame, captured.time)
+        self.told = self.drives.feedback(captured.time)
+
+    def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
+        """Yield a line for each change of a drive's state or fault, and ten a second of a joint.
+
+        That is ``only``, else the one farthest from where it was sent. Times are before the last frame.
+        """
+        found = list(frames)
+        end = found[-1].time if found else 0.0
+        said: dict[str, tuple[str, str]] = {}
+        due = 0.0
+        for captured in found:
+            self.take(captured)
+            when = f"{captured.time - end:8.3f} s"
+            for joint, told in zip(self.dog.all_joints, self.told, strict=True):
+                now = (told.power.value, told.fault)
+                if said.get(joint.name) != now:
+                    said[joint.name] = now
+                    yield f"{when}  {joint.name:8} is {': '.join(filter(None, now))}"
+            if captured.time >= due and self.wanted:
+                due = captured.time + _EVERY
+                yield f"{when}  {self._farthest(only)}"
+
+    def _farthest(self, only: str) -> str:
+        """Return the joint that is farthest from its target, in words."""
+        pairs: list[tuple[Joint, JointFeedback]] = [
+            (joint, told)
+            for joint, told in zip(self.dog.all_joints, self.told, strict=True)
+            if joint.name in self.wanted and (not only or joint.name == only)
+        ]
+        if not pairs:
+            return f"{only:8} was sent nowhere"
+        joint, told = max(pairs, key=lambda pair: abs(self.wanted[pair[0].name] - pair[1].angle))
+        return (
+            f"{joint.name:8} wanted {self.wanted[joint.name]:7.3f} rad, is at {told.angle:7.3f}, "
+            f"{told.torque:6.2f} N m"
+        )

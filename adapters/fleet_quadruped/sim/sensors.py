@@ -1,0 +1,81 @@
+"""The simulated IMU and battery of a dog: their frames, and their faults by name."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+from fleet import Quaternion
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.frames import Encoder
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.parts import Sensor
+from fleet_quadruped.sim.world import World
+
+SENSOR_FAULTS: Mapping[str, str] = MappingProxyType(
+    {
+        "imu": "the IMU is silent",
+        "frozen": "the IMU says the same for ever",
+        "upside": "the IMU is mounted upside down",
+        "bms": "the battery is silent",
+        "battery": "percent that the battery has",
+    }
+)
+_BATTERY_EVERY = 1.0  # s
+_NOISE = 0.02  # m/s2: no IMU says the same twice
+FULL, _PERCENT = 48.0, 80.0  # V; of the battery
+
+
+class Sensors:
+    """What the sensors on a dog say. ``faults`` holds those that have begun, with their numbers."""
+
+    def __init__(self, dog: Description, world: World) -> None:
+        self.faults: dict[str, float] = {}
+        self.voltage = FULL
+        self._world = world
+        self._next_battery = 0.0
+        self._imu_frames, self._battery_frames = _encoders(dog.imu), _encoders(dog.battery)
+        self._frozen: Imu | None = None
+        self._chance = random.Random(1)  # noqa: S311 - a simulation must be the same on every run
+
+    def frames(self, now: float) -> Iterator[tuple[str, Frame]]:
+        """Yield (bus, frame) for what is said at ``now``."""
+        if self._imu_frames and "imu" not in self.faults:
+            values = self._imu()
+            for bus, number, encoder in self._imu_frames:
+                yield bus, Frame(number, encoder.encode(values))
+        if now >= self._next_battery and "bms" not in self.faults:
+            self._next_battery = now + _BATTERY_EVERY
+            percent = self.faults.get("battery", _PERCENT)
+            for bus, number, encoder in self._battery_frames:
+                told = {"percent": percent, "voltage": self.voltage, "current": 3.0}
+                yield bus, Frame(number, encoder.encode(told))
+
+    def _imu(self) -> dict[str, float]:
+        """Return the IMU's values by the names that frame maps use."""
+        imu = self._world.imu()
+        if "frozen" in self.faults:
+            imu = self._frozen = self._frozen or imu
+        turn, gyro, accel = imu.rotation, imu.gyro, imu.accel
+        if "upside" in self.faults:
+            turn = Quaternion(-turn.x, turn.w, turn.z, -turn.y)  # half a turn about its own x
+        noise = 0.0 if "frozen" in self.faults else _NOISE * (self._chance.random() - 0.5)
+        return {
+            "qw": turn.w,
+            "qx": turn.x,
+            "qy": turn.y,
+            "qz": turn.z,
+            "gx": gyro.x,
+            "gy": gyro.y,
+            "gz": gyro.z,
+            "ax": accel.x + noise,
+            "ay": accel.y,
+            "az": accel.z - noise,
+        }
+
+
+def _encoders(sensor: Sensor | None) -> list[tuple[str, int, Encoder]]:
+    """Return bus, identifier and encoder of each frame of a sensor."""
+    return [(sensor.bus, frame.id, Encoder(frame)) for frame in sensor.frames] if sensor else []

@@ -1,0 +1,30 @@
+"""The demo says what to try, with a robot that is there."""
+
+import pytest
+
+from fleet.cli.demo import TRIES, _welcome, demo_file, twin_of
+
+
+class Notes:
+    """An output that keeps what it is to say."""
+
+    def __init__(self):
+        self.lines = []
+
+    def note(self, line):
+        self.lines.append(line)
+
+
+@pytest.mark.parametrize("one", TRIES, ids=lambda one: one.robot)
+def test_what_to_try_is_said_of_the_robot_that_is_there(one):
+    notes = Notes()
+    _welcome(notes, "127.0.0.1", 1883, [one])
+    told = "\n".join(notes.lines)
+    assert f"send {one.robot} {one.command}" in told
+    assert f"cyberwave/twin/{twin_of(one.robot)}/command" in told
+    assert not any(other.robot in told for other in TRIES if other is not one)
+
+
+def test_every_kind_of_robot_can_be_tried():
+    file = demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1)
+    assert all(f'"{one.robot}"' in file for one in TRIES)
