@@ -36,11 +36,12 @@ _LATE = _SELECT + "WHERE message.expires <= ? LIMIT ?"
 
 
 class Left(msgspec.Struct, frozen=True):
-    """What a file holds of one topic: how many messages, and the newest's number."""
+    """What a file holds of one topic: how many messages, and the numbers of the oldest and the newest."""
 
     topic: str
     traffic: Traffic
     count: int
+    oldest: int
     newest: int
 
 
@@ -56,6 +57,8 @@ class Store:
         self._database.execute("PRAGMA journal_size_limit = 4194304")
         self._database.execute("DELETE FROM topic WHERE id NOT IN (SELECT topic FROM message)")
         self._ids = self._known_ids()
+        self.used = 0  # bytes that hold something
+        self._used()
 
     def close(self) -> None:
         """Close the file."""
@@ -64,10 +67,10 @@ class Store:
     def left(self) -> list[Left]:
         """Return what the file holds."""
         rows = self._database.execute(
-            "SELECT topic.name, topic.traffic, count(*), max(message.seq) FROM message "
+            "SELECT topic.name, topic.traffic, count(*), min(message.seq), max(message.seq) FROM message "
             "JOIN topic ON topic.id = message.topic GROUP BY topic.id"
         )
-        return [Left(topic, Traffic(traffic), count, newest) for topic, traffic, count, newest in rows]
+        return [Left(topic, Traffic(traffic), *rest) for topic, traffic, *rest in rows]
 
     def losses(self) -> list[Gap]:
         """Return the losses that nobody has been told of."""
@@ -88,6 +91,7 @@ class Store:
                 self._database.executemany(
                     "INSERT INTO loss VALUES (?, ?, ?, ?, ?)", map(msgspec.structs.astuple, losses)
                 )
+        self._used()
 
     def fetch(self, topic: str, after: int, limit: int, traffic: Traffic) -> list[Outgoing]:
         """Return the oldest messages of a topic that are newer than ``after``."""
@@ -152,7 +156,9 @@ class Store:
     def _used(self) -> int:
         """Return how many pages hold something."""
         pages = self._database.execute("PRAGMA page_count").fetchone()[0]
-        return int(pages - self._database.execute("PRAGMA freelist_count").fetchone()[0])
+        used = int(pages - self._database.execute("PRAGMA freelist_count").fetchone()[0])
+        self.used = used * PAGE
+        return used
 
     def _row(self, message: Outgoing) -> tuple[object, ...]:
         """Return a message as a row."""

@@ -78,7 +78,7 @@ def test_more_than_fits_in_memory_waits_on_disk_and_memory_stays_flat(opened):
             spool.written()
     spool.written()
     assert spool.spool._queue._memory.count <= 50
-    assert spool.spool.figures().on_disk == 1950
+    assert spool.spool.figures().classes[Traffic.EVENT].on_disk == 1950
     sent = spool.online().drain()
     for part in range(4):
         assert [int(payload) for topic, payload in sent if topic == f"t/{part}"] == [*range(part, 2000, 4)]
