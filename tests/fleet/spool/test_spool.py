@@ -195,3 +195,18 @@ def test_nobody_waits_for_a_disk_that_hangs(opened):
         spool.send()
         assert [payload for _, payload in spool.send()] == payloads(100)[1:]
     other.close()
+
+
+def test_its_figures_say_what_waits_of_each_class_since_when_also_from_before(opened, clock):
+    began = clock.time()
+    opened().put(b"old", traffic=Traffic.STATUS, topic="s").written()
+    clock.advance(100.0)
+    spool = opened()
+    spool.put(b"young", b"younger").written()
+    figures = spool.spool.figures()
+    status, event = figures.classes[Traffic.STATUS], figures.classes[Traffic.EVENT]
+    assert (status.messages, status.on_disk, event.messages, event.on_disk) == (1, 1, 2, 0)
+    assert (status.oldest, event.oldest) == pytest.approx((began, began + 100.0), abs=0.001)
+    assert event.memory == len(b"youngyounger")
+    assert figures.classes[Traffic.REPLY].oldest is None
+    assert 0 < figures.disk < 1_000_000
