@@ -111,7 +111,7 @@ def test_a_scraper_reads_what_waits_for_the_cloud_how_old_it_is_and_what_was_los
     assert seen["fleet_spool_memory_bytes", "status"] == 30
     assert seen["fleet_spool_on_disk_messages", "status"] == 0
     assert 0 < seen["fleet_spool_oldest_age_seconds", "status"] < 60
-    assert seen["fleet_spool_oldest_age_seconds", "reply"] == 0
+    assert seen["fleet_spool_oldest_age_seconds", "event"] == 0
     assert seen["fleet_spool_lost_total", "age", "event"] == 1
     assert seen["fleet_spool_held_topics",] == 0
     assert seen["fleet_spool_disk_bytes",] == 0, "this one is in memory alone"
