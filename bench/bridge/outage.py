@@ -13,7 +13,7 @@ import time
 
 import psutil
 
-from bench.common import fleet, free_port, line, mosquitto, puppets, wait_for
+from bench.common import fleet, free_port, line, listener, mosquitto, puppets, wait_for
 from fleet.testing.mqtt import Mqtt
 
 ROBOTS = 10
@@ -62,7 +62,7 @@ def run(seconds=SECONDS):
             edge.all_well(ROBOTS)
             time.sleep(3)
             memory = psutil.Process(edge.pid).memory_info().rss
-            stop_broker(port)
+            listener(port).kill()
             time.sleep(seconds / 2)
             grown = psutil.Process(edge.pid).memory_info().rss - memory
             psutil.Process(edge.pid).kill()
@@ -75,13 +75,6 @@ def run(seconds=SECONDS):
         wait_for(lambda: heard.first)
         time.sleep(max(SECONDS, seconds / 2))
         report(heard, began, grown, seconds)
-
-
-def stop_broker(port):
-    """Kill whoever listens on the port, which is our Mosquitto."""
-    for each in psutil.Process().children():
-        if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
-            each.kill()
 
 
 def report(heard, began, grown, seconds):

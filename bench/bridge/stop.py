@@ -17,11 +17,10 @@ import threading
 import time
 from pathlib import Path
 
-import psutil
 import zenoh
 
 from bench.bridge.floor import session
-from bench.common import fleet, free_port, line, mosquitto, process, puppets, wait_for
+from bench.common import fleet, free_port, line, listener, mosquitto, process, puppets, wait_for
 from fleet.bus.lane import Lane
 from fleet.bus.session import join_control
 from fleet.bus.settings import BusSettings
@@ -145,11 +144,7 @@ def _flood(lane, ended):
 @contextlib.contextmanager
 def frozen(port):
     """Freeze whoever listens on a port, our Mosquitto."""
-    (broker,) = (
-        each
-        for each in psutil.Process().children()
-        if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections())
-    )
+    broker = listener(port)
     broker.send_signal(signal.SIGSTOP)
     try:
         yield
