@@ -5,6 +5,7 @@ network resets connections while commands come. Ours is asked again for what it 
 careful client does, and the journal's promises are checked; the peer cannot answer, so it is asked once.
 """
 
+import collections
 import contextlib
 import random
 import time
@@ -59,7 +60,8 @@ def kills(name, number):
 def storm(name, commands):
     """Send commands through resets, while durable messages flow out.
 
-    Return how many were done, done twice, refused, and durable messages lost; and the promises broken.
+    Return how many were done, done twice, why they were refused, how many durable messages were lost, and
+    the promises broken.
     """
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
@@ -73,17 +75,17 @@ def storm(name, commands):
                 asker.ask(f"puppet-{number % TWINS}")
                 if number % RESET_EVERY == RESET_EVERY - 1:
                     proxy.reset()
-                    if name == "fleet":
-                        asker.insist()
+                if number % RESET_EVERY == RESET_EVERY // 2 and name == "fleet":
+                    asker.insist()
                 time.sleep(PAUSE)
         if name == "fleet":
             settle(asker)
         ears.quiet()
         did = executed(running.journal, asker.asks)
         lines = broken([*asker.events(), *did], PROMISES) if name == "fleet" else []
-        refused = sum(bool(ask.refusal) for ask in asker.asks.values())
+        reasons = collections.Counter(ask.refusal for ask in asker.asks.values() if ask.refusal)
     counts = counted(did).values()
-    return len(counts), sum(count > 1 for count in counts), refused, ears.lost(said)[0], lines
+    return len(counts), sum(count > 1 for count in counts), reasons, ears.lost(said)[0], lines
 
 
 def run(number=KILLS):
@@ -94,10 +96,12 @@ def run(number=KILLS):
         what = f"broker killed {number} times, {said} durable messages"
         line(f"{what}: {name}", f"{lost} lost, {unordered} unordered", "aim: 0 lost, 0 unordered")
     for name in ("fleet", "peer"):
-        done, twice, refused, lost, lines = storm(name, commands)
+        done, twice, reasons, lost, lines = storm(name, commands)
         again = "asked until answered" if name == "fleet" else "asked once"
         what = f"storm of resets, {commands} commands {again}: {name}"
-        line(what, f"{done} done, {refused} refused, {twice} twice", "aim: all, 0 twice")
+        line(what, f"{done} done, {reasons.total()} refused, {twice} twice", "aim: all, 0 twice")
+        for reason, count in reasons.items():
+            print(f"    {count} x {reason}")
         line("durable messages lost in it", str(lost), "aim: 0")
         if name == "fleet":
             line("promises broken in it", str(len(lines)), "aim: 0")

@@ -1,7 +1,7 @@
 """The broker is away while durable messages flow, the edge is killed inside: what is lost, how it returns.
 
-``SECONDS`` is the short form, ``bridge:outage=60`` the long one. 10 puppets say 1,000 durable messages a second. What the
-killed process had said in its last turn, and no spool can have, is not counted.
+``SECONDS`` is the short form, ``bridge:outage=60`` the long one. 10 puppets say 1,000 durable messages a
+second. What the killed process had said in its last turn, and no spool can have, is not counted.
 """
 
 import collections

@@ -30,10 +30,10 @@ class Side:
 
 
 @contextlib.contextmanager
-def side(name, port, *, number=TWINS, rate=0.0, heard_at=0):
+def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, **sections):
     """Run a side. ``rate``: our robots' own reports; the others are given as much by a source.
 
-    ``heard_at``: the broker's own port, where ``port`` is a proxy's.
+    ``heard_at``: the broker's own port, where ``port`` is a proxy's. ``sections``: more of our fleet.yaml.
     """
     bus = str(free_port())
     with contextlib.ExitStack() as stack:
@@ -44,7 +44,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0):
         twins = [robot["twin"] for robot in robots]
         if name == "fleet":
             listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"]}}
-            edge = stack.enter_context(fleet(robots, port, folder, **listen))
+            edge = stack.enter_context(fleet(robots, port, folder, **listen, **sections))
             edge.all_well(number)
             time.sleep(6)  # it settles
             yield Side(edge.pid, twins, bus, journal)
