@@ -31,7 +31,13 @@ CREATE TABLE loss (
 );
 """
 _SELECT = "SELECT message.seq, topic.name FROM message JOIN topic ON topic.id = message.topic "
-_OLDEST = _SELECT + "WHERE topic.traffic = ? ORDER BY message.seq LIMIT ?"
+_OLDEST = _SELECT + "WHERE topic.traffic = ? AND message.seq >= ? ORDER BY message.seq LIMIT ?"
+_FIRST = (
+    "SELECT traffic, min(first) FROM "
+    "(SELECT traffic, (SELECT min(seq) FROM message WHERE message.topic = topic.id) AS first FROM topic) "
+    "WHERE first IS NOT NULL GROUP BY traffic ORDER BY traffic DESC LIMIT 1"
+)
+"""The least important traffic that there is, and its oldest message: by the index, a look for each topic."""
 _LATE = _SELECT + "WHERE message.expires <= ? LIMIT ?"
 
 
@@ -141,12 +147,9 @@ class Store:
         self._database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
 
     def _oldest(self) -> list[tuple[int, str]]:
-        """Return the oldest of the least important traffic that there is."""
-        for traffic in reversed(Traffic):
-            rows = self._database.execute(_OLDEST, (traffic, LEAST_EVICTED)).fetchall()
-            if rows:
-                return rows
-        return []
+        """Return the oldest of the least important traffic that there is; without reading all that waits."""
+        least = self._database.execute(_FIRST).fetchone()
+        return self._database.execute(_OLDEST, (*least, LEAST_EVICTED)).fetchall() if least else []
 
     def _remove(self, rows: Sequence[tuple[int, str]]) -> list[tuple[str, int]]:
         """Remove messages."""

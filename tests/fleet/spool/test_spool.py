@@ -11,8 +11,10 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import StateError
 from fleet.spool.losses import Reason
+from fleet.spool.message import Outgoing
 from fleet.spool.place import SPOOL
 from fleet.spool.spool import AGES, LATE_LOOK
+from fleet.spool.store import LEAST_EVICTED, Store
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
@@ -210,3 +212,18 @@ def test_its_figures_say_what_waits_of_each_class_since_when_also_from_before(op
     assert event.memory == len(b"youngyounger")
     assert figures.classes[Traffic.REPLY].oldest is None
     assert 0 < figures.disk < 1_000_000
+
+
+def test_making_room_does_not_read_all_that_waits(tmp_path):
+    steps = {}
+    for count in (1000, 8000):
+        store = Store(tmp_path / str(count), 64 * 1024 * 1024)
+        rows = [
+            Outgoing(f"t/{n % 5}", b"", 1, Traffic.STATUS, expires=1e12, seq=n) for n in range(1, count + 1)
+        ]
+        store.change(rows, [])
+        seen = steps[count] = []
+        store._database.set_progress_handler(lambda seen=seen: seen.append(1), 100)
+        assert [seq for seq, _ in store._oldest()] == list(range(1, LEAST_EVICTED + 1))
+        store.close()
+    assert len(steps[8000]) < 2 * len(steps[1000])
