@@ -135,8 +135,12 @@ def robot(number, port):
 
 @contextlib.contextmanager
 def vehicles(number, *, to, flavour="px4", first_id=1):
-    """Simulated vehicles in a process of their own, speaking to HOST:PORT."""
-    command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", flavour, "--vehicles", str(number)]
+    """Simulated vehicles in a process of their own, speaking to HOST:PORT.
+
+    They stand for a world that has processors of its own, so they yield (``nice``) to what is measured.
+    """
+    command = ["nice", "-n", "19", sys.executable, "-m", "fleet_mavlink.sim"]
+    command += ["--flavour", flavour, "--vehicles", str(number)]
     with process(*command, "--to", to, "--ready-after", "0", "--system-id", str(first_id)) as running:
         yield running
 

@@ -3,10 +3,12 @@
 Each side is measured under its own telemetry, as it would be at work: ours serves 50 drones that fly through
 it, the peer carries as many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the
 SDK's ZenohMqttBridge and the smallest adapter: a Zenoh subscriber that packs the command and sends it. The
-sides take turns on one broker. A relay notes when the command's bytes pass. Two commands are measured:
-``move``, a velocity, as it comes while somebody drives, and ``set_home_here``, which is done once, answered.
+sides take turns on one broker, and the same 50 drones fly beside each (nobody hears them beside the peer). A
+relay notes when the command's bytes pass. Two commands are measured: ``move``, a velocity, as it comes while
+somebody drives, and ``set_home_here``, which is done once, answered.
 """
 
+import contextlib
 import itertools
 import json
 import math
@@ -193,9 +195,7 @@ def measure_ours(cloud, broker, taken, hops):
     port = free_port(socket.SOCK_DGRAM)
     relay, twin = Relay(port), twin_of("drone-1")
     robots = [robot(number, port) for number in range(1, DRONES + 1)]
-    first = vehicles(1, to=f"127.0.0.1:{relay.far.getsockname()[1]}")
-    rest = vehicles(DRONES - 1, to=f"127.0.0.1:{port}", first_id=2)
-    with first, rest, fleet(robots, broker) as edge:
+    with world(relay, port), fleet(robots, broker) as edge:
         edge.all_well(DRONES)
         time.sleep(5)  # message rates are being asked for
         cloud.send("takeoff", twin)
@@ -204,9 +204,26 @@ def measure_ours(cloud, broker, taken, hops):
         hops += samples(cloud.hop)
 
 
+@contextlib.contextmanager
+def world(relay, port):
+    """Fly the drones: the first speaks through the relay, the others to a port."""
+    first = vehicles(1, to=f"127.0.0.1:{relay.far.getsockname()[1]}")
+    with first, vehicles(DRONES - 1, to=f"127.0.0.1:{port}", first_id=2):
+        yield
+
+
 def measure_peer(cloud, broker, taken):
     """Measure the SDK's bridge with as many messages."""
-    relay = Relay()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unheard:
+        unheard.bind(("127.0.0.1", 0))
+        port = unheard.getsockname()[1]
+        relay = Relay(port)
+        with world(relay, port):
+            measure_bridge(cloud, broker, relay, taken)
+
+
+def measure_bridge(cloud, broker, relay, taken):
+    """Measure the peer's two processes."""
     twins = [twin_of(f"peer-{number}") for number in range(DRONES)]
     near, queue, bus = str(relay.near.getsockname()[1]), f"/tmp/fleet-bench-{broker}", str(free_port())
     arguments = (str(broker), near, queue, bus)

@@ -31,6 +31,10 @@ TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
 """What is answered with a status on the command topic when it brings no inbox."""
 
 
+Take = Callable[[Callable[[Reply], None]], None]
+"""Takes a message that was read; it is given what answers."""
+
+
 class Port(Protocol):
     """A robot as the bridge sees it, here or in a worker."""
 
@@ -39,19 +43,11 @@ class Port(Protocol):
     source_type: str
     legacy_status: bool
 
-    def look_for_emergency(self, payload: bytes) -> None:
-        """Stop at once when this command message is an emergency stop; from any thread."""
+    def read(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Take | None:
+        """Read a message, from any thread; an emergency stop is made there and then.
 
-    def receive(
-        self,
-        kind: Kind,
-        payload: bytes,
-        *,
-        way: Way,
-        answer: Callable[[Reply], None],
-        request_id: str = "",
-    ) -> None:
-        """Take a message; ``answer`` is called once, unless the message asks nothing."""
+        What is returned takes the message, on the loop, and answers it once; None: it asks nothing.
+        """
 
 
 class Send(Protocol):

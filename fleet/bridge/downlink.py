@@ -1,18 +1,20 @@
 """From the cloud to the robots and to programs on the bus.
 
-``arrived`` runs on the cloud's thread: it lets an emergency stop through at once and hands the rest to the
-loop in one go. Commands wait for nothing that goes outward.
+``arrived`` runs on the cloud's thread: it reads the messages while the loop wakes up to take them, and an
+emergency stop is made there and then. Commands wait for nothing that goes outward.
 """
 
 from __future__ import annotations
 
 import logging
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast
 
-from fleet.bridge.answers import Answers, Port, Send
+import msgspec
+
+from fleet.bridge.answers import Answers, Port, Send, Take
 from fleet.bridge.counters import Latencies
 from fleet.bridge.relay import Put, Relay
 from fleet.clock import Clock
@@ -28,6 +30,19 @@ log = logging.getLogger(__name__)
 
 Handler = Callable[[Topic, Message], None]
 """What the bridge itself does with a message; may raise WireError."""
+
+MOST_WAITING = 10_000
+"""Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
+
+
+class Arrived(msgspec.Struct, frozen=True, gc=False):
+    """A message on its way to the loop; ``take`` is what a robot made of it, None where it asks nothing."""
+
+    topic: Topic
+    rule: Inward
+    message: Message
+    at: float
+    take: Take | None
 
 
 class Downlink:
@@ -63,6 +78,9 @@ class Downlink:
         self._clock = clock
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
+        self._inbox: deque[Arrived] = deque()
+        self._called = False
+        self._known: dict[str, tuple[Topic, Inward]] = {}  # of our own twins, by topic: there are not many
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
         self.received: Counter[str] = Counter()
@@ -72,20 +90,46 @@ class Downlink:
     def arrived(self, messages: list[Message]) -> None:
         """Take what one read brought; on the cloud's thread."""
         now = self._clock.monotonic()
-        wanted = []
         for message in messages:
             found = self._rule_of(message)
             if found is None or not self._fresh(message):
                 continue
+            self._wake()
             topic, rule = found
-            if rule.taker is Taker.COMMAND:
-                _look_for_emergency(self._ports[topic.twin], message.payload)
-            wanted.append((topic, rule, message))
-        if wanted:
-            self._soon(lambda: self._take(wanted, now))
+            take = self._read(self._ports[topic.twin], rule, message) if rule.taker.asks else None
+            if len(self._inbox) < MOST_WAITING:
+                self._inbox.append(Arrived(topic, rule, message, now, take))
+            else:
+                self.refusals.add("too many", "a message on %s finds too many before it", message.topic)
+        if self._inbox:
+            self._wake()
+
+    def _wake(self) -> None:
+        """Have the loop take what has arrived; it wakes while this thread still reads."""
+        if not self._called:
+            self._called = True
+            self._soon(self._take)
+
+    def _read(self, port: Port, rule: Inward, message: Message) -> Take | None:
+        """Have a robot read a message; what fails in one must not keep the others' from them."""
+        kind = cast("Kind", rule.taker.value)
+        request_id = message.correlation.hex() if message.correlation else ""
+        try:
+            return port.read(kind, message.payload, way=Way.CLOUD, request_id=request_id)
+        except Exception:
+            log.exception("%s: a message on %s could not be read", port.name, message.topic)
+            refusal = Reply(kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
+            return lambda answer: answer(refusal)
 
     def _rule_of(self, message: Message) -> tuple[Topic, Inward] | None:
         """Return whom a message is for and by which rule; None for what is nobody's here."""
+        found = self._known.get(message.topic)
+        if found is None and (found := self._find_rule(message)) and found[0].twin in self._ports:
+            self._known[message.topic] = found
+        return found
+
+    def _find_rule(self, message: Message) -> tuple[Topic, Inward] | None:
+        """Find whom a message is for and by which rule."""
         topic = self._topics.parse(message.topic)
         book = None
         if topic is not None:
@@ -111,37 +155,34 @@ class Downlink:
             self.refusals.add("retained", line, message.topic)
         return not message.retain
 
-    def _take(self, messages: list[tuple[Topic, Inward, Message]], arrived: float) -> None:
-        """Hand messages to whom they are for; on the loop."""
-        for topic, rule, message in messages:
-            self.received[rule.taker.value] += 1
-            if rule.taker.asks:
-                self._ask(topic, rule, message, arrived)
-            elif rule.taker is Taker.RELAY:
-                self._relay.take(topic, rule, message)
-            else:
-                self._do(topic, message, self._own[rule.leaf])
+    def _take(self) -> None:
+        """Hand what has arrived to whom it is for; on the loop."""
+        self._called = False  # first, so that what arrives from now on wakes the loop again
+        while self._inbox:
+            one = self._inbox.popleft()
+            self.received[one.rule.taker.value] += 1
+            if one.take is not None:
+                self._ask(one, one.take)
+            elif one.rule.taker is Taker.RELAY:
+                self._relay.take(one.topic, one.rule, one.message)
+            elif not one.rule.taker.asks:
+                self._do(one.topic, one.message, self._own[one.rule.leaf])
 
-    def _ask(self, topic: Topic, rule: Inward, message: Message, arrived: float) -> None:
+    def _ask(self, one: Arrived, take: Take) -> None:
         """Ask a robot; what is larger than its rule is refused, and answered like anything else."""
+        topic, rule, message = one.topic, one.rule, one.message
         if topic.twin in self.held:
             self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
             return
         port = self._ports[topic.twin]
         kind = cast("Kind", rule.taker.value)
-        answer = partial(self._answer, port, self._answers.to(port, message, kind), arrived)
+        answer = partial(self._answer, port, self._answers.to(port, message, kind), one.at)
         if len(message.payload) > rule.size:
             reason = f"{len(message.payload)} bytes are more than the {rule.size} that are read"
             self.refusals.add("too large", "%s: %s", message.topic, reason)
             answer(Reply(kind, ReplyStatus.REJECTED, reason))
             return
-        port.receive(
-            kind,
-            message.payload,
-            way=Way.CLOUD,
-            answer=answer,
-            request_id=message.correlation.hex() if message.correlation else "",
-        )
+        take(answer)
 
     def _answer(self, port: Port, tell: Callable[[Reply], None], arrived: float, reply: Reply) -> None:
         """Answer, and note how long it took."""
@@ -155,11 +196,3 @@ class Downlink:
             handle(topic, message)
         except WireError as error:
             self.refusals.add("unreadable", "a message on %s was refused: %s", message.topic, error)
-
-
-def _look_for_emergency(port: Port, payload: bytes) -> None:
-    """Let an emergency stop through; what fails in one robot must not keep the messages of all from it."""
-    try:
-        port.look_for_emergency(payload)
-    except Exception:  # the loop stops it once more, the orderly way
-        log.exception("%s: the emergency stop did not go through at once", port.name)

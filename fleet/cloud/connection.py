@@ -68,6 +68,8 @@ class Connection(asyncio.Protocol):
             error = ended
         if messages := self._session.take_messages():
             self._deliver(messages)
+        if error is None and self.ready.done() and not self._session.answers:
+            return  # a message that asks no answer: who it was handed to wants the interpreter now
         self._write(self._session.take_replies())
         if error:
             self.give_up(error)

@@ -125,6 +125,11 @@ class Session:
         replies, self._replies = self._replies, []
         return b"".join(map(self._encode, replies))
 
+    @property
+    def answers(self) -> bool:
+        """True when what was received is to be answered, or lets more be sent."""
+        return bool(self._replies or self._answers)
+
     def take_messages(self) -> list[Message]:
         """Return the messages that were received, in order, and forget them."""
         messages, self._messages = self._messages, []

@@ -6,11 +6,12 @@ import asyncio
 import contextvars
 import logging
 from collections.abc import Callable
+from functools import partial
 
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
-from fleet.host.asks import Decoder
+from fleet.host.asks import Ask, Decoder
 from fleet.host.desk import EMERGENCY, Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
@@ -102,6 +103,25 @@ class LocalRobot:
             changed=self._health_changed,
         )
 
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", waits: bool = False
+    ) -> Callable[[Answer], None] | None:
+        """Read a message, from any thread; an emergency stop halts and latches there and then.
+
+        What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
+        are the receipt, and the end when the asker waits. None for a reply, which asks nothing.
+        """
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+            ask = goal_of(ask, self._can, self._limits)
+        except WireError as error:
+            return partial(self._refuse, kind, error)
+        if ask is None:
+            return None
+        if ask.name == EMERGENCY:
+            self._stop_at_once(ask.origin)
+        return partial(self._take, ask, waits)
+
     def receive(
         self,
         kind: Kind,
@@ -112,19 +132,27 @@ class LocalRobot:
         waits: bool = False,
         request_id: str = "",
     ) -> None:
-        """Take a message. Its answers: the receipt, and the end when the asker waits; none to a reply."""
+        """Read a message and take it; on the loop."""
+        take = self.read(kind, payload, way=way, request_id=request_id, waits=waits)
+        if take is not None:
+            take(answer)
+
+    def _take(self, ask: Ask, waits: bool, answer: Answer) -> None:  # noqa: FBT001 - by position
+        """Bring an ask to the desk."""
+        self._context.run(self.desk.receive, ask, Ticket(ask.name, answer, waits=waits))
+
+    def _refuse(self, kind: Kind, error: WireError, answer: Answer) -> None:
+        """Refuse a message that cannot be read."""
+        self._refusals.add(kind, "refused a %s message: %s", kind, error)
+        Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
+        self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
+
+    def _stop_at_once(self, origin: Origin) -> None:
+        """Halt and latch, on whatever thread; when that fails, the loop still stops the orderly way."""
         try:
-            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
-            ask = goal_of(ask, self._can, self._limits)
-        except WireError as error:
-            self._refusals.add(kind, "refused a %s message: %s", kind, error)
-            Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
-            self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
-            return
-        if ask is None:
-            return
-        ticket = Ticket(ask.name, answer, waits=waits)
-        self._context.run(self.desk.receive, ask, ticket)
+            self.desk.emergency(f"asked over the {origin.way}")
+        except Exception:  # noqa: BLE001 - told below
+            self._log.exception("the emergency stop did not go through at once")
 
     def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
         """Say that a goal, or a mission, that could not be read has failed, where its id could be."""
@@ -137,20 +165,6 @@ class LocalRobot:
         """Begin to serve the robot."""
         self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
-
-    def look_for_emergency(self, payload: bytes) -> None:
-        """Halt and latch at once when a command message is an emergency stop; from any thread.
-
-        The message is then handed to ``receive`` like any other, which stops, answers and records it.
-        """
-        if b"stop" not in payload:
-            return
-        try:
-            ask = self._decoder.decode("command", payload, way=Way.BUS)
-        except WireError:
-            return
-        if isinstance(ask, Command) and ask.name == EMERGENCY:
-            self.desk.emergency("asked over the bus or the cloud")
 
     def emergency(self, why: str) -> None:
         """Stop and latch at once, from any thread; the loop follows with the adapter's own stop."""

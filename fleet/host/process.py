@@ -239,8 +239,7 @@ class RobotProcess:
         """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
 
         def asked(question: Question) -> None:
-            robot.look_for_emergency(question.payload)
-            self.loop.call_soon_threadsafe(self._receive, robot, question)
+            self.loop.call_soon_threadsafe(self._read(robot, question))
 
         return asked
 
@@ -267,8 +266,11 @@ class RobotProcess:
 
         return arrived
 
-    def _receive(self, robot: LocalRobot, question: Question) -> None:
-        """Take a question for a robot; its answers are the receipt and, when it waits, the end."""
+    def _read(self, robot: LocalRobot, question: Question) -> Callable[[], None]:
+        """Read a question for a robot, on the bus's thread; return what takes it, on the loop.
+
+        Its answers are the receipt and, when the asker waits, the end.
+        """
         waits = question.parameters.get("wait") == "1"
         kind = cast("Kind", question.parameters.get("kind", "command"))
 
@@ -279,16 +281,15 @@ class RobotProcess:
 
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
-            answer(Reply(kind, ReplyStatus.REJECTED, refusal))
-            return
-        robot.receive(
+            return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
+        take = robot.read(
             kind,
             question.payload,
             way=Way.CLOUD if question.parameters.get("way") == "cloud" else Way.BUS,
-            answer=answer,
-            waits=waits,
             request_id=question.parameters.get("id", ""),
+            waits=waits,
         )
+        return question.close if take is None else partial(take, answer)
 
     # -- who blocks the loop -------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
@@ -15,7 +16,7 @@ from fleet.health.aggregate import LEVELS
 from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY
 from fleet.host.local import source_type
-from fleet.model.command import Command, Reply, ReplyStatus, Way
+from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
@@ -67,35 +68,39 @@ class RemoteRobot:
         control.answer(keys.state(edge, self.name), self._state_asked)
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
-    def look_for_emergency(self, payload: bytes) -> None:
-        """Stop at once over the stop lane when a message is an emergency stop; from any thread."""
-        if b"stop" not in payload:
-            return
-        try:
-            ask = self._decoder.decode("command", payload, way=Way.BUS)
-        except WireError:
-            return
-        if isinstance(ask, Command) and ask.name == EMERGENCY:
-            self.emergency("asked over the cloud")
-
     def emergency(self, _why: str) -> None:
         """Stop and latch; from any thread."""
         self._state = msgspec.structs.replace(self._state, emergency_stop=True)
         self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
 
-    def receive(
-        self,
-        kind: Kind,
-        payload: bytes,
-        *,
-        way: Way,
-        answer: Callable[[Reply], None],
-        request_id: str = "",
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = ""
+    ) -> Callable[[Callable[[Reply], None]], None] | None:
+        """Read a message, from any thread; an emergency stop leaves at once, over the stop lane.
+
+        What is returned hands the message to the worker; what that answers goes back, or that nobody
+        answered. None for a reply on its way back, which asks nothing.
+        """
+        name: str = kind
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+        except WireError as error:  # the worker refuses it, with the reason
+            name = getattr(error, "command", "") or kind
+        else:
+            if ask is None:
+                return None
+            name = ask.name
+            if name == EMERGENCY:
+                self.emergency("asked over the cloud")
+        parameters = {"kind": kind, "way": way.value}
+        if request_id:
+            parameters["id"] = request_id
+        return partial(self._hand_over, name, payload, parameters)
+
+    def _hand_over(
+        self, name: str, payload: bytes, parameters: dict[str, str], answer: Callable[[Reply], None]
     ) -> None:
-        """Hand a message to the worker; what it answers goes back, or that nobody answered."""
-        name = self._name_of(kind, payload)
-        if name is None:
-            return
+        """Hand a message to the worker."""
         answered: list[Reply] = []
 
         def on_answer(data: bytes) -> None:
@@ -109,9 +114,6 @@ class RemoteRobot:
                 reason = f"worker {self.worker} did not answer: {self._cause}"
                 self._soon(lambda: answer(Reply(name, ReplyStatus.TIMEOUT, reason)))
 
-        parameters = {"kind": kind, "way": way.value}
-        if request_id:
-            parameters["id"] = request_id
         self._control.ask_later(
             keys.command(self._edge, self.name),
             payload,
@@ -120,14 +122,6 @@ class RemoteRobot:
             on_answer=on_answer,
             on_end=on_end,
         )
-
-    def _name_of(self, kind: Kind, payload: bytes) -> str | None:
-        """Return the name of what a message asks, None when it asks nothing (a reply on its way back)."""
-        try:
-            ask = self._decoder.decode(kind, payload, way=Way.BUS)
-        except WireError as error:  # the worker refuses it, with the reason
-            return getattr(error, "command", "") or kind
-        return None if ask is None else ask.name
 
     def worker_is(self, cause: str) -> None:
         """Note what is wrong with the worker; empty when it runs."""

@@ -53,7 +53,6 @@ class Setpoint(msgspec.Struct, frozen=True):
     name: str = "move"
     lease: float | None = None
     origin: Origin = Origin(Way.BUS)
-    id: str = ""
     stamp: float | None = None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,7 +13,9 @@ from fleet.wire.strict import kind, number
 
 MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+LONGEST_NAME = 64  # characters
+
+_NAME = re.compile(f"[A-Za-z][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}")
 
 
 class BadCommand(WireError):
@@ -37,6 +40,13 @@ def name_of(message: Mapping[str, Any]) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise WireError(f"{str(name)[:40]!a} is not the name of a command", where=field)
     return name
+
+
+def identity(payload: bytes, stamp: float | None, request_id: str) -> str:
+    """Return what makes a repeat recognisable: the asker's own id, else a digest of a stamped message."""
+    if request_id or stamp is None:
+        return request_id
+    return hashlib.blake2b(payload, digest_size=16).hexdigest()
 
 
 def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> tuple[Origin, float | None]:
@@ -73,7 +83,11 @@ def stamp_of(message: Mapping[str, Any]) -> float | None:
     field = "timestamp" if message.get("timestamp") is not None else "ts"
     if message.get(field) is None:
         return None
-    stamp = number(message, field)
+    return seconds_of(number(message, field))
+
+
+def seconds_of(stamp: float) -> float:
+    """Return a stamp in seconds, of which it may be thousandths."""
     return stamp / 1000.0 if stamp > MILLISECONDS_FROM else stamp
 
 

@@ -14,13 +14,12 @@ and ``mode``; a robot obeys it when its adapter declares that command.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from typing import Any
 
 from fleet.errors import WireError
 from fleet.model.command import Command, Way
-from fleet.wire.envelope import BadCommand, optional_word, origin_and_stamp
+from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp
 from fleet.wire.strict import child, finite, parse_object, path, text
 
 JOINT_TARGETS = "joint_targets"
@@ -75,8 +74,7 @@ def decode_joints(payload: bytes, *, way: Way, request_id: str = "") -> Command 
             data["mode"] = mode
     except WireError as error:
         raise BadCommand(error, command=JOINT_TARGETS) from None
-    digest = hashlib.blake2b(payload, digest_size=16).hexdigest() if stamp is not None else ""
-    return Command(JOINT_TARGETS, data, origin, request_id or digest, stamp)
+    return Command(JOINT_TARGETS, data, origin, identity(payload, stamp, request_id), stamp)
 
 
 def _measured_form(message: Mapping[str, Any]) -> Sets:

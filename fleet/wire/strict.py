@@ -162,9 +162,13 @@ def finite(value: object, where: str) -> float:
     """Return ``value`` as a float; raises WireError for a string, a boolean, null or an infinity."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise WireError(f"a number is needed, this is {kind(value)}", where=where)
-    if not math.isfinite(value):
+    try:
+        measure = float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        measure = math.inf
+    if not math.isfinite(measure):
         raise WireError("a finite number is needed", where=where)
-    return float(value)
+    return measure
 
 
 def number(members: Mapping[str, Any], name: str, where: str = "") -> float:

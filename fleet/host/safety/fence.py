@@ -15,6 +15,7 @@ from fleet.model.geometry import Vector3
 from fleet.model.polygon import Point, Polygon, contains, crosses, distance_to_border
 
 SLACK = 1.0  # m out of bounds that is put down to the position's noise and to overshooting
+STEP = 0.1  # m
 LOOK_AHEAD = 1.5  # s of motion that must stay inside: an old pose, the answer, and the braking
 
 
@@ -87,11 +88,12 @@ class Fence(msgspec.Struct, frozen=True):
         speed = velocity.horizontal()
         if speed == 0:
             return False
-        seconds = LOOK_AHEAD + self.margin / speed
-        ahead = Vector3(point.x + velocity.x * seconds, point.y + velocity.y * seconds, point.z)
-        beyond = self._beyond(ahead, home)
+        # The first step too: who is out may not go through the depth of it, though that leads in again.
+        steps = (STEP / speed, LOOK_AHEAD, LOOK_AHEAD + self.margin / speed)
+        ways = [point + Vector3(velocity.x, velocity.y, 0.0).scaled(seconds) for seconds in steps]
+        beyond = max(self._beyond(ahead, home) for ahead in ways)
         before = self._beyond(point, home)
-        passes = before == 0 and self._leaves((point.x, point.y), (ahead.x, ahead.y))
+        passes = before == 0 and self._leaves((point.x, point.y), (ways[-1].x, ways[-1].y))
         return passes or (beyond > 0 and beyond >= before)
 
     def _beyond(self, point: Vector3, home: Vector3) -> float:

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
@@ -28,16 +29,17 @@ class FakePort:
         self.answers: Callable[[str, bytes], Reply | None] = lambda _kind, _payload: None
         self.raises: Exception | None = None
 
-    def look_for_emergency(self, payload: bytes) -> None:
+    def read(self, kind, payload, *, way, request_id=""):
+        assert way is Way.CLOUD
         if self.raises is not None:
             raise self.raises
         if b"emergency_stop" in payload:
             self.emergencies.append(payload)
+        return partial(self.take, (kind, payload, request_id))
 
-    def receive(self, kind, payload, *, way, answer, request_id=""):
-        assert way is Way.CLOUD
-        self.received.append((kind, payload, request_id))
-        reply = self.answers(kind, payload)
+    def take(self, what, answer):
+        self.received.append(what)
+        reply = self.answers(*what[:2])
         if reply is not None:
             answer(reply)
 

@@ -86,8 +86,9 @@ class Life:
     def _watched(self, judge):
         def judged(ask, **more):
             refusal = judge(ask, **more)
-            if refusal is None and ask.id:
-                self.note(What.ADMITTED, ask.id)
+            name = ask.id if isinstance(ask, Command) else ask.name
+            if refusal is None and name:
+                self.note(What.ADMITTED, name)
             return refusal
 
         return judged
@@ -104,7 +105,7 @@ class Life:
             self.note(What.RECEIVED, name)
         what = {
             "step": Command("step", {"number": number}, origin, name, stamp),
-            "drive": Setpoint(Velocity(Vector3(number / 1000)), origin=origin, id=name, stamp=stamp),
+            "drive": Setpoint(Velocity(Vector3(number / 1000)), name, origin=origin, stamp=stamp),
         }.get(kind, Command(kind, origin=origin, stamp=stamp))
         self.desk.receive(what, Ticket(name, lambda reply: self._replied(kind, name, ok=reply.ok)))
         if kind == "emergency_stop":

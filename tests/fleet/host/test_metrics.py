@@ -23,11 +23,8 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 class Rex:
     name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
-    def look_for_emergency(self, payload):
-        pass
-
-    def receive(self, kind, payload, *, way, answer, request_id=""):
-        answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
+    def read(self, kind, payload, *, way, request_id=""):
+        return lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
 
 
 class FakeEdge:

@@ -110,7 +110,7 @@ async def test_what_cannot_be_read_is_refused_with_the_reason(served):
 
 async def test_an_emergency_stop_halts_before_the_loop_takes_it(served):
     process, place = served
-    process.robots["rex"].look_for_emergency(b'{"command": "emergency_stop"}')
+    process.robots["rex"].read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
     assert place.words("rex") == ["run", "halt"]
     assert process.robots["rex"].desk.latched
 
@@ -120,5 +120,5 @@ async def test_an_emergency_stop_halts_before_the_loop_takes_it(served):
 )
 async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     process, _ = served
-    process.robots["rex"].look_for_emergency(payload)
+    process.robots["rex"].read("command", payload, way=Way.CLOUD)
     assert not process.robots["rex"].desk.latched

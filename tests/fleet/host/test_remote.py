@@ -53,7 +53,9 @@ class Bench:
         """Ask, and return the list of answers that the loop will fill."""
         answers = []
         payload = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
-        self.robot.receive(kind, payload, way=Way.CLOUD, answer=answers.append, **fields)
+        take = self.robot.read(kind, payload, way=Way.CLOUD, **fields)
+        if take:
+            take(answers.append)
         return answers
 
     def answered(self, answers):
@@ -131,7 +133,7 @@ def test_a_reply_on_its_way_back_asks_nothing(bench):
     ],
 )
 def test_an_emergency_stop_goes_over_the_stop_lane_at_once(bench, message):
-    bench.robot.look_for_emergency(json.dumps(message).encode())
+    bench.robot.read("command", json.dumps(message).encode(), way=Way.CLOUD)
     assert bench.stops == [["rex"]]
 
 
@@ -146,12 +148,12 @@ def test_an_emergency_stop_goes_over_the_stop_lane_at_once(bench, message):
     ],
 )
 def test_what_only_speaks_of_a_stop_is_none(bench, message):
-    bench.robot.look_for_emergency(json.dumps(message).encode())
+    bench.robot.read("command", json.dumps(message).encode(), way=Way.CLOUD)
     assert bench.stops == []
 
 
 def test_bytes_that_are_no_message_are_no_stop(bench):
-    bench.robot.look_for_emergency(b"\xff emergency_stop {")
+    bench.robot.read("command", b"\xff emergency_stop {", way=Way.CLOUD)
     assert bench.stops == []
 
 
@@ -207,7 +209,7 @@ def test_an_emergency_stop_outlives_its_worker(bench):
 
 def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(bench):
     bench.says(health="ok")
-    bench.robot.look_for_emergency(b'{"command": "emergency_stop"}')
+    bench.robot.read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
     bench.lane.token(keys.robot("yard", "rex"))
     assert bench.stops == [["rex"], ["rex"]]
 

@@ -2,7 +2,7 @@ import json
 
 import pytest
 from cyberwave.data.header import HeaderTemplate
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
@@ -450,3 +450,42 @@ def test_any_json_of_the_right_shape_is_read_or_refused(message):
         except BadCommand:
             continue
         assert asked is None or isinstance(asked, Command | Setpoint)
+
+
+# -- the usual form, read in one go ----------------------------------------------------------------------
+
+SCALARS = st.none() | st.booleans() | st.floats() | st.integers() | st.sampled_from([2**63 - 1, 2**63, "1:0"])
+USUAL = st.fixed_dictionaries(
+    {
+        "command": st.sampled_from([*VERBS, "move", "stop", "estop", "takeoff", "a b", "land\n", "", None]),
+        "source_type": st.sampled_from(["tele", "sim_tele", "é", "", 7]),
+        "timestamp": st.floats() | st.integers() | st.sampled_from([1.7e9, 1.7e12, -1, 2**64, "5", None]),
+        "data": st.dictionaries(st.sampled_from(["linear_x", "angular_z", "distance", "activate"]), SCALARS),
+    },
+    optional={"session_id": st.sampled_from(["me", "a:b", None]), "status": st.just("ok"), "x": SCALARS},
+)
+
+
+def outcome(payload):
+    """Return what a message is read as, or how it is refused."""
+    try:
+        return decode_command(payload, way=Way.CLOUD, defaults=DEFAULTS)
+    except BadCommand as error:
+        return str(error), error.command
+
+
+@settings(max_examples=1000)
+@given(USUAL, st.sampled_from([b"", b'"command": "stop", ', b'"data": {"linear_x": 1}, ']))
+def test_a_message_is_read_alike_in_one_go_and_step_by_step(message, doubled):
+    payload = b"{" + doubled + json.dumps(message).encode()[1:]
+    quick = outcome(payload)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fleet.wire.commands._usual", lambda *_: None)
+        assert quick == outcome(payload)
+
+
+def test_what_people_send_is_read_in_one_go(monkeypatch):
+    monkeypatch.setattr("fleet.wire.commands.parse_object", None)
+    sent = {"command": "move", "source_type": "tele", "data": {"linear_x": 0.5}, "timestamp": 1760000000.25}
+    assert decode(sent) == decode(sent | {"session_id": ""})
+    assert decode(sent).velocity == Velocity(Vector3(0.5))

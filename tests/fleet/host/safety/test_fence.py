@@ -1,7 +1,7 @@
 """The fence: places, ways and velocities."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.host.safety.fence import LOOK_AHEAD, Fence
@@ -57,6 +57,13 @@ def test_a_thin_exclusion_is_not_jumped_over_by_looking_far_ahead():
     assert Fence(exclusion=(wall,)).admitted(Vector3(), Vector3(5, 0, 0), HOME) == Vector3()
 
 
+def test_who_is_in_an_exclusion_may_not_leave_through_the_depth_of_it():
+    at = Vector3(11, 2, 5)
+    assert FENCE.admitted(at, Vector3(1, 1, 0), HOME) == Vector3()
+    assert FENCE.admitted(at, Vector3(-1, 1, 0), HOME) == Vector3(-1, 1, 0)
+
+
+@settings(max_examples=1000)
 @given(x=places, y=places, vx=speeds, vy=speeds)
 def test_what_is_admitted_never_leads_farther_out(x, y, vx, vy):
     point = Vector3(x, y, 5.0)
