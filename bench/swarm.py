@@ -2,10 +2,12 @@
 
 ``python -m bench.swarm COUNT PORT NOTES``: systems 1 to COUNT speak to 127.0.0.1:PORT; every command is
 accepted, a mode is entered. What arrives is noted at NOTES, a datagram each: monotonic time, system, command.
+The time is the kernel's, of when the bytes were written to the socket: the swarm may be slow to read them.
 """
 
 import contextlib
 import socket
+import struct
 import sys
 import time
 
@@ -14,6 +16,8 @@ from pymavlink.dialects.v20 import all as mav
 TICK = 0.02
 RATES = {0: 1, 1: 1, 2: 1, 24: 1, 30: 10, 33: 10, 42: 0.5, 147: 0.5, 193: 1, 242: 1, 245: 2}  # id -> Hz
 ARDUPILOT, GUIDED, ARMED = 3, 4, 0x81
+SO_TIMESTAMPNS = 35  # Linux; the socket module has no name for it
+STAMP = struct.Struct("qq")  # seconds, nanoseconds
 COMMAND_INT, COMMAND_LONG, DO_SET_MODE = 75, 76, 176
 
 
@@ -51,6 +55,7 @@ class Swarm:
         self.link.bind(("127.0.0.1", 0))
         self.link.setblocking(False)
         self.link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        self.link.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self.frames = {system: frames(system) for system in range(1, count + 1)}
         now = time.monotonic()
         self.due = [
@@ -79,16 +84,17 @@ class Swarm:
         arrived = []
         with contextlib.suppress(BlockingIOError):
             while True:
-                arrived.append((self.link.recv(4096), time.monotonic()))
-        for data, now in arrived:
+                data, told, *_ = self.link.recvmsg(4096, 64)
+                arrived.append((data, written_at(told)))
+        for data, at in arrived:
             for message in parser.parse_buffer(data) or ():
                 if message.get_msgId() in {COMMAND_INT, COMMAND_LONG}:
-                    self.obey(message, now)
+                    self.obey(message, at)
 
-    def obey(self, message, now):
+    def obey(self, message, at):
         """Note a command, acknowledge it, enter its mode."""
         system = message.target_system
-        self.link.sendto(f"{now} {system} {message.command}".encode(), self.notes)
+        self.link.sendto(f"{at} {system} {message.command}".encode(), self.notes)
         source = message.get_srcSystem(), message.get_srcComponent()
         sender = mav.MAVLink(None, srcSystem=system, srcComponent=1)
         ack = mav.MAVLink_command_ack_message(message.command, 0, 0, 0, *source)
@@ -96,6 +102,12 @@ class Swarm:
         if message.command == DO_SET_MODE and system in self.frames:
             self.frames[system][0] = beat(system, int(message.param2))
             self.link.sendto(self.frames[system][0], self.to)
+
+
+def written_at(told):
+    """Return the monotonic time in what the kernel tells beside a datagram."""
+    seconds, nanoseconds = STAMP.unpack(told[0][2][: STAMP.size])
+    return seconds + nanoseconds / 1e9 - time.time() + time.monotonic()
 
 
 if __name__ == "__main__":

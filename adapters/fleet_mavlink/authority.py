@@ -30,8 +30,8 @@ class Authority:
         """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""
         self._expected |= set(modes)
 
-    def observe(self, state: VehicleState, flavour: Flavour) -> None:
-        """Look at a new heartbeat, before anybody who waits for it does."""
+    def observe(self, state: VehicleState, flavour: Flavour, alarm: str = "") -> None:
+        """Look at a new heartbeat, before anybody who waits for it does; ``alarm``: what a fail-safe said."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
         if not state.armed:
@@ -42,7 +42,9 @@ class Authority:
         already, self.lost_to = self.lost_to, mode
         if already or not before:
             return
-        cause = "its own fail-safe" if state.failsafe else "a pilot or another station"
+        cause = "a pilot or another station"
+        if state.failsafe:
+            cause = f"its own fail-safe ({alarm})" if alarm else "its own fail-safe"
         self._lost(f"mode changed from {before} to {mode}, not by us: {cause}")
 
     def _allowed(

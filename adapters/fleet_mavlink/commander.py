@@ -32,6 +32,7 @@ class Timing(msgspec.Struct, frozen=True):
     heartbeat: float = 1.3  # for the next heartbeat, which alone shows a mode
 
 
+NEVER_SENT = "answers to commands that were never sent"
 _CROSSING = 0.1  # s in which a heartbeat and an answer may cross
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
@@ -74,6 +75,7 @@ class Commander:
         self._vehicle = vehicle
         self.turn = asyncio.Lock()
         self.exchange: _Exchange | None = None
+        self._ever: set[int] = set()  # the commands that were ever sent
         vehicle.on_ack = self._acknowledged
 
     def supersede(self, reason: str) -> None:
@@ -164,6 +166,8 @@ class Commander:
     def _acknowledged(self, ack: CommandAck) -> None:
         """Note an answer to the command that is under way; others are late or somebody else's."""
         exchange = self.exchange
+        if ack.command not in self._ever:
+            self._vehicle.trust.counts[NEVER_SENT] += 1
         if exchange is None or ack.command != exchange.command:
             return
         if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
@@ -197,7 +201,8 @@ class Commander:
             raise Refused(f"superseded: {exchange.superseded}")
 
     def addressed(self, ask: Ask) -> Ask:
-        """Return a command with the vehicle's address in it."""
+        """Return a command with the vehicle's address in it, to be sent; answers to it are expected."""
+        self._ever.add(ask.command)
         return msgspec.structs.replace(ask, target_system=self._vehicle.system)
 
     def _send(self, ask: Ask, attempt: int) -> None:

@@ -22,6 +22,7 @@ from fleet_mavlink.vehicle import Vehicle
 
 _LOG = logging.getLogger(__name__)
 _FOREVER = 3600.0  # s between looks when nothing happens
+_BEATS_TO_TELL = 5  # heartbeats in which it tells what it is fitted with, if it ever does
 _AGAIN = 10.0  # s until parameters that could not be read are read again
 
 LinkLoss = Literal["return_to_home", "land", "continue"]
@@ -49,6 +50,12 @@ _ON_LINK_LOSS: Mapping[str, Mapping[str, Rule]] = {
         "land": Rule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
     },
 }
+_ON_RADIO_LOSS: Mapping[str, Rule] = {
+    "ardupilot": Rule(
+        ("FS_THR_ENABLE",), frozenset(range(1, 8)), 1, "it flies on when the remote control is lost"
+    ),
+    "px4": Rule(("NAV_RCL_ACT",), frozenset({1, 2, 3}), 2, "it flies on when the remote control is lost"),
+}
 _ALWAYS: Mapping[str, tuple[Rule, ...]] = {
     "ardupilot": (
         Rule(("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 2, "it flies on with an empty battery"),
@@ -63,9 +70,12 @@ _ALWAYS: Mapping[str, tuple[Rule, ...]] = {
 }
 
 
-def rules_for(flavour: str, link_loss: LinkLoss, station: int) -> tuple[Rule, ...]:
-    """Return what must hold; ``station`` is our own system id, the only one that ArduPilot watches then."""
-    rules = _ALWAYS[flavour]
+def rules_for(flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool) -> tuple[Rule, ...]:
+    """Return what must hold; ``station`` is our own system id, the only one that ArduPilot watches then.
+
+    Without a ``receiver`` for a remote control its loss is no matter: ArduPilot could not be armed with it.
+    """
+    rules = _ALWAYS[flavour] + ((_ON_RADIO_LOSS[flavour],) if receiver else ())
     lost = _ON_LINK_LOSS[flavour].get(link_loss)
     if lost is None:
         return rules
@@ -149,10 +159,11 @@ class Failsafes:
         await self.set()
 
     async def _met(self) -> None:
-        """Wait until there is a vehicle of a known kind."""
+        """Wait until there is a vehicle of a known kind, and give it time to tell what it is fitted with."""
 
-        def known(_state: VehicleState) -> bool:
-            return self._vehicle.connected and self._vehicle.flavour is not None
+        def known(state: VehicleState) -> bool:
+            told = state.prearm_ok is not None or state.beats > _BEATS_TO_TELL
+            return told and self._vehicle.connected and self._vehicle.flavour is not None
 
         while not await self._vehicle.until(known, _FOREVER):
             _LOG.debug("system %s is still not met", self._vehicle.system)
@@ -166,7 +177,8 @@ class Failsafes:
         flavour = self._vehicle.flavour
         if flavour is None:
             raise NotReady("it is not known yet which autopilot this is")
-        return rules_for(flavour.name, self._link_loss, self._station)
+        receiver = self._vehicle.state.remote_control is not None
+        return rules_for(flavour.name, self._link_loss, self._station, receiver=receiver)
 
     async def _trouble(self, rule: Rule) -> str:
         """Return what is wrong with one parameter, empty when nothing is."""

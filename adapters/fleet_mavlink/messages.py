@@ -41,6 +41,7 @@ class SysStatus(Message, frozen=True):
     voltage_battery: int  # mV, 65535 unknown
     current_battery: int  # cA, -1 unknown
     battery_remaining: int  # percent, -1 unknown
+    onboard_control_sensors_present: int = 0
 
 
 class SystemTime(Message, frozen=True):

@@ -14,7 +14,7 @@ from fleet.model.navigation import PlanItem
 from fleet_mavlink.driving import require_control
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.messages import CommandLong, MissionItemReached
+from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReached
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Kind, Plans
 from fleet_mavlink.words import Cmd, Frame
@@ -25,6 +25,7 @@ _ELSEWHERE = 1000.0  # m between the planned and the real home beyond which the 
 _OTHER_GROUND = 50.0  # m of altitude between them
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _CLOSE = 2.0  # m
+_THERE = 15.0  # m from the last place, within which PX4 takes it for reached (10 m) and goes on to hold
 
 _COMMANDS: Mapping[str, Cmd] = {
     "waypoint": Cmd.NAV_WAYPOINT,
@@ -34,6 +35,10 @@ _COMMANDS: Mapping[str, Cmd] = {
     "return_to_launch": Cmd.NAV_RETURN_TO_LAUNCH,
     "land_start": Cmd.DO_LAND_START,
 }
+
+
+_Told = MissionCurrent | MissionItemReached
+_TOLD: tuple[type[_Told], ...] = (MissionCurrent, MissionItemReached)
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -157,22 +162,26 @@ class Missions:
             raise Refused(what, hint="start the mission anew")
 
     async def _watch(self, mission: FlyMission, plan: Plan) -> AsyncIterator[Progress]:
-        """Start, or go on, and follow the items to the end."""
+        """Start, or go on, and follow the items to the end.
+
+        Only what is told from the start on counts: both autopilots still tell of the last mission before.
+        """
         flight, flavour = self._flight, self._flight.flavour
         returns = mission.items[-1].kind == "return_to_launch"
         ends = (flavour.return_home,) if returns else (flavour.hold,)
         self._give_way(flavour, flavour.mission)
-        with self._vehicle.hearing(MissionItemReached) as heard:
+        before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
+        watch = _Progress(plan, len(mission.items), before)
+        with self._vehicle.hearing(*_TOLD) as heard:
             start = None if mission.resumed else CommandLong(Cmd.MISSION_START)
             await flight.enter(flavour.mission, start)
-            watch = _Progress(plan, len(mission.items))
             while not self._is_over(mission, watch, returns=returns):
-                reached = await heard.next(_LOOK)
-                watch.see(self._vehicle.state.mission_current, None if reached is None else reached.seq)
-                if watch.on_last:
+                watch.see(await heard.next(_LOOK))
+                may_end = self._may_end(mission, watch, returns=returns)
+                if may_end:
                     flight.authority.expect_also(*ends)
                 if not (returns and not self._vehicle.state.armed):
-                    flight.check(flavour.mission, *(ends if watch.on_last else ()))
+                    flight.check(flavour.mission, *(ends if may_end else ()))
                 yield watch.progress()
         if not returns:
             await flight.hold()
@@ -186,8 +195,15 @@ class Missions:
             point = mission.items[-1].point
             near = _CLOSE + (mission.items[-1].radius or 0.0)
             return watch.on_last and point is not None and self._away(point) <= near
-        held = watch.on_last and self._flight.mode(state) == self._flight.flavour.hold
-        return watch.finished or held
+        held = self._flight.mode(state) == self._flight.flavour.hold
+        return self._may_end(mission, watch, returns=returns) and (watch.finished or held)
+
+    def _may_end(self, mission: FlyMission, watch: _Progress, *, returns: bool) -> bool:
+        """Return whether the vehicle may leave the mission by itself: at the last item, and at its place."""
+        last = mission.items[-1]
+        if returns or last.point is None:
+            return watch.on_last
+        return watch.on_last and self._away(last.point) <= _THERE + (last.tolerance or last.radius or 0.0)
 
     def _away(self, point: GeoPoint) -> float:
         """Return metres over ground to a place, infinite while the position is unknown."""
@@ -224,9 +240,13 @@ class Missions:
 
 
 class _Progress:
-    """How far a mission is, by the items that the vehicle is at and has reached."""
+    """How far a mission is, by the items that the vehicle is at and has reached.
 
-    def __init__(self, plan: Plan, count: int) -> None:
+    ``before`` is the item of another mission that is still told to be reached, for a while.
+    """
+
+    def __init__(self, plan: Plan, count: int, before: int | None) -> None:
+        self._before = before
         self._plan = plan
         self._count = count
         self._done = 0  # items of the mission that are behind
@@ -241,12 +261,17 @@ class _Progress:
         """True once the last item was reached."""
         return self._done >= self._count
 
-    def see(self, current: int | None, reached: int | None) -> None:
-        """Take the number of the active item, and of one that was reached, in the vehicle's numbering."""
-        if current is not None and 0 <= current < len(self._plan.steps):
-            self._done = max(self._done, self._plan.steps[current])
-        if reached is not None and 0 <= reached < len(self._plan.steps) and self._ends_step(reached):
-            self._done = max(self._done, self._plan.steps[reached] + 1)
+    def see(self, said: _Told | None) -> None:
+        """Take the number of the active item, or of one that was reached, in the vehicle's numbering."""
+        if said is None or not 0 <= said.seq < len(self._plan.steps):
+            return
+        step = self._plan.steps[said.seq]
+        if isinstance(said, MissionCurrent):
+            self._done = max(self._done, step)
+            if self._before is not None and said.seq >= self._before:
+                self._before = None
+        elif said.seq != self._before and self._ends_step(said.seq):
+            self._done = max(self._done, step + 1)
 
     def _ends_step(self, seq: int) -> bool:
         """Return whether an item of the vehicle's is the last of one of the mission's; home is none."""

@@ -32,8 +32,9 @@ from fleet_mavlink.words import AUTOPILOT
 
 _SILENCE = 1.5  # s without a word after which we say ours again
 _TRIES = 5
+_TRANSFERS = 3  # of one plan: the vehicle gives up one in which it hears nothing for some seconds
 _ITEM_TRIES = 50  # requests for one and the same item
-_ACCEPTED, _DENIED, _INVALID_SEQUENCE = 0, 14, 13
+_ACCEPTED, _INVALID_SEQUENCE, _DENIED, _CANCELLED = 0, 13, 14, 15
 _RESULTS = (
     "ACCEPTED",
     "ERROR",
@@ -86,7 +87,15 @@ class Plans:
         async with self._lock:
             require_connection(self._vehicle)
             with self._vehicle.hearing(*_KINDS) as heard:
-                await self._send_all(kind, items, heard)
+                for _ in range(_TRANSFERS):
+                    sent = await self._send_all(kind, items, heard)
+                    if sent in {0, len(items)}:
+                        break
+        if sent < len(items):
+            raise TimedOut(
+                f"system {self._vehicle.system} stopped asking for its {kind.name.lower()}",
+                hint=f"{sent} of {len(items)} items were sent; is the link good?",
+            )
 
     async def download(self, kind: Kind) -> tuple[MissionItemInt, ...]:
         """Return the items of a plan as the vehicle has them."""
@@ -109,8 +118,11 @@ class Plans:
                 )
         _require_accepted(ack, f"to forget its {kind.name.lower()}")
 
-    async def _send_all(self, kind: Kind, items: Sequence[MissionItemInt], heard: Heard[_Said]) -> None:
-        """Announce the items and answer what is asked until the vehicle says that it has them."""
+    async def _send_all(self, kind: Kind, items: Sequence[MissionItemInt], heard: Heard[_Said]) -> int:
+        """Announce the items and answer what is asked until the vehicle says that it has them.
+
+        Returns how many were asked for: fewer than there are when it gave up on the way.
+        """
         asked: dict[int, int] = {}
         tries = 0
         while tries < _TRIES:
@@ -118,19 +130,18 @@ class Plans:
                 self._send(MissionCount(0, 0, len(items), kind))
             said = await self._newest(kind, heard)
             if said is None and len(asked) == len(items):
-                return  # the last word may be lost: the read-back tells
+                break  # the last word may be lost: the read-back tells
             if said is None:
                 tries += 1
             elif isinstance(said, MissionAck):
+                if said.type == _CANCELLED:
+                    break
                 _require_accepted(said, f"the {kind.name.lower()}")
-                return
+                return len(items)
             else:
                 tries = 0
                 self._answer_request(kind, items, said.seq, asked)
-        raise TimedOut(
-            f"system {self._vehicle.system} stopped asking for its {kind.name.lower()}",
-            hint=f"{len(asked)} of {len(items)} items were sent; is the link good?",
-        )
+        return len(asked)
 
     def _answer_request(
         self, kind: Kind, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]

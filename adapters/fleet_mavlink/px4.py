@@ -52,6 +52,7 @@ class Px4(Flavour):
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
     mission: ClassVar[str] = "AUTO.MISSION"
     home_is_first: ClassVar[bool] = False
+    repeats_reached: ClassVar[bool] = True
     unset: ClassVar[float] = NAN
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}

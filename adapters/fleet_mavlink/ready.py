@@ -49,6 +49,7 @@ def checks(
         Check("mode", True, (_mode_words(mode, flavour),)),
         Check("fail-safe", not state.failsafe),
         Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
+        *_remote_control(state),
         Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
     ]
 
@@ -56,6 +57,14 @@ def checks(
 def _mode_words(mode: str, flavour: Flavour) -> str:
     """Say in which mode the autopilot judged itself: on ArduPilot its checks depend on it."""
     return mode if mode == flavour.arming else f"{mode}; a take-off changes to {flavour.arming}"
+
+
+def _remote_control(state: VehicleState) -> tuple[Check, ...]:
+    """Look whether the pilot's remote control is heard, where the vehicle has a receiver for one."""
+    heard = state.remote_control
+    if heard is None:
+        return ()
+    return (Check("remote control", heard, () if heard else ("it is not heard",)),)
 
 
 def _percent_words(percent: float | None) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.state import SILENCE
 from fleet_mavlink.streams import Streams
-from fleet_mavlink.texts import Sentence
+from fleet_mavlink.texts import Sentence, alarm
 from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT
@@ -53,6 +53,7 @@ class Session:
         self._robot = robot
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._alarm = ""  # what the autopilot said of the fail-safe that it is in
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -224,7 +225,7 @@ class Session:
         """Return what is wrong with a vehicle that answers and can be flown."""
         vehicle = self.vehicle
         if vehicle.state.failsafe:
-            return ("the autopilot is in a fail-safe",)
+            return (f"the autopilot is in a fail-safe{': ' if self._alarm else ''}{self._alarm}",)
         troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
         if vehicle.trust.signer is not None and not vehicle.trust.signed:
             return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
@@ -245,8 +246,13 @@ class Session:
 
     def _heartbeat(self) -> None:
         """Look whether somebody else changed the mode, and whether the vehicle is back."""
-        if self.vehicle.flavour is not None:
-            self.authority.observe(self.vehicle.state, self.vehicle.flavour)
+        vehicle = self.vehicle
+        if not vehicle.state.failsafe:
+            self._alarm = ""
+        elif not self._alarm:
+            self._alarm = alarm(vehicle.sentences, vehicle.clock.monotonic())
+        if vehicle.flavour is not None:
+            self.authority.observe(vehicle.state, vehicle.flavour, self._alarm)
         self._robot.health(self._health())
 
     def _authority_lost(self, reason: str) -> None:

@@ -27,7 +27,7 @@ from fleet_mavlink.messages import (
     SysStatus,
     SystemTime,
 )
-from fleet_mavlink.words import ARMED_FLAG, FIX_TYPES, PREARM_OK, Landed, Status
+from fleet_mavlink.words import ARMED_FLAG, FIX_TYPES, PREARM_OK, RC_RECEIVER, Landed, Status
 
 SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
 _BEATS_TO_RETURN = 2
@@ -85,6 +85,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     fix: Fix | None = None
     home: GeoPoint | None = None
     prearm_ok: bool | None = None
+    remote_control: bool | None = None  # whether a pilot's is heard; None: there is no receiver
     estimator_flags: int | None = None
     mission_current: int | None = None
     mission_total: int | None = None
@@ -178,8 +179,13 @@ def _heartbeat(state: VehicleState, message: Heartbeat, now: float) -> dict[str,
 
 
 def _sys_status(state: VehicleState, message: SysStatus, _now: float) -> dict[str, Any]:
-    """Take the arming check, and the battery unless it has a message of its own."""
-    news: dict[str, Any] = {"prearm_ok": bool(message.onboard_control_sensors_health & PREARM_OK)}
+    """Take the arming check, the remote control, and the battery unless it has a message of its own."""
+    healthy = message.onboard_control_sensors_health
+    receives = bool(message.onboard_control_sensors_present & RC_RECEIVER)
+    news: dict[str, Any] = {
+        "prearm_ok": bool(healthy & PREARM_OK),
+        "remote_control": bool(healthy & RC_RECEIVER) if receives else None,
+    }
     if not state.battery_has_own_message:
         millivolts = message.voltage_battery
         news["battery"] = Battery(

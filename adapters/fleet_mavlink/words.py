@@ -15,6 +15,7 @@ ARMED_FLAG = 0x80  # in the heartbeat's base_mode
 CUSTOM_MODE = 1.0  # param1 of DO_SET_MODE: the mode is the autopilot's own
 FORCE = 21196.0  # param2 of ARM_DISARM: without the checks
 PREARM_OK = 0x1000_0000  # in the sensor health of SYS_STATUS
+RC_RECEIVER = 0x1_0000  # the same, and whether there is one
 
 
 class Cmd(enum.IntEnum):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import click
@@ -82,7 +83,7 @@ def send(
     For example:  fleet send kestrel takeoff altitude=5 --wait
     """
     message = {"command": command, "data": _data(data), "timestamp": time.time()}
-    return _ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
+    return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -126,7 +127,7 @@ def goto(
         message["yaw"] = yaw
     if speed is not None:
         message["constraints"] = {"max_speed_ms": speed}
-    return _ask(out, robot, "navigate", message, wait=wait, timeout=timeout, file=file)
+    return ask(out, robot, "navigate", message, wait=wait, timeout=timeout, file=file)
 
 
 @click.command()
@@ -167,7 +168,12 @@ def _missing(edges: Edges, names: tuple[str, ...], stopped: list[str]) -> list[s
     return [name for name in missing if not members[name] or not members[name] <= set(stopped)]
 
 
-def _ask(
+def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
+    """Do nothing while answers are waited for."""
+    return contextlib.nullcontext()
+
+
+def ask(
     out: Output,
     name: str,
     kind: str,
@@ -176,19 +182,26 @@ def _ask(
     wait: bool,
     timeout: float,
     file: str | None,
+    around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
 ) -> ExitCode:
-    """Ask a robot, or all of a group at once; show every answer; return what they mean together."""
+    """Ask a robot, or all of a group at once; show every answer; return what they mean together.
+
+    ``around`` lasts while the end is waited for.
+    """
     try:
         payload = json.dumps(message, allow_nan=False).encode()
     except ValueError:
         raise click.UsageError("a number in the command is not finite") from None
     within = timeout if wait else min(timeout, RECEIPT_WITHIN)
     with Edges.reach(file) as edges:
+        robots = edges.named(name)
         asked = [
-            (robot, edges.command(robot, payload, kind=kind, wait=wait, timeout=within))
-            for robot in edges.named(name)
+            (robot, edges.command(robot, payload, kind=kind, wait=wait, timeout=within)) for robot in robots
         ]
-        last = [(robot, _last(out, robot, replies, message["command"], within)) for robot, replies in asked]
+        with around(out, edges, robots) if wait else contextlib.nullcontext():
+            last = [
+                (robot, _last(out, robot, replies, message["command"], within)) for robot, replies in asked
+            ]
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})

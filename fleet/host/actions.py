@@ -57,11 +57,19 @@ class Action:
         self.paused = False
         self.move(ActionState.RUNNING, message="resumed")
 
+    @property
+    def words(self) -> str:
+        """What it is doing, in a word or two for people."""
+        doing, task = "navigating", self.task
+        if isinstance(task, FlyMission):
+            doing = f"mission, item {min(self._reached + 1, len(task.items))} of {len(task.items)},"
+        return f"{doing} {self.status.progress:.0f} %" + (", paused" if self.paused else "")
+
     def progress(self, progress: Progress) -> None:
         """Tell how far it is; statuses that say nothing new are thinned out."""
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
         percent = max(self.status.progress, min(99.0, progress.percent))
-        self._reached = progress.reached
+        self._reached = max(self._reached, progress.reached)
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._said >= REPEAT:
             self.move(state, percent, progress.message)

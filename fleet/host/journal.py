@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import queue
 import sqlite3
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,9 @@ from fleet.spool.place import JOURNAL, locked, made
 
 log = logging.getLogger(__name__)
 
+GATHER = 0.05
+"""Seconds in which what is begun and ended gathers for the disk; a thread that woke for each command would
+want the interpreter just when the command is on its way to the robot. Stops do not wait."""
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
 DONE = "completed"
 ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
@@ -149,7 +152,9 @@ class Journal:
         self._clock = clock
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
         self._begun: Begun | None = None
-        self._waiting: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._waiting: deque[Entry] = deque()
+        self._hurry = threading.Event()
+        self._closing = False
         self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
         self._database: sqlite3.Connection | None = None
         path = folder / JOURNAL
@@ -181,7 +186,8 @@ class Journal:
 
     def close(self) -> None:
         """Write what waits and close the file."""
-        self._waiting.put(None)
+        self._closing = True
+        self._hurry.set()
         self._thread.join()
         if self._database is not None:
             self._database.close()
@@ -198,7 +204,9 @@ class Journal:
                     self._begun.add(entry.values)
                 except OSError as error:
                     self._fail(error)
-            self._waiting.put(entry)
+            self._waiting.append(entry)
+        if entry.change not in {_BEGIN, _END}:
+            self._hurry.set()
 
     def _recall(self, name: str) -> tuple[str, list[Past]]:
         """Return the robot's emergency stop and its commands, the oldest first."""
@@ -218,18 +226,16 @@ class Journal:
 
     def _write(self) -> None:
         """Be the thread: everything that waits goes into one commit."""
-        while (entry := self._waiting.get()) is not None:
-            entries = [entry]
-            while not self._waiting.empty():
-                further = self._waiting.get()
-                if further is None:
-                    self._waiting.put(None)
-                    break
-                entries.append(further)
+        while not self._closing or self._waiting:
+            self._hurry.wait(GATHER)
+            self._hurry.clear()
+            entries = [self._waiting.popleft() for _ in range(len(self._waiting))]
+            if not entries:
+                continue
             with self._using:
                 self._commit(entries)
             with self._adding:
-                if self._begun is not None and self._waiting.empty() and not self.problem:
+                if self._begun is not None and not self._waiting and not self.problem:
                     self._begun.clear()
 
     def _commit(self, entries: Sequence[Entry]) -> None:

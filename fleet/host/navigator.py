@@ -70,7 +70,7 @@ class Navigator:
         """What is under way, in a word or two; empty when nothing."""
         if self.action is None or self.action.over:
             return ""
-        return f"navigating {self.action.status.progress:.0f} %"
+        return self.action.words
 
     def recall(self) -> None:
         """Say how the actions ended that an earlier process did not see to their end; once, at the start."""

@@ -10,27 +10,22 @@ from typing import TypeVar
 
 from fleet.model.health import Health
 from fleet.model.report import Report
-from fleet.testing.clock import ManualClock
+from fleet.testing.clock import LoopClock, ManualClock
 
 SharedT = TypeVar("SharedT")
 ReportT = TypeVar("ReportT", bound=Report)
 WITHIN = 20.0  # s; how long a test waits for what must happen, on a slow computer
 
 
-class RecordingRobot:
-    """What an adapter's ``run`` is given in a test.
+class _Robot:
+    """What both robots below record: ``reports``, ``healths`` and ``losses``, oldest first."""
 
-    ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
-    """
-
-    def __init__(self, name: str = "robot", clock: ManualClock | None = None) -> None:
+    def __init__(self, name: str) -> None:
         self.name = name
-        self.clock = clock or ManualClock()
         self.log = logging.getLogger(f"fleet.robot.{name}")
         self.reports: list[Report] = []
         self.healths: list[Health] = []
         self.losses: list[str] = []
-        self._calls: list[_Periodic] = []
         self._told = asyncio.Event()
 
     def report(self, report: Report) -> None:
@@ -48,10 +43,6 @@ class RecordingRobot:
         self.losses.append(reason)
         self._told.set()
 
-    def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Hang a call on the wheel, which ``advance`` turns."""
-        self._calls.append(_Periodic(seconds, call, self.clock.monotonic() + seconds))
-
     def share(
         self,
         key: str,  # noqa: ARG002 - a lone robot shares with nobody
@@ -59,6 +50,34 @@ class RecordingRobot:
     ) -> AbstractAsyncContextManager[SharedT]:
         """Return what ``make`` gives."""
         return make()
+
+    async def until(self, condition: Callable[[], bool], within: float = WITHIN) -> None:
+        """Wait until a condition on what was recorded holds; raises TimeoutError."""
+        async with asyncio.timeout(within):
+            while not condition():
+                self._told.clear()
+                await self._told.wait()
+
+    async def first(self, kind: type[ReportT]) -> ReportT:
+        """Wait for the first report of a kind; raises TimeoutError."""
+        await self.until(lambda: any(isinstance(report, kind) for report in self.reports))
+        return next(report for report in self.reports if isinstance(report, kind))
+
+
+class RecordingRobot(_Robot):
+    """What an adapter's ``run`` is given in a test that turns the wheel itself.
+
+    ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
+    """
+
+    def __init__(self, name: str = "robot", clock: ManualClock | None = None) -> None:
+        super().__init__(name)
+        self.clock = clock or ManualClock()
+        self._calls: list[_Periodic] = []
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Hang a call on the wheel, which ``advance`` turns."""
+        self._calls.append(_Periodic(seconds, call, self.clock.monotonic() + seconds))
 
     def advance(self, seconds: float) -> None:
         """Turn the wheel: let time pass and make the calls that are due, in their order.
@@ -75,17 +94,32 @@ class RecordingRobot:
             first.call()
         self.clock.advance(max(0.0, end - self.clock.monotonic()))
 
-    async def until(self, condition: Callable[[], bool], within: float = WITHIN) -> None:
-        """Wait until a condition on what was recorded holds; raises TimeoutError."""
-        async with asyncio.timeout(within):
-            while not condition():
-                self._told.clear()
-                await self._told.wait()
 
-    async def first(self, kind: type[ReportT]) -> ReportT:
-        """Wait for the first report of a kind; raises TimeoutError."""
-        await self.until(lambda: any(isinstance(report, kind) for report in self.reports))
-        return next(report for report in self.reports if isinstance(report, kind))
+class LoopRobot(_Robot):
+    """The same, in the time of the running event loop, which makes the calls; ``close`` ends them.
+
+    The loop's time may be a test's own: then everything goes as fast as it can.
+    """
+
+    def __init__(self, name: str = "robot") -> None:
+        super().__init__(name)
+        self.clock = LoopClock(asyncio.get_running_loop())
+        self._timers: dict[Callable[[], None], asyncio.TimerHandle] = {}
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Make a call again and again."""
+        loop = asyncio.get_running_loop()
+
+        def again() -> None:
+            self._timers[call] = loop.call_later(seconds, again)
+            call()
+
+        self._timers[call] = loop.call_later(seconds, again)
+
+    def close(self) -> None:
+        """Make no more calls."""
+        for timer in self._timers.values():
+            timer.cancel()
 
 
 class _Periodic:

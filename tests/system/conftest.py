@@ -307,11 +307,15 @@ def ears() -> Iterator[Callable[..., Ears]]:
         each.close()
 
 
-@pytest.fixture(params=["demo broker", "mosquitto"])
+PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on mosquitto"
+"""Autopilot and broker know nothing of each other, so two pairs show all that four would."""
+
+
+@pytest.fixture(params=[PX4, ARDUPILOT])
 def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
     """Start a demo with one drone of each flavour, on its own broker and on Mosquitto."""
     broker: tuple[str, ...] = ()
-    if request.param == "mosquitto":
+    if request.param == ARDUPILOT:
         mosquitto = request.getfixturevalue("mosquitto")
         broker = ("--broker", f"127.0.0.1:{mosquitto.port}")
     running = fleet("demo", "--drones", "2", "--json", *broker)
@@ -322,7 +326,8 @@ def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
     return running, listener
 
 
-@pytest.fixture(params=["px4", "ardupilot"])
+@pytest.fixture
 def pilot(request: Any, flying: tuple[Running, Ears]) -> Pilot:
-    """Make a pilot for one of the two drones."""
-    return flying[1].pilot(twin_of({"px4": "drone-1", "ardupilot": "drone-2"}[request.param]))
+    """Make a pilot for the drone of the pair's flavour."""
+    name = {PX4: "drone-1", ARDUPILOT: "drone-2"}[request.node.callspec.params["flying"]]
+    return flying[1].pilot(twin_of(name))

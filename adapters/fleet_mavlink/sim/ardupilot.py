@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
+from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
@@ -19,7 +20,6 @@ from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 
 _BODY_FRAMES = frozenset({8, 9})
-_LAND = 5  # FS_GCS_ENABLE
 _OFFSET_FRAMES = frozenset({7, 8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
@@ -27,7 +27,7 @@ _STOP = (0.0, 0.0, 0.0)
 _EKF_GRACE = 10.0  # seconds without satellites until the position counts as lost
 _LANDED_DISARM = 2.0
 _PREARM_EVERY = 30.0
-_PREARM_BIT, _GPS_BIT = 0x10000000, 0x20
+_PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 
 
 class ArduPilot(Autopilot):
@@ -50,8 +50,7 @@ class ArduPilot(Autopilot):
         super().__init__(boot, MODES["STABILIZE"])
         self._switch_read = False
         self._prearm_told_at = boot.at
-        self._low_since: float | None = None
-        self._battery_acted = False
+        self.failsafes = Failsafes(self)
         self.motors_stopped: Manoeuvre | None = None  # what goes on when the emergency stop is released
         self.paused: Manoeuvre | None = None  # what goes on after DO_PAUSE_CONTINUE
 
@@ -92,13 +91,16 @@ class ArduPilot(Autopilot):
             found.append("Need Position Estimate")
         if self.outside_fence((self.body.north, self.body.east, self.body.down)):
             found.append("Vehicle outside Polygon fence")
+        if self.failsafes.radio_lost:
+            found.append("Radio failsafe on")
         if not self.age(23.5):
             found.append("EKF3 still initialising")
         return found
 
     def sensors(self) -> tuple[int, int, int]:
         """Return the bits that were seen, with GPS and PREARM_CHECK as they are now."""
-        healthy = 0x4771FC0F | (_GPS_BIT if self.gps_fix else 0)
+        healthy = 0x4770FC0F | (_GPS_BIT if self.gps_fix else 0)
+        healthy |= 0 if self.failsafes.radio_lost else _RC_BIT
         if not self.refusals(force=False):
             healthy |= _PREARM_BIT
         return 0x5371FC2F, 0x5361FC2F if self.armed else 0x5261FC2F, healthy
@@ -107,7 +109,7 @@ class ArduPilot(Autopilot):
         """STANDBY and ACTIVE go by being landed, not by being armed."""
         if not self.initialised:
             return int(mav.MAV_STATE_BOOT)
-        if self.failsafe:
+        if self.failsafe or self.failsafes.radio_lost:
             return int(mav.MAV_STATE_CRITICAL)
         return int(mav.MAV_STATE_ACTIVE if self.armed and self.flying else mav.MAV_STATE_STANDBY)
 
@@ -194,13 +196,7 @@ class ArduPilot(Autopilot):
         self._start_up()
         if self.armed:
             self._auto_disarm()
-        if self.armed and self.flying:
-            self._watch_gcs()
-            self._watch_battery()
-            self._watch_position()
-            self.watch_fence(self._broke_fence)
-        elif not self.armed:
-            self.failsafe = ""
+        self.failsafes.watch()
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
             self.out.append(heartbeat(self))
@@ -234,13 +230,6 @@ class ArduPilot(Autopilot):
             self.say(INFO, "Disarming motors")
             self.disarm()
 
-    def fail(self, why: str, text: str, mode: str) -> None:
-        """Begin a fail-safe: say it, mark it, change the mode."""
-        self.failsafe = why
-        self.say(CRITICAL, text)
-        self.enter(MODES[mode] if self.has_position else MODES["LAND"])
-        self.out.append(heartbeat(self))
-
     def outside_fence(self, place: Triple) -> bool:
         """FENCE_ENABLE, with what FENCE_TYPE names."""
         params = self.params
@@ -251,38 +240,3 @@ class ArduPilot(Autopilot):
             height=params["FENCE_ALT_MAX"],
             radius=params["FENCE_RADIUS"],
         )
-
-    def _broke_fence(self) -> None:
-        """FENCE_ACTION 0: only say it; 1: RTL."""
-        if self.params["FENCE_ACTION"]:
-            self.fail("fence", "Fence Breached", "RTL")
-        else:
-            self.say(WARNING, "Fence Breached")
-
-    def _watch_gcs(self) -> None:
-        """FS_GCS_ENABLE 1: RTL, 5: LAND, after FS_GCS_TIMEOUT without the station."""
-        if not self.params["FS_GCS_ENABLE"] or self.gcs_heard_at is None or self.failsafe:
-            return
-        if self.time - self.gcs_heard_at > self.params["FS_GCS_TIMEOUT"]:
-            self.fail("gcs", "GCS Failsafe", "LAND" if self.params["FS_GCS_ENABLE"] == _LAND else "RTL")
-
-    def _watch_battery(self) -> None:
-        """Warn below BATT_LOW_VOLT for BATT_LOW_TIMER; BATT_FS_LOW_ACT 1 lands, 2 returns."""
-        if self.battery.volts >= self.params["BATT_LOW_VOLT"]:
-            self._low_since = None
-            return
-        self._low_since = self.time if self._low_since is None else self._low_since
-        if self._battery_acted or self.time - self._low_since < self.params["BATT_LOW_TIMER"]:
-            return
-        self._battery_acted = True
-        text = f"Battery 1 is low {self.battery.volts:.2f}V used {self.battery.used_mah:.0f} mAh"
-        mode = {1: "LAND", 2: "RTL"}.get(int(self.params["BATT_FS_LOW_ACT"]))
-        if mode is None:
-            self.say(WARNING, text)
-        else:
-            self.fail("battery", text, mode)
-
-    def _watch_position(self) -> None:
-        """Land when the position is lost in a mode that needs it."""
-        if self.mode.position and not self.has_position and self.failsafe != "ekf":
-            self.fail("ekf", "EKF variance", "LAND")

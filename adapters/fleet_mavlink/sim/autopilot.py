@@ -171,6 +171,11 @@ class Autopilot(ABC):
         return "gps_loss" in self.faults
 
     @property
+    def remote_control(self) -> bool:
+        """True while a pilot's remote control is heard."""
+        return "rc_loss" not in self.faults
+
+    @property
     @abstractmethod
     def _gps_found(self) -> bool:
         """True once the receiver has found satellites after boot."""

@@ -16,6 +16,7 @@ VEHICLE_FAULTS: Mapping[str, str] = {
     "low_battery": "percent that is left from now on",
     "not_ready": "the checks before arming never pass",
     "pilot_takeover": "a pilot switches the mode by remote control",
+    "rc_loss": "no remote control is heard; PX4 only misses one that it has (COM_RC_IN_MODE 0)",
     "reboot": "the autopilot restarts now",
     "wind": "metres per second of gusty wind from the west; more than 12 carries it away",
 }

@@ -168,7 +168,7 @@ class FlyMission(Manoeuvre):
     def _reached(self, pilot: Autopilot) -> None:
         """Tell that an item is done and go to the next; the number stays below the count."""
         missions = pilot.missions
-        pilot.out.append(mav.MAVLink_mission_item_reached_message(missions.current))
+        pilot.out.append(missions.reached(pilot.time))
         if missions.current + 1 < len(missions.items):
             missions.current += 1
             return

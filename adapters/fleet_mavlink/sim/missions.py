@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import all as mav
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5  # MISSION_STATE
 FENCE = int(mav.MAV_MISSION_TYPE_FENCE)
 _MISSION = int(mav.MAV_MISSION_TYPE_MISSION)
+_TOLD_AGAIN = 1.0  # s
 _GIVE_UP = 8.0  # seconds without an item that end an upload
 _FIRST_DO = 80  # commands from here on are not navigation
 _FLOWN = frozenset({16, 17, 19, 20, 21, 22, 82, 93})  # navigation that both fly
@@ -46,6 +47,7 @@ class Habits:
     home_is_first: bool
     tells_duplicates: bool
     frames_told: Mapping[int, int]  # frames that come back as another one
+    reached_times: int = 1  # that the end of an item is told, a second apart
     flies: frozenset[int] = _FLOWN
 
 
@@ -58,7 +60,12 @@ ARDUPILOT_HABITS = Habits(
     flies=_FLOWN | {LOITER_TURNS},
 )
 PX4_HABITS = Habits(
-    mav.MAVLink_mission_request_int_message, 0.25, home_is_first=False, tells_duplicates=False, frames_told={}
+    mav.MAVLink_mission_request_int_message,
+    0.25,
+    home_is_first=False,
+    tells_duplicates=False,
+    frames_told={},
+    reached_times=11,
 )
 
 
@@ -84,6 +91,20 @@ class Missions:
         self._upload: _Upload | None = None
         self.current = 0
         self.state = NO_MISSION
+        self._reached: tuple[int, int, float] | None = None  # the item, how often it is told still, when next
+
+    def reached(self, now: float) -> Any:
+        """Return the message that the current item is done; PX4 tells it again and again."""
+        self._reached = (self.current, self.habits.reached_times - 1, now + _TOLD_AGAIN)
+        return mav.MAVLink_mission_item_reached_message(self.current)
+
+    def _told_again(self, now: float) -> Iterable[Any]:
+        """Tell the last item that was done again, also where another mission has come since."""
+        if self._reached is None or not self._reached[1] or now < self._reached[2]:
+            return ()
+        item, times, _ = self._reached
+        self._reached = (item, times - 1, now + _TOLD_AGAIN)
+        return [mav.MAVLink_mission_item_reached_message(item)]
 
     def plan(self, kind: int) -> list[Item]:
         """Return the stored items of a MAV_MISSION_TYPE."""
@@ -112,6 +133,7 @@ class Missions:
     def reboot(self) -> None:
         """Forget the transfer and start the mission anew."""
         self._upload = None
+        self._reached = None
         self._rewind()
 
     def _rewind(self) -> None:
@@ -119,7 +141,11 @@ class Missions:
         self.state = NOT_STARTED if self.loaded else NO_MISSION
 
     def overdue(self, now: float) -> Iterable[Any]:
-        """Ask again for an item that did not come; end an upload that went silent."""
+        """Say what is to be said again; ask for an item that did not come, end an upload that went silent."""
+        return [*self._told_again(now), *self._asked_again(now)]
+
+    def _asked_again(self, now: float) -> Iterable[Any]:
+        """Go on with an upload."""
         upload = self._upload
         if upload is None:
             return ()

@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
+from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
@@ -24,12 +25,10 @@ _AMSL_FRAMES = frozenset({0, 5})
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GPS_GRACE = 5.5
-_GCS_GRACE = 2.2  # seconds on top of COM_DL_LOSS_T
 _GCS_GONE = 3.0
 _TEXTS_KEPT = 20
-_PREARM_BIT, _GPS_BIT = 0x10000000, 0x20
-_ACTIONS = {1: "LOITER", 2: "RTL", 3: "LAND"}  # NAV_DLL_ACT
-_OFFBOARD_LOSS = {0: "POSCTL", 3: "RTL", 4: "LAND", 5: "LOITER"}  # COM_OBL_RC_ACT
+_PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
+_HAS_RECEIVER = frozenset({0, 2, 3})  # COM_RC_IN_MODE; the simulated one's own, 1, is without
 _NOT_CHOSEN = frozenset({"TAKEOFF", "LAND", "PRECLAND", "RTL"})
 
 
@@ -70,8 +69,7 @@ class Px4(Autopilot):
         self.takeoff: Manoeuvre | None = None  # what the take-off command asked for
         self._setpoint_at: float | None = None
         self._stream_since = 0.0
-        self._then: tuple[float, Mode] | None = None  # when a fail-safe goes on, and with what
-        self._battery_told: set[str] = set()
+        self.failsafes = Failsafes(self)
         self._withheld: list[Any] = []
 
     # readiness
@@ -99,6 +97,16 @@ class Px4(Autopilot):
         return self.age(self.real_ready) and not lost
 
     @property
+    def has_receiver(self) -> bool:
+        """True where COM_RC_IN_MODE says that there is a receiver."""
+        return int(self.params["COM_RC_IN_MODE"]) in _HAS_RECEIVER
+
+    @property
+    def remote_control(self) -> bool:
+        """True while there is a receiver that hears the remote control."""
+        return self.has_receiver and super().remote_control
+
+    @property
     def gcs_lost(self) -> bool:
         """True when no ground station has been heard lately, or ever."""
         return self.gcs_heard_at is None or self.time - self.gcs_heard_at > _GCS_GONE
@@ -123,7 +131,9 @@ class Px4(Autopilot):
         healthy = 0x320C81F | (_GPS_BIT if self.gps_fix else 0)
         if not self.refusals(force=False):
             healthy |= _PREARM_BIT
-        return 0x300402F, 0x301402F, healthy
+        receiver = _RC_BIT if self.has_receiver else 0
+        healthy |= _RC_BIT if self.remote_control else 0
+        return 0x300402F | receiver, 0x301402F, healthy
 
     def system_status(self) -> int:
         """STANDBY and ACTIVE go by being armed."""
@@ -152,9 +162,7 @@ class Px4(Autopilot):
         for place, text in enumerate(self._withheld):
             self.later(0.05 * (place + 1), text)
         self._withheld.clear()
-        if self.failsafe == "gcs":
-            self.failsafe = ""
-            self._then = None
+        self.failsafes.over("gcs")
 
     # modes
 
@@ -177,8 +185,7 @@ class Px4(Autopilot):
         if refusal:
             self.say(CRITICAL, refusal)
             return TEMPORARILY_REJECTED
-        self._then = None
-        self.failsafe = ""
+        self.failsafes.over()
         if mode.name not in _NOT_CHOSEN:
             self.chosen = mode
         self.enter(mode)
@@ -199,7 +206,7 @@ class Px4(Autopilot):
 
     def take_off(self, manoeuvre: Manoeuvre) -> None:
         """Begin a take-off now, or when the motors are armed."""
-        self._then = None
+        self.failsafes.over()
         self.takeoff = manoeuvre
         self.enter(MODES["TAKEOFF"])
         if self.armed:
@@ -221,8 +228,7 @@ class Px4(Autopilot):
     def disarm(self) -> None:
         """Stop the motors, and go back to the mode that was chosen last."""
         super().disarm()
-        self.failsafe = ""
-        self._then = None
+        self.failsafes.over()
         if not self.terminated:
             self.enter(self.chosen)
 
@@ -243,9 +249,8 @@ class Px4(Autopilot):
         if not self.stream_alive:
             self._stream_since = self.time
         self._setpoint_at = self.time
-        if self.failsafe == "offboard" and self.time - self._stream_since >= _BACK_TO_OFFBOARD:
-            self.failsafe = ""
-            self._then = None
+        back = self.time - self._stream_since >= _BACK_TO_OFFBOARD
+        if back and self.failsafes.over("offboard"):
             self.enter(MODES["OFFBOARD"])
         if self.armed and self.mode.name == "OFFBOARD":
             self.manoeuvre = self.fly_setpoint(setpoint)
@@ -274,20 +279,12 @@ class Px4(Autopilot):
 
     def supervise(self) -> None:
         """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""
-        if not self.armed:
-            if self.age(2.0) and (self.home is None or self.flying):
-                self.set_home()
-            return
-        self._end_manoeuvre()
-        self._auto_disarm()
-        if self.armed and not self.terminated:
-            self._watch_offboard()
-            self._watch_position()
-            self._watch_gcs()
-            self._watch_battery()
-            if self.flying:
-                self.watch_fence(self._broke_fence)
-            self._go_on()
+        if self.armed:
+            self._end_manoeuvre()
+            self._auto_disarm()
+        elif self.age(2.0) and (self.home is None or self.flying):
+            self.set_home()
+        self.failsafes.watch()
 
     def _end_manoeuvre(self) -> None:
         """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
@@ -317,33 +314,6 @@ class Px4(Autopilot):
             self.say(INFO, "Disarmed by auto preflight disarming")
             self.disarm()
 
-    def fail(self, why: str, mode: str, then: str = "") -> None:
-        """Begin a fail-safe in a mode; ``then`` follows after COM_FAIL_ACT_T seconds."""
-        self.failsafe = why
-        self.say(CRITICAL, "Failsafe activated")
-        self.enter(MODES[mode] if not MODES[mode].position or self.has_position else MODES["LAND"])
-        self._then = (self.time + self.params["COM_FAIL_ACT_T"], MODES[then]) if then else None
-
-    def _go_on(self) -> None:
-        """Take the second step of a fail-safe."""
-        if self._then is not None and self.time >= self._then[0]:
-            _, mode = self._then
-            self._then = None
-            self.enter(mode)
-
-    def _watch_offboard(self) -> None:
-        """COM_OBL_RC_ACT when the setpoints stop."""
-        if self.mode.name != "OFFBOARD" or self._setpoint_at is None:
-            return
-        if self.time - self._setpoint_at > self.params["COM_OF_LOSS_T"]:
-            action = int(self.params["COM_OBL_RC_ACT"])
-            self.fail("offboard", _OFFBOARD_LOSS.get(action, "LOITER"))
-
-    def _watch_position(self) -> None:
-        """Land without a position."""
-        if self.flying and self.mode.position and not self.has_position and self.failsafe != "position":
-            self.fail("position", "LAND")
-
     def outside_fence(self, place: Triple) -> bool:
         """GF_ACTION 0 watches nothing."""
         params = self.params
@@ -354,38 +324,6 @@ class Px4(Autopilot):
             height=params["GF_MAX_VER_DIST"],
             radius=params["GF_MAX_HOR_DIST"],
         )
-
-    def _broke_fence(self) -> None:
-        """GF_ACTION 1: only say it, 2: hold, 3: return."""
-        mode = {2: "LOITER", 3: "RTL"}.get(int(self.params["GF_ACTION"]))
-        self.say(CRITICAL, "Geofence breached")
-        if mode is not None:
-            self.fail("fence", mode)
-
-    def _watch_gcs(self) -> None:
-        """NAV_DLL_ACT when the ground station is silent; nothing by default."""
-        action = _ACTIONS.get(int(self.params["NAV_DLL_ACT"]))
-        if action is None or self.gcs_heard_at is None or self.failsafe or not self.flying:
-            return
-        if self.mode.name in {"LAND", "RTL"}:
-            return
-        if self.time - self.gcs_heard_at > self.params["COM_DL_LOSS_T"] + _GCS_GRACE:
-            self.fail("gcs", "LOITER", then=action)
-
-    def _watch_battery(self) -> None:
-        """Warn, then return, then land; once for each level."""
-        share = self.battery.percent / 100
-        if share < self.params["BAT_LOW_THR"] and "low" not in self._battery_told:
-            self._battery_told.add("low")
-            self.say(WARNING, "Low battery level, return advised")
-        for level, limit, then in (
-            ("critical", "BAT_CRIT_THR", "RTL"),
-            ("emergency", "BAT_EMERGEN_THR", "LAND"),
-        ):
-            if share < self.params[limit] and level not in self._battery_told and self.flying:
-                self._battery_told.add(level)
-                if self.params["COM_LOW_BAT_ACT"] > 0:
-                    self.fail("battery", "LOITER", then=then)
 
 
 def _refusal(setpoint: Setpoint, *, local: bool) -> str:

@@ -109,6 +109,15 @@ def _land(pilot: Px4, _ask: Ask) -> int:
     return result
 
 
+def _orbit(pilot: Px4, _ask: Ask) -> int:
+    """Show the mode; the circle is not flown."""
+    return pilot.change_mode(MODES["ORBIT"])
+
+
+def _unanswered(_pilot: Px4, _ask: Ask) -> None:
+    """Do nothing and say nothing: nobody on the simulated board takes it."""
+
+
 def _start_mission(pilot: Px4, _ask: Ask) -> int:
     """Arms by itself."""
     if not pilot.missions.loaded:
@@ -221,6 +230,7 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mav.MAV_CMD_NAV_LAND: _land,
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,
+    mav.MAV_CMD_DO_ORBIT: _orbit,
     mav.MAV_CMD_DO_SET_MODE: _set_mode,
     mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
     mav.MAV_CMD_DO_SET_HOME: _home,
@@ -233,6 +243,7 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_MISSION_START: _start_mission,
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
     mav.MAV_CMD_RUN_PREARM_CHECKS: _check,
+    mav.MAV_CMD_INJECT_FAILURE: _unanswered,
     mav.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE: configure_gimbal,
     mav.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: turn_gimbal,
     mav.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,

@@ -44,6 +44,7 @@ _ALL = (
     Mode("MANUAL", 1 << 16, _sink, MANUAL_BASE, position=False, armable=False),
     Mode("ALTCTL", 2 << 16, _sink, MANUAL_BASE, position=False, armable=False),
     Mode("POSCTL", 3 << 16, _sink, MANUAL_BASE, armable=False),
+    Mode("ORBIT", 1 << 24 | 3 << 16, hold, AUTO_BASE),
     Mode("OFFBOARD", 6 << 16, hold, AUTO_BASE),
     Mode("STABILIZED", 7 << 16, _sink, MANUAL_BASE, position=False, armable=False),
     Mode("TERMINATION", 10 << 16, _fall, AUTO_BASE, position=False, armable=False),

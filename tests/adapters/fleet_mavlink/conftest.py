@@ -1,8 +1,6 @@
 """A vehicle that says what a test wants, recordings of real ones, and a sky for simulated ones."""
 
 import asyncio
-import contextlib
-import logging
 import math
 import selectors
 import time
@@ -11,9 +9,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet.commands import arguments
 from fleet.link.memory import MemoryRobot
 from fleet.testing.clock import ManualClock
+from fleet.testing.operator import Operator
+from fleet.testing.robot import LoopRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.codec import Parser
 from fleet_mavlink.config import MavlinkConfig
@@ -107,50 +106,7 @@ class JumpingLoop(asyncio.SelectorEventLoop):
         return 1000.0 + self._jumping.jumped
 
 
-class LoopRobot:
-    """The host's side of one run, in the loop's own time."""
-
-    name = "kestrel"
-
-    def __init__(self):
-        self.loop = asyncio.get_running_loop()
-        self.clock = self
-        self.log = logging.getLogger("fleet.robot.kestrel")
-        self.reports, self.healths, self.losses = [], [], []
-        self._timers = {}
-
-    def monotonic(self):
-        return self.loop.time()
-
-    def time(self):
-        return 1_800_000_000.0 + self.loop.time()
-
-    def report(self, report):
-        self.reports.append(report)
-
-    def health(self, health):
-        if not self.healths or self.healths[-1] != health:
-            self.healths.append(health)
-
-    def authority_lost(self, reason):
-        self.losses.append(reason)
-
-    def every(self, seconds, call):
-        def again():
-            self._timers[call] = self.loop.call_later(seconds, again)
-            call()
-
-        self._timers[call] = self.loop.call_later(seconds, again)
-
-    def share(self, key, make):
-        return make()
-
-    def close(self):
-        for timer in self._timers.values():
-            timer.cancel()
-
-
-class Sky:
+class Sky(Operator):
     """A simulated vehicle, and the adapter that flies it over a memory link."""
 
     def __init__(self, flavour, *, ready=0.0, faults=None, accessories=(), **config):
@@ -173,8 +129,8 @@ class Sky:
         self._parser.robust_parsing = True
 
     async def __aenter__(self):
-        self.robot = LoopRobot()
-        self._origin = self.robot.monotonic()
+        self.robot = LoopRobot("kestrel")
+        self._origin = self.robot.clock.monotonic()
         self._peer.__enter__()
         self.run = asyncio.ensure_future(self.adapter.run(self.robot))
         self._turning = asyncio.ensure_future(self._turn())
@@ -189,7 +145,7 @@ class Sky:
 
     @property
     def now(self):
-        return self.robot.monotonic() - self._origin
+        return self.robot.clock.monotonic() - self._origin
 
     def _heard(self, data):
         for message in self._parser.parse_buffer(bytearray(data)) or ():
@@ -251,21 +207,6 @@ class Sky:
         """Let time pass until the adapter knows the vehicle and where it is."""
         await self.until(lambda: self.adapter._session and self.state.home_altitude is not None)
         return self
-
-    async def do(self, name, /, **data):
-        """Carry out a command; return its answer, or its progress in percent."""
-        spec = self.adapter.commands()[name]
-        doing = getattr(self.adapter, spec.method)(**arguments(spec, data))
-        if not spec.streams:
-            return await doing
-        async with contextlib.aclosing(doing):
-            return [progress.percent async for progress in doing]
-
-    async def drive(self, velocity, seconds):
-        """Ask for a velocity at 10 Hz, as an operator does."""
-        for _ in range(round(seconds * 10)):
-            self.adapter.drive(velocity)
-            await asyncio.sleep(0.1)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from fleet import NotReady, Refused, TimedOut, Unsupported
-from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
 from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusText
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.words import Cmd, Result
@@ -86,6 +86,16 @@ def test_the_answer_to_another_command_is_none_to_this_one(talk):
         it.later(0.1, ack(Result.FAILED, Cmd.NAV_TAKEOFF))
         it.later(0.2, ack(Result.ACCEPTED))
         await it.commander.ask(ARM)
+
+    talk(test)
+
+
+def test_answers_to_what_was_never_asked_are_counted_and_late_ones_are_not(talk):
+    async def test(it):
+        it.later(0.1, ack(Result.ACCEPTED), ack(Result.ACCEPTED), ack(Result.ACCEPTED, Cmd.NAV_TAKEOFF))
+        await it.commander.ask(ARM)
+        await asyncio.sleep(0.1)
+        assert it.told.vehicle.trust.counts == {NEVER_SENT: 1}
 
     talk(test)
 

@@ -106,12 +106,14 @@ def test_after_the_fail_safe_a_new_command_is_needed(fly, sky, flavour):
 
 
 def test_other_names_of_newer_firmware_are_known():
-    (watched,) = [rule for rule in rules_for("ardupilot", "land", 245) if "MAV_GCS_SYSID" in rule.names]
+    (watched,) = [
+        rule for rule in rules_for("ardupilot", "land", 245, receiver=True) if "MAV_GCS_SYSID" in rule.names
+    ]
     assert watched.good == {245}
     assert decode(6, 245.0, "cast") in watched.good
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 def test_a_vehicle_that_may_fly_on_is_not_asked_to_watch_us(flavour):
-    names = {name for rule in rules_for(flavour, "continue", 245) for name in rule.names}
+    names = {name for rule in rules_for(flavour, "continue", 245, receiver=True) for name in rule.names}
     assert not names & {"FS_GCS_ENABLE", "SYSID_MYGCS", "NAV_DLL_ACT"}

@@ -162,7 +162,7 @@ def test_after_a_reboot_the_messages_are_asked_for_again(fly, sky, flavour):
             await it.until(lambda: it.state.reboots == 1)
             await it.until(lambda: it.state.home_altitude is not None)
             again = it.now
-            await it.until(lambda: it.state.knows_where(it.robot.monotonic()))
+            await it.until(lambda: it.state.knows_where(it.robot.clock.monotonic()))
             assert it.now - again < 15.0
             await it.do("takeoff")
 

@@ -11,11 +11,14 @@ from fleet.model.geodesy import geo_from_world
 from fleet.model.navigation import Constraints, PlanItem
 from fleet_mavlink.mission import plan_of
 from fleet_mavlink.plans import Kind
+from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
+from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
 from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}
+MODES = {"ardupilot": ARDUPILOT_MODES, "px4": PX4_MODES}
 AUTO = {"ardupilot": "AUTO", "px4": "MISSION"}
 
 
@@ -55,6 +58,22 @@ def test_a_mission_is_sent_taken_off_for_and_flown_item_by_item(fly, sky, flavou
             assert it.place == pytest.approx((0.0, 15.0, 6.0), abs=1.2)
             await it.until(lambda: it.mode == HOLD[flavour], within=5.0)
             assert it.robot.losses == []
+
+    fly(main())
+
+
+@both
+def test_what_is_still_told_of_the_last_mission_is_not_taken_for_the_next_ones(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            for turn in range(8):
+                east = 5.0 * (turn % 2)
+                there = mission(*(PlanItem("waypoint", at(east, 5.0 * each)) for each in range(1, 4)))
+                steps = await flown(it, there)
+                assert it.place == pytest.approx((15.0, east, 10.0), abs=1.2)
+                assert [step.reached for step in steps[:4]] == [0, 0, 0, 0]
+                await asyncio.sleep(0.27 * turn)
 
     fly(main())
 
@@ -132,6 +151,22 @@ def test_a_pilot_who_takes_over_ends_the_mission(fly, sky, flavour):
                 await flying
             assert it.robot.losses
             assert it.mode in {"LOITER", "POSCTL"}
+
+    fly(main())
+
+
+@both
+def test_a_hold_by_another_station_on_the_last_leg_is_no_end(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            flight = asyncio.ensure_future(flown(it, mission(PlanItem("waypoint", at(0, 100)))))
+            await it.until(lambda: it.mode == AUTO[flavour] and it.place[0] > 20.0)
+            held = next(each for each in MODES[flavour].values() if each.name == HOLD[flavour])
+            it.sim.pilot.pilot_takes_over(held)
+            with pytest.raises(Refused):
+                await flight
+            assert "not by us" in it.robot.losses[0]
 
     fly(main())
 

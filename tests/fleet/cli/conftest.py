@@ -110,6 +110,7 @@ class PlayedEdge:
         self.edge = edge
         self.stops = []
         self._silent = False
+        self._put_off = []
         self._groups = groups
         self._robots = list(robots)
         self.bus = open_edge(BusSettings(edge, listen=settings.pop("listen", ()), **settings), runtime)
@@ -153,6 +154,16 @@ class PlayedEdge:
         self._control.answer(keys.command(self.edge, name), answer)
         return asked
 
+    def answers_late(self, name, *replies):
+        """Let a robot answer what it is asked, with the last only when states are looked at after that."""
+
+        def answer(question):
+            for reply in replies[:-1]:
+                question.reply(msgspec.json.encode(reply))
+            self._put_off.append((question, msgspec.json.encode(replies[-1])))
+
+        self._control.answer(keys.command(self.edge, name), answer)
+
     def answers_together(self, replies):
         """Let robots answer once all of them were asked; returns what they were."""
         asked, lock = [], threading.Lock()
@@ -175,6 +186,10 @@ class PlayedEdge:
             if not self._silent:
                 question.reply(answer)
             question.close()
+            while self._put_off:
+                late, reply = self._put_off.pop()
+                late.reply(reply)
+                late.close()
 
         return tell
 

@@ -145,3 +145,14 @@ def test_a_mission_tells_its_step_and_goes_on_where_it_was_paused():
     life.action.complete()
     assert [status.step for status in life.said] == [0, 0, 2, 2, 2, 2]
     assert life.states()[-1] == "completed"
+
+
+def test_what_it_does_is_told_in_words():
+    item = PlanItem("waypoint", GeoPoint(47.0, 8.0, 10.0))
+    life = Life(FlyMission("f", (item,) * 3))
+    life.action.move(ActionState.RUNNING)
+    life.action.progress(Progress(33.0, "item 2 of 3", reached=1))
+    assert life.action.words == "mission, item 2 of 3, 33 %"
+    life.action.pause()
+    assert life.action.words == "mission, item 2 of 3, 33 %, paused"
+    assert Life().action.words == "navigating 0 %"

@@ -12,6 +12,7 @@ from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
 from fleet.spool.place import JOURNAL
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import wait_until
 
 ACCEPTED, REJECTED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED
 
@@ -169,9 +170,7 @@ def test_a_disk_that_fills_up_is_told_and_one_that_is_well_again_too(opened, ask
     rex = journal.robot("rex")
     journal._database.execute("PRAGMA max_page_count = 1")
     rex.latch("x" * 100_000)
-    journal._waiting.put(None)
-    journal._thread.join()
-    assert "full" in journal.problem
+    wait_until("the trouble is told", lambda: "full" in journal.problem)
     journal._database.execute("PRAGMA max_page_count = 100000")
     journal._commit([])
     assert journal.problem == ""

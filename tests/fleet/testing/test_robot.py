@@ -6,7 +6,7 @@ import pytest
 from fleet.errors import LinkLost
 from fleet.model.health import Health
 from fleet.model.report import BatteryReport
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import LoopRobot, RecordingRobot
 
 
 def test_calls_are_made_when_they_are_due_and_in_order():
@@ -51,3 +51,15 @@ async def test_waiting_for_what_never_comes_ends():
 async def test_a_lone_robot_shares_with_nobody():
     async with RecordingRobot().share("port", lambda: contextlib.nullcontext(7)) as value:
         assert value == 7
+
+
+async def test_a_robot_in_the_loops_time_makes_its_calls_until_it_is_closed():
+    robot, made = LoopRobot(), []
+    enough = asyncio.Event()
+    robot.every(0.001, lambda: made.append(robot.clock.monotonic()) or len(made) < 3 or enough.set())
+    await asyncio.wait_for(enough.wait(), 20)
+    robot.close()
+    count = len(made)
+    await asyncio.sleep(0.01)
+    assert len(made) == count
+    assert made == sorted(made)

@@ -361,3 +361,25 @@ def test_a_pilot_takes_over_and_holds(offboard):
 def test_mission_start_arms_by_itself(px4):
     px4.run(0.2)
     assert px4.asks(300) == [DENIED]
+
+
+def test_an_orbit_is_accepted_and_shown(px4):
+    px4.run(0.2)
+    assert px4.asks(34, 5) == [ACCEPTED]
+    px4.run(1.1)
+    assert px4.last("HEARTBEAT").custom_mode == 0x01030000
+
+
+def test_nobody_answers_the_injection_of_a_failure(px4):
+    px4.run(0.2)
+    assert px4.asks(420, 1) == []
+
+
+def test_a_pause_and_a_turn_are_unsupported(flying):
+    assert flying.asks(193, 0) == [UNSUPPORTED]
+    assert flying.asks(115, 90) == [UNSUPPORTED]
+
+
+def test_arming_by_another_number_is_unsupported(px4):
+    px4.run(0.2)
+    assert px4.asks(400, 2) == [UNSUPPORTED]
