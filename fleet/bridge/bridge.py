@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -28,7 +28,7 @@ from fleet.wire.health import edge_health
 from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule, Traffic, rule_of
+from fleet.wire.rules import Traffic, rule_of
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -102,10 +102,11 @@ class Bridge:
             topics,
             _infos(ports, rules),
             session=session,
-            publish=self._publish,
+            publish=self._queue,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
             refusals=self.refusals,
+            clock=clock,
         )
         self.downlink = Downlink(
             topics,
@@ -136,12 +137,16 @@ class Bridge:
             self._say(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
+    def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
+        """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
+        for key, sample in samples:
+            self.uplink.arrived(key, sample)
+        self._flush()
+
     def turn(self) -> Iterator[None]:
         """Publish what is due, step by step; at the end of each turn of the wheel."""
-        yield from self.uplink.turn(self._clock.monotonic())
-        if self._queued:  # a wake-up of the cloud's thread costs more than a message
-            self._queued = False
-            self.client.flush()
+        yield from self.uplink.turn()
+        self._flush()
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, or take it back when ``holder`` is empty."""
@@ -176,6 +181,7 @@ class Bridge:
         if self.client.state is CloudState.CONNECTED:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)
+        self._flush()
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
@@ -192,12 +198,16 @@ class Bridge:
 
     def _say(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
         """Publish a telemetry message."""
-        topic, payload = self._telemetry(port, kind, fields)
         self.said.add(Traffic.EVENT)
-        self.client.publish(topic, payload, qos=1)
+        self._queue(*self._telemetry(port, kind, fields), qos=1)
 
     def _say_now(self, topic: str, payload: bytes) -> None:
         """Publish what is of no use later."""
+        self.said.add(Traffic.LATEST)
+        self._queue(topic, payload)
+
+    def _say_at_once(self, topic: str, payload: bytes) -> None:
+        """Publish what is timed: it does not wait for the turn's end."""
         self.said.add(Traffic.LATEST)
         self.client.publish(topic, payload)
 
@@ -205,19 +215,30 @@ class Bridge:
         """Return the robots whose twins no other edge has."""
         return [port for twin, port in self._ports.items() if twin not in self._held]
 
-    def _publish(self, topic: str, payload: bytes, rule: Rule) -> bool:
-        """Queue for the next flush."""
-        self._queued = True
-        return self.client.publish(
-            topic, payload, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None
-        )
+    def _queue(
+        self,
+        topic: str,
+        payload: bytes,
+        qos: int = 0,
+        traffic: Traffic = Traffic.EVENT,
+        expiry: float | None = None,
+    ) -> bool:
+        """Queue for the next flush; any thread."""
+        taken = self.client.publish(topic, payload, qos=qos, traffic=traffic, expiry=expiry, later=True)
+        self._queued = True  # last: another thread's flush in between must not take the mark away
+        return taken
+
+    def _flush(self) -> None:
+        """Wake the cloud's thread when something was queued: that costs more than a message."""
+        if self._queued:
+            self._queued = False
+            self.client.flush()
 
     def _ping(self) -> None:
         """Ask how far the cloud is, by the first twin."""
         for twin in self._ports:
             payload = ping(stamp=self._clock.time(), session=self._session)
-            self._say_now(self._topics.twin(twin, "ping:request"), payload)
-            self.client.flush()
+            self._say_at_once(self._topics.twin(twin, "ping:request"), payload)
             return
 
     def _heard_ping(self, topic: Topic, message: Message) -> None:
@@ -232,8 +253,7 @@ class Bridge:
             source_type=port.source_type,
             session=self._session,
         )
-        self._say_now(self._topics.twin(topic.twin, "pong:response"), payload)
-        self.client.flush()
+        self._say_at_once(self._topics.twin(topic.twin, "pong:response"), payload)
 
     def _heard_pong(self, _topic: Topic, message: Message) -> None:
         """Take the cloud's answer to our ping."""
@@ -284,14 +304,15 @@ class Bridge:
 
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""
-        self.uplink.say_newest(self._clock.monotonic())
-        self.client.flush()
+        self.uplink.say_newest()
+        self._flush()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""
         for port in self._served():
             if self._alive(port.name):
                 self._say(port, "connected", {})
+        self._flush()
 
 
 def subscriptions(topics: Topics, rules: Rules) -> dict[str, int]:

@@ -1,8 +1,8 @@
 """From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
 
-``arrived`` runs on the bus's threads and only stores. Once a turn of the wheel ``turn`` decodes, translates
-and publishes what is due, and the cloud's writer sends it all at once. How often, how large and whether at
-all is in the twin's rulebook.
+Events are translated and published as they come, on whatever thread brings them. Of state the newest is
+stored, and what is due published once a turn of the wheel. How often, how large and whether at all is in the
+twin's rulebook.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 import msgspec
 
 from fleet.bridge.counters import ClassCounts
+from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.tally import Tally
@@ -29,13 +30,13 @@ log = logging.getLogger(__name__)
 SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
+STEP = 4  # samples in one step of a turn: less would cost more than the samples
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
-WAITING = 5000  # events that wait for a turn of the wheel; beyond it the oldest is dropped, counted
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Publish = Callable[[str, bytes, Rule], object]
-"""How the uplink publishes: topic, payload, and the rule by which it is carried."""
+Publish = Callable[[str, bytes, int, Traffic, float | None], object]
+"""How the uplink publishes: topic, payload, QoS, class, and how many seconds it is worth sending."""
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
@@ -49,11 +50,14 @@ class TwinInfo(msgspec.Struct, frozen=True):
 class _Slot:
     """One channel of one twin: how it is carried, its newest sample, and when it may go."""
 
-    def __init__(self, twin: str, channel: str, sensor: str | None, rule: Rule) -> None:
+    def __init__(self, twin: str, info: TwinInfo, channel: str, sensor: str | None, rule: Rule) -> None:
         self.twin = twin
+        self.info = info
         self.channel = channel
         self.sensor = sensor
         self.rule = rule
+        self.document = rule.form is Form.DOCUMENT
+        self.expiry = rule.max_age or None
         self.traffic = int(rule.traffic)
         self.size = rule.size
         self.topics: dict[str, str] = {}  # by leaf
@@ -69,9 +73,10 @@ class _Slot:
         self.refused = False  # the last sample could not be translated
 
     def takes_event(self, now: float) -> bool:
-        """Return False for an event above the channel's rate; the events of one second may come at once."""
-        if not self.rate:
-            return True
+        """Return False for an event above the channel's rate; the events of one second may come at once.
+
+        Two threads that bring events of one channel at once may let one too many or too few pass.
+        """
         self.credit = min(max(self.rate, 1.0), self.credit + (now - self.sent) * self.rate)
         self.sent = now
         if self.credit < 1.0:
@@ -105,6 +110,7 @@ class Uplink:
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
         refusals: Tally,
+        clock: Clock,
     ) -> None:
         self._topics = topics
         self._twins = twins
@@ -112,11 +118,11 @@ class Uplink:
         self._publish = publish
         self._alive = alive
         self._waiting = waiting
+        self._clock = clock
         self._slots: dict[str, _Slot | None] = {}
         self._repeated: list[_Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
         self._fresh: deque[_Slot] = deque()
-        self._events: deque[tuple[_Slot, Report | bytes]] = deque(maxlen=WAITING)
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -130,7 +136,7 @@ class Uplink:
     @property
     def waiting(self) -> int:
         """How many samples wait for their turn."""
-        return len(self._events) + len(self._fresh)
+        return len(self._fresh)
 
     def arrived(self, key: str, sample: Report | bytes) -> None:
         """Take a sample from the bus, or a report of this process; any thread, never blocks."""
@@ -138,55 +144,52 @@ class Uplink:
         if slot is None:
             return
         self.received.counts[slot.traffic] += 1
-        if not slot.durable:
-            slot.sample = sample
-            if slot.fresh:
-                self.conflated.counts[slot.traffic] += 1
-            else:
-                slot.fresh = True
-                self._fresh.append(slot)
-            return
-        if len(self._events) == WAITING:
-            self.dropped.add(self._events[0][0].rule.traffic)
-        self._events.append((slot, sample))
-
-    def turn(self, now: float) -> Iterator[None]:
-        """Publish what is due at the monotonic time ``now``, one sample a step."""
-        for _ in range(len(self._events)):
-            slot, sample = self._events.popleft()
-            if slot.takes_event(now):
+        if slot.durable:
+            if not slot.rate or slot.takes_event(self._clock.monotonic()):
                 self._send(slot, sample)
-                yield
             else:
                 self.dropped.add(slot.rule.traffic)
+            return
+        slot.sample = sample
+        if slot.fresh:
+            self.conflated.counts[slot.traffic] += 1
+        else:
+            slot.fresh = True
+            self._fresh.append(slot)
+
+    def turn(self) -> Iterator[None]:
+        """Publish the state that is due, a few samples a step."""
+        now = self._clock.monotonic()
         yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
             yield from self._repeat(now)
             self._tell_dropped(now)
 
-    def say_newest(self, now: float) -> None:
+    def say_newest(self) -> None:
         """Publish now what is true of the robots that answer, whatever was sent before."""
+        now = self._clock.monotonic()
         for slot in self._repeated:
-            if slot.sample and not slot.refused and self._alive(self._twins[slot.twin].robot):
+            if slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
         waiting = self._waiting() if self._fresh else 0
-        for _ in range(len(self._fresh)):
+        for number in range(len(self._fresh)):
             slot = self._fresh.popleft()
             if now - slot.sent < slot.period:
                 self._fresh.append(slot)
                 continue
             slot.fresh = False
-            if slot.streams and waiting >= self._twins[slot.twin].rules.backlog:
+            if slot.streams and waiting >= slot.info.rules.backlog:
                 self.dropped.add(slot.rule.traffic)
                 continue
             slot.sent = now
             self._send(slot, slot.sample)
-            yield
+            if not number % STEP:
+                yield
 
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
@@ -202,7 +205,7 @@ class Uplink:
             # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
             early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
             due = slot.sample and not slot.refused and now - slot.sent >= early
-            if due and self._alive(self._twins[slot.twin].robot):
+            if due and self._alive(slot.info.robot):
                 slot.sent = now
                 self._send(slot, slot.sample)
                 yield
@@ -226,12 +229,12 @@ class Uplink:
                 self.refusals.add("too large", line, topic, len(payload), slot.size)
                 continue
             self.sent.counts[slot.traffic] += 1
-            self._publish(topic, payload, slot.rule)
+            self._publish(topic, payload, slot.rule.qos, slot.rule.traffic, slot.expiry)
 
     def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
-        twin = self._twins[slot.twin]
-        if slot.rule.form is Form.DOCUMENT:
+        twin = slot.info
+        if slot.document:
             assert isinstance(sample, bytes)
             leaf = slot.leaf
             payload = document_out(leaf, sample, source_type=twin.source_type, session=self._session)
@@ -255,11 +258,11 @@ class Uplink:
         twin = self._twins.get(parsed.twin) if parsed else None
         rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
         # What a worker learned with one of a robot's sensors is seldom the robot's own state.
-        if parsed is None or rule is None or (parsed.sensor is not None and not rule.sensors):
+        if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
-        slot = _Slot(parsed.twin, parsed.channel, parsed.sensor, rule)
+        slot = _Slot(parsed.twin, twin, parsed.channel, parsed.sensor, rule)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

@@ -1,13 +1,16 @@
 """One Zenoh session, in the few verbs that the project uses. The only module that imports zenoh.
 
-Callbacks are direct: they run on Zenoh's own threads, synchronously for what this session itself publishes.
-They must only store or hand over; one that blocks would hold up everything that arrives on its link.
+Callbacks are direct, but for ``gather``: they run on Zenoh's own threads, synchronously for what this
+session itself publishes. They must only store or hand over; one that blocks would hold up everything that
+arrives on its link.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -18,6 +21,14 @@ from fleet.errors import BusError
 log = logging.getLogger(__name__)
 
 OnSample = Callable[[str, bytes], None]
+OnSamples = Callable[[list[tuple[str, bytes]]], None]
+
+GATHERED = 1024
+"""Samples that may wait for the thread that takes them; beyond it who publishes waits, or drops."""
+AT_ONCE = 200
+"""Samples that are taken at once at most."""
+LAST_CALL = 2.0
+"""Seconds that a call with samples may still take when the lane is closed."""
 
 
 class Publisher:
@@ -76,11 +87,14 @@ class Lane:
         except zenoh.ZError as error:
             raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
         self._kept: list[Any] = []
+        self._threads: list[threading.Thread] = []
 
     def close(self) -> None:
         """Leave the bus; tokens and queryables vanish for everyone at once."""
         self._kept.clear()
         self._session.close()
+        for thread in self._threads:  # one that comes out of Zenoh after the interpreter's end would abort
+            thread.join(LAST_CALL)
 
     def reached(self) -> list[str]:
         """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
@@ -103,17 +117,29 @@ class Lane:
         else:
             self._session.put(key, payload)
 
-    def subscribe(self, key: str, call: OnSample, *, elsewhere: bool = False) -> None:
-        """Call with key and payload of everything published under ``key``.
-
-        ``elsewhere``: by others only, not by this lane.
-        """
-        origin = zenoh.Locality.REMOTE if elsewhere else zenoh.Locality.ANY
+    def subscribe(self, key: str, call: OnSample) -> None:
+        """Call with key and payload of everything published under ``key``."""
 
         def arrived(sample: zenoh.Sample) -> None:
-            call(str(sample.key_expr), sample.payload.to_bytes())
+            call(*_read(sample))
 
-        self._kept.append(self._session.declare_subscriber(key, _direct(arrived), allowed_origin=origin))
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def gather(self, key: str, call: OnSamples) -> None:
+        """Call with all that others (not this lane) have just published under ``key``, in order.
+
+        The call comes on a thread of its own and may work, but not wait. A callback for each sample takes
+        the interpreter from whoever has it each time, which costs more than all that is done with many.
+        """
+        origin = zenoh.Locality.REMOTE
+        samples = self._session.declare_subscriber(
+            key, zenoh.handlers.FifoChannel(GATHERED), allowed_origin=origin
+        )
+        self._kept.append(samples)
+        work = (samples.handler, _guarded(call))
+        thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
+        self._threads.append(thread)
+        thread.start()
 
     def answer(self, key: str, call: Callable[[Question], None]) -> None:
         """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""
@@ -204,6 +230,23 @@ def _config(settings: Mapping[str, Any]) -> zenoh.Config:
 def keys_meet(one: str, other: str) -> bool:
     """Return True when two key expressions have a key in common."""
     return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
+
+
+def _read(sample: zenoh.Sample) -> tuple[str, bytes]:
+    """Return key and payload of a sample."""
+    return str(sample.key_expr), sample.payload.to_bytes()
+
+
+def _gather(samples: Any, call: OnSamples) -> None:
+    """Be the thread that takes samples, until the lane is closed."""
+    with contextlib.suppress(zenoh.ZError):
+        while True:
+            gathered = [_read(samples.recv())]
+            try:
+                while len(gathered) < AT_ONCE and (sample := samples.try_recv()) is not None:
+                    gathered.append(_read(sample))
+            finally:
+                call(gathered)
 
 
 def _answers(replies: Iterable[zenoh.Reply]) -> Iterator[tuple[str, bytes]]:

@@ -25,9 +25,6 @@ from fleet.wire.rules import Traffic
 
 logger = logging.getLogger(__name__)
 
-LATEST_FLUSH = 0.02
-"""Seconds after which a message leaves even when nobody calls ``flush``."""
-
 
 class CloudClient:
     """An MQTT client that reconnects by itself and never blocks who publishes.
@@ -72,7 +69,6 @@ class CloudClient:
         self._patience = 0.0
         self._connection: Connection | None = None
         self._flushing = False
-        self._armed = False
 
     def start(self) -> None:
         """Begin to connect, in the background. A client is started once."""
@@ -100,11 +96,12 @@ class CloudClient:
         correlation: bytes | None = None,
         content_type: str | None = None,
         on_done: Callable[[Outcome], None] | None = None,
+        later: bool = False,
     ) -> bool:
-        """Queue a message; from any thread, never blocking. It leaves on ``flush`` or 20 ms later.
+        """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on ``flush``.
 
         ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
-        replies leave at once, before all that waits. ``expiry`` is how many seconds it is worth sending; the
+        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; the
         rest goes to the broker in whole seconds. ``on_done`` hears what became of it, as long as this process
         remembers. Returns False, and never calls ``on_done``, when it is not taken: QoS 0 without a
         connection, a full queue, a closed client.
@@ -119,11 +116,8 @@ class CloudClient:
             message.deadline = self._clock.monotonic() + expiry
         if not self._outbox.put(message):
             return False
-        if qos and traffic is Traffic.REPLY:
+        if not later:
             self.flush()
-        elif not self._armed:
-            self._armed = True
-            self._soon(self._flush_soon)
         return True
 
     def flush(self) -> None:
@@ -135,7 +129,7 @@ class CloudClient:
     def _soon(self, call: Callable[[], object]) -> None:
         """Run a call on the cloud thread; before the start and after the close there is nothing to run."""
         if self._loop is None:
-            self._flushing = self._armed = False
+            self._flushing = False
             return
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(call)
@@ -143,15 +137,6 @@ class CloudClient:
     def _flush_now(self) -> None:
         """Write. The mark falls first, so that a message queued from now on wakes the thread again."""
         self._flushing = False
-        self._write()
-
-    def _flush_soon(self) -> None:
-        """Let more messages gather, then write."""
-        asyncio.get_running_loop().call_later(LATEST_FLUSH, self._flush_late)
-
-    def _flush_late(self) -> None:
-        """Write what nobody flushed."""
-        self._armed = False
         self._write()
 
     def _write(self) -> None:

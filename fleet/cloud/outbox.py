@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Iterable
 
-from fleet.cloud.values import CloudStats
+from fleet.cloud.values import CloudStats, Queued
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.spool import Spool
 
@@ -27,7 +27,7 @@ class Outbox:
         self._most_bytes = size
         self._lock = threading.Lock()
         self._light: deque[Outgoing] = deque()
-        self._stats = stats
+        stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
         self._dropped: list[tuple[Outgoing, Outcome]] = []
@@ -39,9 +39,7 @@ class Outbox:
 
     def put(self, message: Outgoing) -> bool:
         """Add a message; tell whether it was taken."""
-        taken = self.spool.put(message) if message.qos else self._put_light(message)
-        self._count()
-        return taken
+        return self.spool.put(message) if message.qos else self._put_light(message)
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
         """Remove and return what may be written next, about ``size`` bytes of it.
@@ -59,7 +57,6 @@ class Outbox:
                     continue
                 batch.append(message)
                 size -= message.size
-        self._count()
         return batch
 
     def go_online(self) -> None:
@@ -77,7 +74,6 @@ class Outbox:
     def tick(self) -> None:
         """Look after time: once a second or so."""
         self.spool.tick()
-        self._count()
 
     def close(self) -> None:
         """Take nothing more; what is durable stays on disk."""
@@ -114,15 +110,12 @@ class Outbox:
             while self._light:
                 self._drop(self._light.popleft())
             self._bytes = 0
-        self._count()
 
     def _drop(self, message: Outgoing) -> None:
         """Note a light message that will not be sent."""
         self._dropped.append((message, Outcome.DROPPED))
         self._refused += 1
 
-    def _count(self) -> None:
-        """Keep the figures."""
-        self._stats.queued = len(self)
-        self._stats.queued_bytes = self._bytes
-        self._stats.dropped = self._refused + self.spool.lost
+    def _queued(self) -> Queued:
+        """Return the figures."""
+        return Queued(len(self), self._bytes, self._refused + self.spool.lost)

@@ -93,8 +93,7 @@ class Decoder:
         if frame == _ONLY_OLDER:
             return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
         packet = _guarded(_read5, frame)
-        topic = getattr(packet, "topic", "")
-        if "+" in topic or "#" in topic or "\0" in topic:
+        if isinstance(packet, mqtt5.PublishPacket) and _is_wild(packet.topic):
             raise WireError("a message to a topic with a wildcard or a NUL in it")
         if getattr(packet, "packet_id", None) == 0:
             raise WireError("a packet with the identifier 0")
@@ -111,6 +110,11 @@ def _spoken(frame: memoryview) -> Protocol:
     if level not in (4, 5):
         raise WireError("the client speaks neither MQTT 5 nor MQTT 3.1.1")
     return 5 if level == 5 else 311
+
+
+def _is_wild(topic: str) -> bool:
+    """Tell whether no message can have such a topic."""
+    return "+" in topic or "#" in topic or "\0" in topic
 
 
 def _read5(frame: memoryview) -> mqtt5.Packet:

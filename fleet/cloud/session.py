@@ -7,7 +7,6 @@ acknowledged goes back to the spool when it ends; the next session sends it agai
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -16,6 +15,7 @@ import mqtt5
 from fleet.cloud import reasons
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
+from fleet.cloud.publish import publish
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
 from fleet.spool.message import Outcome, Outgoing
@@ -190,7 +190,7 @@ class Session:
         identifier = self._next_id() if message.qos else None
         message.qos = min(message.qos, self._most_qos)
         try:
-            data = self._encode(_publish_packet(message, identifier, now))
+            data = publish(message, identifier, now, self._settings.protocol)
         except (ValueError, TypeError) as error:
             return self._refuse(message, str(error))
         if len(data) > self._packet_limit:
@@ -209,6 +209,11 @@ class Session:
         self._done(message, Outcome.REFUSED)
         return b""
 
+    def _refused(self, message: Outgoing, why: str) -> None:
+        """Note that the broker will not have a message."""
+        self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
+        self._done(message, Outcome.REFUSED)
+
     def _tell(self, reason: str, text: str, *values: object) -> None:
         """Warn of a refusal, the first of each reason in this session; all are counted."""
         level = logging.DEBUG if reason in self._told else logging.WARNING
@@ -217,9 +222,7 @@ class Session:
 
     def _done(self, message: Outgoing, outcome: Outcome) -> None:
         """Note what became of a message; one that is held is sent again."""
-        self._stats.refused += outcome is Outcome.REFUSED
-        self._stats.acked += outcome is Outcome.ACKED
-        self._stats.held += outcome is Outcome.HELD
+        self._stats.outcomes[outcome] += 1
         if message.qos:
             self._answers.append((message, outcome))
         if outcome is not Outcome.HELD:
@@ -316,11 +319,11 @@ class Session:
         if message is None:
             logger.warning("the broker acknowledges message %d, which is not under way", packet.packet_id)
             return
-        outcome = _OUTCOMES.get(int(packet.reason_code), Outcome.REFUSED)
-        if outcome is Outcome.REFUSED:
-            why = packet.reason_code.name
-            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-        self._done(message, outcome)
+        outcome = _OUTCOMES.get(int(packet.reason_code))
+        if outcome is None:
+            self._refused(message, packet.reason_code.name)
+        else:
+            self._done(message, outcome)
 
     def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
         """Release a QoS 2 message that the broker has; it stays in the window until that is done.
@@ -330,9 +333,7 @@ class Session:
         message = self._inflight.get(packet.packet_id)
         if int(packet.reason_code) >= 0x80 and message is not None:
             del self._inflight[packet.packet_id]
-            why = packet.reason_code.name
-            self._tell(why, "the broker refuses a message to %s: %s", message.topic, why)
-            self._done(message, Outcome.REFUSED)
+            self._refused(message, packet.reason_code.name)
             return
         known = mqtt5.PubRelReasonCode.SUCCESS if message else mqtt5.PubRelReasonCode.PACKET_ID_NOT_FOUND
         self._replies.append(mqtt5.PubRelPacket(packet.packet_id, reason_code=known))
@@ -351,21 +352,6 @@ class Session:
 
     def _on_pong(self, _packet: mqtt5.PingRespPacket, _now: float) -> None:
         """Do nothing: the keepalive watch has already noted that the link is alive."""
-
-
-def _publish_packet(message: Outgoing, identifier: int | None, now: float) -> mqtt5.PublishPacket:
-    """Return PUBLISH; what is left of the message's time goes along in whole seconds, rounded up."""
-    left = None if message.deadline is None else min(max(math.ceil(message.deadline - now), 1), 0xFFFF_FFFF)
-    return mqtt5.PublishPacket(
-        message.topic,
-        message.payload,
-        qos=mqtt5.QoS(message.qos),
-        packet_id=identifier,
-        duplicate=message.again,
-        message_expiry_interval=left,
-        content_type=message.content_type,
-        correlation_data=message.correlation,
-    )
 
 
 def _broken(message: str) -> SessionEnded:

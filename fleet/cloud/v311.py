@@ -12,6 +12,8 @@ from typing import Any
 
 import mqtt5
 
+from fleet.cloud.fields import binary, length, text
+
 NEVER = 0xFFFF_FFFF
 """MQTT 5's session expiry for a session that stays."""
 
@@ -103,29 +105,7 @@ def write(packet: mqtt5.Packet) -> bytes:
     if writer is None:
         raise ValueError(f"MQTT 3.1.1 has no {type(packet).__name__}")
     first, body = writer(packet)
-    return bytes([first]) + _length(len(body)) + body
-
-
-def _length(size: int) -> bytes:
-    """Return the remaining length: seven bits a byte, the smaller end first."""
-    pieces = bytearray()
-    while True:
-        size, low = size >> 7, size & 0x7F
-        pieces.append(low | (0x80 if size else 0))
-        if not size:
-            return bytes(pieces)
-
-
-def _binary(value: bytes) -> bytes:
-    """Return bytes behind their length."""
-    if len(value) > 0xFFFF:
-        raise ValueError("a text or binary field is longer than 65535 bytes")
-    return len(value).to_bytes(2) + value
-
-
-def _text(value: str) -> bytes:
-    """Return text behind its length."""
-    return _binary(value.encode())
+    return bytes([first]) + length(len(body)) + body
 
 
 def _read_connect(fields: _Fields) -> mqtt5.Packet:
@@ -225,19 +205,19 @@ def _write_connect(packet: Any) -> tuple[int, bytes]:
     """CONNECT; a session that must survive is asked for with clean session 0."""
     will = packet.will
     flags = 0x02 if packet.clean_start and not packet.session_expiry_interval else 0
-    body = packet.keep_alive.to_bytes(2) + _text(packet.client_id)
+    body = packet.keep_alive.to_bytes(2) + text(packet.client_id)
     if will is not None:
         flags |= 0x04 | int(will.qos) << 3 | will.retain << 5
-        body += _text(will.topic) + _binary(will.payload or b"")
+        body += text(will.topic) + binary(will.payload or b"")
     if packet.username is not None:
         flags |= 0x80
-        body += _text(packet.username)
+        body += text(packet.username)
     if packet.password is not None:
         if packet.username is None:
             raise ValueError("MQTT 3.1.1 has no password without a user name")
         flags |= 0x40
-        body += _binary(packet.password)
-    return 0x10, _text("MQTT") + bytes([4, flags]) + body
+        body += binary(packet.password)
+    return 0x10, text("MQTT") + bytes([4, flags]) + body
 
 
 def _write_connack(packet: Any) -> tuple[int, bytes]:
@@ -250,12 +230,12 @@ def _write_publish(packet: Any) -> tuple[int, bytes]:
     """PUBLISH."""
     head = packet.packet_id.to_bytes(2) if int(packet.qos) else b""
     first = 0x30 | packet.duplicate << 3 | int(packet.qos) << 1 | packet.retain
-    return first, _text(packet.topic) + head + packet.payload
+    return first, text(packet.topic) + head + packet.payload
 
 
 def _write_subscribe(packet: Any) -> tuple[int, bytes]:
     """SUBSCRIBE."""
-    pieces = [_text(one.pattern) + bytes([int(one.max_qos)]) for one in packet.topic_filters]
+    pieces = [text(one.pattern) + bytes([int(one.max_qos)]) for one in packet.topic_filters]
     return 0x82, packet.packet_id.to_bytes(2) + b"".join(pieces)
 
 
@@ -268,7 +248,7 @@ def _write_suback(packet: Any) -> tuple[int, bytes]:
 
 def _write_unsubscribe(packet: Any) -> tuple[int, bytes]:
     """UNSUBSCRIBE."""
-    return 0xA2, packet.packet_id.to_bytes(2) + b"".join(_text(pattern) for pattern in packet.patterns)
+    return 0xA2, packet.packet_id.to_bytes(2) + b"".join(text(pattern) for pattern in packet.patterns)
 
 
 def _numbered(kind: Callable[[int], mqtt5.Packet]) -> Callable[[_Fields], mqtt5.Packet]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from typing import Literal
 
 import msgspec
+
+from fleet.spool.message import Outcome
 
 PAYLOAD_LIMIT = 32 * 1024 * 1024
 """The largest MQTT packet, in bytes, that Cyberwave's broker takes; also the most that is accepted."""
@@ -76,22 +79,57 @@ class CloudState(enum.StrEnum):
     CLOSED = "closed"
 
 
-class CloudStats:
-    """Counters since the start; read from any thread, written by the cloud thread and the queue.
+class Queued(msgspec.Struct, frozen=True):
+    """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped."""
 
-    ``rtt`` is the last measured round trip to the broker in seconds, None before the first.
+    messages: int = 0
+    size: int = 0
+    dropped: int = 0
+
+
+class CloudStats:
+    """Counters since the start; read from any thread, written by the cloud thread.
+
+    ``rtt`` is the last measured round trip to the broker in seconds, None before the first. ``outbox``
+    tells what waits when it is asked.
     """
 
     def __init__(self) -> None:
         self.connects = 0
         self.received = 0
         self.sent = 0
-        self.acked = 0
-        self.dropped = 0
-        self.refused = 0
-        self.held = 0
         self.refused_subscriptions = 0
         self.inflight = 0
-        self.queued = 0
-        self.queued_bytes = 0
         self.rtt: float | None = None
+        self.outcomes = dict.fromkeys(Outcome, 0)
+        self.outbox: Callable[[], Queued] = Queued
+
+    @property
+    def acked(self) -> int:
+        """How many messages the broker has taken."""
+        return self.outcomes[Outcome.ACKED]
+
+    @property
+    def refused(self) -> int:
+        """How many messages the broker has refused."""
+        return self.outcomes[Outcome.REFUSED]
+
+    @property
+    def held(self) -> int:
+        """How many times a message was given back, to be sent again."""
+        return self.outcomes[Outcome.HELD]
+
+    @property
+    def queued(self) -> int:
+        """How many messages wait to be sent."""
+        return self.outbox().messages
+
+    @property
+    def queued_bytes(self) -> int:
+        """How many bytes of QoS 0 wait to be sent."""
+        return self.outbox().size
+
+    @property
+    def dropped(self) -> int:
+        """How many messages were lost on the way out."""
+        return self.outbox().dropped

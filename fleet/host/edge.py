@@ -239,12 +239,13 @@ class Edge:
         take_stops(self.process, self.bus, self._groups)
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink.arrived
-            self.bus.reports.subscribe("cw/*/data/**", self.bridge.uplink.arrived, elsewhere=True)
+            self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 
         def tell_health() -> None:
-            health.put(msgspec.json.encode(self.state()))
+            if health.wanted:
+                health.put(msgspec.json.encode(self.state()))
 
         self.process.wheel.every(HEALTH_EVERY, tell_health, owner="", failed=_log_failure)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew

@@ -61,6 +61,7 @@ class LocalRobot:
         self.name = config.name
         self.twin = str(config.twin)
         self.source_type = source_type(config)
+        self._simulated = config.simulated  # here once: the state is asked for often
         self.legacy_status = config.legacy_status
         self._adapter = adapter
         self._edge = edge
@@ -194,7 +195,7 @@ class LocalRobot:
             health=health.level.word,
             cause=health.cause,
             reachable=not self.desk.offline,
-            simulated=self.config.simulated,
+            simulated=self._simulated,
             worker=self._worker,
             mode=self._seen.mode,
             armed=self._seen.armed,

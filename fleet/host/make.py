@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,6 +52,7 @@ class _NoParameters(msgspec.Struct):
     """The parameters of a plain verb: its data goes to ``encode`` as it is."""
 
 
+@functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it
 def capabilities(plugin: AdapterClass) -> Capabilities:
     """Return what the class declares."""
     if issubclass(plugin, FrameAdapter):

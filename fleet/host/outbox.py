@@ -19,6 +19,8 @@ from fleet.wire.topics import data_key
 log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
+Place = tuple[str, str, str]  # twin, channel, sensor
+STEP = 4  # states in one step of a flush: less would cost more than the states
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
 
@@ -45,8 +47,8 @@ class Outbox:
 
     def __init__(self, lane: Lane) -> None:
         self._lane = lane
-        self._channels: dict[tuple[str, str, str], _Channel] = {}
-        self._latest: dict[tuple[str, str, str], Report] = {}
+        self._channels: dict[Place, _Channel] = {}
+        self._latest: dict[Place, Report] = {}
         self._events: dict[str, list[Report]] = {}
         self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
@@ -77,20 +79,21 @@ class Outbox:
             pass
 
     def flushing(self) -> Iterator[None]:
-        """Put everything that waits, one report a step; what comes meanwhile waits for the next time."""
+        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():
             for report in reports:
-                self._send(twin, report)
+                self._send(_place(twin, report), report)
                 yield
-        for (twin, *_), report in latest.items():
-            self._send(twin, report)
-            yield
+        for number, (place, report) in enumerate(latest.items(), 1):
+            self._send(place, report)
+            if not number % STEP:
+                yield
 
-    def _send(self, twin: str, report: Report) -> None:
+    def _send(self, place: Place, report: Report) -> None:
         """Put one report; what cannot be said is dropped and counted, the first of a row told."""
-        channel = self._channels.get(_place(twin, report)) or self._open(twin, report)
+        channel = self._channels.get(place) or self._open(place)
         if channel is None:
             self.dropped += 1
             return
@@ -101,19 +104,19 @@ class Outbox:
             self.dropped += 1
             if not channel.refused:
                 channel.refused = True
-                log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+                log.warning("a %s report of %s was dropped: %s", report.channel, place[0], error)
             return
         channel.refused = False
         if self.bridge is not None:
             self.bridge(channel.key, report)
 
-    def _open(self, twin: str, report: Report) -> _Channel | None:
+    def _open(self, place: Place) -> _Channel | None:
         """Begin a channel; None for a sensor that cannot be part of a key."""
-        place = _place(twin, report)
+        twin, name, sensor = place
         try:
-            key = data_key(twin, report.channel, place[2] or None)
+            key = data_key(twin, name, sensor or None)
         except (WireError, TypeError) as error:
-            log.warning("a %s report of %s was dropped: %s", report.channel, twin, error)
+            log.warning("a %s report of %s was dropped: %s", name, twin, error)
             return None
         channel = self._channels[place] = _Channel(self._lane, key)
         return channel
@@ -127,6 +130,6 @@ class Outbox:
         question.close()
 
 
-def _place(twin: str, report: Report) -> tuple[str, str, str]:
+def _place(twin: str, report: Report) -> Place:
     """Return whose report it is: twin, channel, and the sensor where a robot has several of a kind."""
     return twin, report.channel, getattr(report, "sensor", "")

@@ -70,8 +70,11 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> Rules:
     channels = {name: rule.channel() for name, rule in cloud.channels.items()}
     general = cloud.changes()
     everyone = rulebook(cloud.profile, (general,), channels)
+    usual = of_a_twin(everyone)  # one for all robots that say nothing of their own: each is 16 kB
     twins = {
         str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
+        if robot.rules
+        else usual
         for robot in robots
     }
     any_run = of_any_run(everyone)

@@ -70,9 +70,9 @@ class Queue:
         message.since, message.deadline, message.expires = now, now + age, wall + age
         self._seq = message.seq = max(self._seq + 1, int(wall * SECOND))
         line = self._line(message.topic, message.traffic)
-        spills = self._disk and not self.failing and not self._memory.fits(message)
-        message.cold = bool(line.cold) or spills
-        if not self._make_room(message, 1 if self.failing or not message.cold else 2, wall):
+        fits = self._memory.fits(message)
+        message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
+        if not (fits or self._make_room(message, 1 if self.failing or not message.cold else 2, wall)):
             self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
         self.waiting += 1

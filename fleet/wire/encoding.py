@@ -11,7 +11,7 @@ import msgspec
 from fleet.errors import WireError
 from fleet.wire.strict import path
 
-_ENCODER = msgspec.json.Encoder()
+_encode = msgspec.json.Encoder().encode
 
 
 def encode_finite(value: Any) -> bytes:
@@ -20,7 +20,7 @@ def encode_finite(value: Any) -> bytes:
     Raises WireError with the place of a number that is not finite, and for what JSON cannot hold.
     """
     try:
-        encoded = _ENCODER.encode(value)
+        encoded = _encode(value)
         # The encoder writes null for NaN and infinity: only then is it worth a look.
         if b"null" in encoded:
             for where in _not_finite(msgspec.to_builtins(value), ""):

@@ -72,11 +72,11 @@ def to_mqtt(
 
 
 def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
-    """Return a body with what all messages carry; nothing in the body can replace that."""
-    message = body | envelope
-    if leaf == "telemetry" and message["type"] in UNTAGGED_TELEMETRY:
-        del message["source_type"]
-    return message
+    """Add to a body what all messages carry, and return it; nothing in the body can replace that."""
+    body.update(envelope)
+    if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
+        del body["source_type"]
+    return body
 
 
 def _pose(report: PoseReport) -> Leaves:
@@ -218,7 +218,7 @@ def _navigation(report: NavigationReport) -> Leaves:
         return _mission_status(report)
     body: Body = {
         "action_id": report.action_id,
-        "status": report.state.value,
+        "status": report.state,
         "progress": min(max(report.progress, 0.0), 100.0),
         "message": report.message,
     }
@@ -230,7 +230,7 @@ def _mission_status(report: NavigationReport) -> Leaves:
     blocked = report.state is ActionState.BLOCKED
     body: Body = {
         "mission_execution_uuid": report.action_id,
-        "status": ActionState.RUNNING.value if blocked else report.state.value,
+        "status": ActionState.RUNNING if blocked else report.state,
         "current_step": report.step,
         "message": report.message,
     }

@@ -10,6 +10,7 @@ import asyncio
 import json
 import math
 import os
+import sys
 from typing import Any, Literal
 
 from fleet.adapter import Adapter, Robot
@@ -44,6 +45,7 @@ class Puppet(Adapter[PuppetConfig]):
         self._robot: Robot | None = None
         self._turns = self._told = 0
         self._credit = 0.0
+        self._joints = [sys.intern(f"joint_{number}") for number in range(config.joints)]
 
     async def run(self, robot: Robot) -> None:
         """Report until cancelled."""
@@ -66,7 +68,7 @@ class Puppet(Adapter[PuppetConfig]):
         now, angle = robot.clock.time(), self._turns * 0.01
         half = Quaternion(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
         robot.report(PoseReport(now, Vector3(math.cos(angle), math.sin(angle), 0.5), half))
-        robot.report(JointReport(now, {f"joint_{n}": angle + n for n in range(self.config.joints)}))
+        robot.report(JointReport(now, dict.fromkeys(self._joints, angle)))
         robot.report(ImuReport(now, Vector3(0.01, 0.02, angle), Vector3(0.1, 0.2, 9.81)))
 
     def _tell(self) -> None:

@@ -11,7 +11,9 @@ from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
+from fleet.model.report import TelemetryReport
 from fleet.testing.waiting import wait_until
+from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, Traffic
 
@@ -101,6 +103,17 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     position = wait_until("the pose is heard", lambda: dict(listener.heard).get(f"{T}position"))
     assert position["position"]["x"] == 4.0
     assert position["session_id"].startswith("fleet_live_")
+
+
+def test_an_event_on_the_bus_crosses_without_a_turn_and_many_wake_the_cloud_s_thread_once(
+    bridge, listener, monkeypatch
+):
+    report = TelemetryReport(1.0, "authority_lost")
+    flush, woken = bridge.client.flush, []
+    monkeypatch.setattr(bridge.client, "flush", lambda: woken.append(flush()))
+    bridge.heard([(f"cw/{TWIN}/data/telemetry", encode_report(report, number)) for number in range(50)])
+    wait_until("all are heard", lambda: listener.telemetry(TWIN).count("authority_lost") == 50)
+    assert len(woken) == 1
 
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):

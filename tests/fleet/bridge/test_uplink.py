@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.bridge.uplink import SLACK, STRANGERS, WAITING, TwinInfo, Uplink
+from fleet.bridge.uplink import SLACK, STRANGERS, TwinInfo, Uplink
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
@@ -43,7 +43,6 @@ class Bench:
     """An uplink, and what it publishes at which time."""
 
     def __init__(self, book=None, environments=()) -> None:
-        self.now = 1000.0
         self.alive = True
         self.queued_bytes = 0
         self.clock = ManualClock()
@@ -58,15 +57,19 @@ class Bench:
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
             refusals=Tally(logging.getLogger("fleet.bridge"), self.clock),
+            clock=self.clock,
         )
 
-    def _publish(self, topic, payload, rule):
-        self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), rule.qos))
+    @property
+    def now(self):
+        return self.clock.monotonic()
+
+    def _publish(self, topic, payload, qos, _traffic, _expiry):
+        self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
 
     def turn(self, seconds=TICK):
-        self.now += seconds
         self.clock.advance(seconds)
-        for _ in self.uplink.turn(self.now):
+        for _ in self.uplink.turn():
             pass
 
     def run(self, seconds):
@@ -154,14 +157,10 @@ def test_events_keep_their_order_and_are_all_sent(bench):
     assert {qos for *_, qos in bench.sent} == {1}
 
 
-def test_beyond_their_bound_the_oldest_events_are_dropped_counted_and_told(bench, caplog):
-    for number in range(WAITING + 3):
-        bench.uplink.arrived(STATUS, status("a", number % 100))
-    bench.turn()
-    assert len(bench.sent) == WAITING
-    assert bench.sent[0][2]["progress"] == 3
-    assert bench.uplink.dropped.total == bench.uplink.dropped.durable == 3
-    assert caplog.messages == ["3 events came faster than they may cross to the cloud and were dropped"]
+def test_an_event_does_not_wait_for_a_turn_and_state_does(bench, pose):
+    bench.uplink.arrived(POSITION, pose(1.0))
+    bench.uplink.arrived(STATUS, status("a"))
+    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
 
 
 def test_a_flood_of_log_lines_is_thinned_and_told_now_and_then(bench, caplog):
@@ -320,8 +319,8 @@ def test_a_sample_between_the_reading_of_the_queue_and_its_end_is_not_lost(bench
     publish = bench.uplink._publish
     late = [pose(2.0)]
 
-    def publish_and_be_overtaken(topic, payload, rule):
-        publish(topic, payload, rule)
+    def publish_and_be_overtaken(*message):
+        publish(*message)
         if late:
             bench.uplink.arrived(POSITION, late.pop())
 
@@ -345,10 +344,10 @@ def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):
     bench.uplink.arrived(STATUS, status(0))
     bench.turn()
     before = len(bench.sent)
-    bench.uplink.say_newest(bench.now)
+    bench.uplink.say_newest()
     assert sorted(leaf for _, leaf, _, _ in bench.sent[before:]) == ["position", "rotation"]
     bench.alive = False
-    bench.uplink.say_newest(bench.now)
+    bench.uplink.say_newest()
     assert len(bench.sent) == before + 2
 
 
@@ -431,7 +430,7 @@ def test_documents_cross_with_their_own_fields_and_a_stamp(bench, channel, leaf,
 def test_an_update_of_an_environment_goes_to_its_own_topic():
     topics = []
     bench = Bench(environments=[OTHER])
-    bench.uplink._publish = lambda topic, payload, _rule: topics.append((topic, json.loads(payload)))
+    bench.uplink._publish = lambda topic, payload, *_: topics.append((topic, json.loads(payload)))
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_added", b'{"ts": 5, "data": {"a": 1}}')
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/anything", b'{"ts": 5}')
     bench.uplink.arrived(f"cw/{OTHER}/data/position", b"{}")

@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from fleet.bus.lane import Lane
+from fleet.bus.lane import AT_ONCE, Lane
 from fleet.bus.session import join, join_control
 from fleet.bus.settings import BusSettings
 from fleet.errors import BusError
@@ -35,6 +35,36 @@ def test_a_callback_that_raises_is_logged_and_stops_nobody(edge, caplog):
     edge.control.put("a/b", b"2")
     assert heard == [b"1", b"2"]
     assert caplog.text.count("a bus callback failed") == 2
+
+
+def test_what_others_publish_is_gathered_in_order_and_what_we_say_is_not(directory, opened, edge):
+    other = opened(join(BusSettings("yard"), directory)).reports
+    heard = []
+    edge.reports.gather("a/*", heard.extend)
+    edge.reports.put("a/own", b"")
+    wait_until("it is heard", lambda: other.put("a/0", b"first") or heard)
+    for number in range(3 * AT_ONCE):
+        other.put(f"a/{number % 3}", b"%d" % number, urgent=True)
+    wait_until("all is heard", lambda: ("a/2", b"%d" % (3 * AT_ONCE - 1)) in heard)
+    numbers = [int(payload) for _, payload in heard if payload != b"first"]
+    assert numbers == list(range(3 * AT_ONCE))
+    assert "a/own" not in dict(heard)
+
+
+def test_a_gatherer_that_raises_goes_on_and_ends_with_its_lane(directory, opened, edge, caplog):
+    heard, threads = [], []
+
+    def fail(samples):
+        heard.extend(samples)
+        threads.append(threading.current_thread())
+        raise RuntimeError("oops")
+
+    other = opened(join(BusSettings("yard"), directory))
+    other.reports.gather("a/*", fail)
+    wait_until("it is heard twice", lambda: edge.reports.put("a/b", b"") or len(heard) > 1)
+    other.close()
+    assert not threads[0].is_alive()
+    assert caplog.text.count("a bus callback failed") > 1
 
 
 def test_a_question_gets_the_answers_of_everybody(directory, opened, edge, caller):

@@ -81,14 +81,14 @@ def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
     assert both.payloads(1) == [b"yours"]
 
 
-def test_a_message_that_nobody_flushes_leaves_by_itself(broker, watched):
+def test_a_message_leaves_at_once_and_one_for_later_with_what_follows(broker, watched):
     hears = watched(broker.port, "hears", {"t": 0}).connected()
     says = watched(broker.port, "says").connected()
-    for _ in range(3):
-        before = len(hears.messages)
-        says.publish("t", b"x")
-        hears.payloads(before + 1)
-    says.until(lambda: says.outcomes == [("t", Outcome.SENT)] * 3)
+    for number in range(3):
+        says.publish("t", b"later", later=True)
+        says.publish("t", b"now")
+        assert hears.payloads(2 * number + 2)[-2:] == [b"later", b"now"]
+    says.until(lambda: says.outcomes == [("t", Outcome.SENT)] * 6)
 
 
 def test_urgent_messages_overtake_what_waits(any_broker, watched):

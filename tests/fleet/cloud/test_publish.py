@@ -1,0 +1,63 @@
+import mqtt5
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fleet.cloud.packets import Decoder
+from fleet.cloud.publish import publish
+from fleet.spool.message import Outgoing
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0+#"), min_size=1, max_size=40)
+LIMIT = 1 << 20
+
+
+def only(data, protocol):
+    (packet,) = Decoder(protocol, LIMIT).feed(data)
+    return packet
+
+
+MESSAGES = st.builds(
+    Outgoing,
+    TEXT,
+    st.binary(max_size=300) | st.integers(16_000, 17_000).map(bytes),
+    st.integers(1, 2),
+    content_type=st.none() | TEXT,
+    correlation=st.none() | st.binary(max_size=200),
+    deadline=st.none() | st.floats(-1e3, 1e11),
+    again=st.booleans(),
+)
+
+
+@pytest.mark.parametrize("protocol", [5, 311])
+@given(message=MESSAGES)
+def test_the_codec_reads_what_is_written(protocol, message):
+    packet = only(publish(message, 77, 1000.0, protocol), protocol)
+    assert (packet.topic, packet.payload, int(packet.qos)) == (message.topic, message.payload, message.qos)
+    assert (packet.packet_id, packet.duplicate, packet.retain) == (77, message.again, False)
+    if protocol == 5:
+        assert (packet.content_type, packet.correlation_data) == (message.content_type, message.correlation)
+        assert (packet.message_expiry_interval is None) == (message.deadline is None)
+
+
+@pytest.mark.parametrize("protocol", [5, 311])
+def test_a_message_of_qos_0_has_no_identifier(protocol):
+    packet = only(publish(Outgoing("t", b"x", 0), None, 1000.0, protocol), protocol)
+    assert (packet.topic, packet.payload, int(packet.qos), packet.packet_id) == ("t", b"x", 0, None)
+
+
+@pytest.mark.parametrize(("left", "seconds"), [(0.2, 1), (-5.0, 1), (7.0, 7), (7.01, 8), (1e12, 0xFFFF_FFFF)])
+def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, seconds):
+    message = Outgoing("t", b"", 1, deadline=1000.0 + left)
+    assert only(publish(message, 1, 1000.0, 5), 5).message_expiry_interval == seconds
+
+
+def test_it_is_byte_for_byte_what_the_codec_writes():
+    message = Outgoing("a/b", b"x" * 200, 1, deadline=1060.0)
+    packet = mqtt5.PublishPacket("a/b", b"x" * 200, qos=mqtt5.QoS(1), packet_id=5, message_expiry_interval=60)
+    assert publish(message, 5, 1000.0, 5) == packet.write()
+
+
+@pytest.mark.parametrize("topic", ["x" * 65_536, "\ud800"])
+def test_a_topic_that_no_packet_holds_is_an_error(topic):
+    with pytest.raises(ValueError, match=r"65535 bytes|surrogates"):
+        publish(Outgoing(topic, b"", 0), None, 0.0, 5)
