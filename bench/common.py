@@ -66,6 +66,14 @@ def mosquitto(port=0):
             yield port
 
 
+def listener(port):
+    """Return the process of ours that listens on a port."""
+    for each in psutil.Process().children():
+        if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
+            return each
+    sys.exit(f"nobody listens on {port}")
+
+
 class Fleet:
     """A running ``fleet run``: when each robot was first told to be well."""
 

@@ -1,13 +1,27 @@
-"""The bridge against the SDK's (the peer) and a bare relay (the floor), row by row."""
+"""The bridge against the SDK's (the peer) and a bare relay (the floor), row by row.
+
+``python -m bench bridge:ROW,ROW=SIZE``: the rows that have a size have a long form by it.
+"""
 
 import importlib
 import sys
 
-ROWS = ("durable", "rtt", "inward", "command", "state", "outage")
+ROWS = ("durable", "rtt", "inward", "command", "stop", "state", "outage", "faults", "memory")
+SIZED = {
+    "stop": "stops",
+    "outage": "seconds without the broker",
+    "faults": "kills of the broker; 60 commands for each",
+    "memory": "thousands of messages in the outage",
+}
 
 
 def run(rows=()):
-    for row in rows or ROWS:
+    for asked in rows or ROWS:
+        row, _, size = asked.partition("=")
         if row not in ROWS:
             sys.exit(f"there is no row {row!r}; there are {', '.join(ROWS)}")
-        importlib.import_module(f"bench.bridge.{row}").run()
+        if size and row not in SIZED:
+            sized = ", ".join(f"{name} ({what})" for name, what in SIZED.items())
+            sys.exit(f"row {row} has no size; these have: {sized}")
+        module = importlib.import_module(f"bench.bridge.{row}")
+        module.run(*([float(size)] if size else []))

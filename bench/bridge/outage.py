@@ -1,7 +1,7 @@
 """The broker is away while durable messages flow, the edge is killed inside: what is lost, how it returns.
 
-60 s in the long form; ``SECONDS`` is the short one. 10 puppets say 1,000 durable messages a second. What the
-killed process had said in its last turn, and no spool can have, is not counted.
+``SECONDS`` is the short form, ``bridge:outage=60`` the long one. 10 puppets say 1,000 durable messages a
+second. What the killed process had said in its last turn, and no spool can have, is not counted.
 """
 
 import collections
@@ -13,7 +13,7 @@ import time
 
 import psutil
 
-from bench.common import fleet, free_port, line, mosquitto, puppets, wait_for
+from bench.common import fleet, free_port, line, listener, mosquitto, puppets, wait_for
 from fleet.testing.mqtt import Mqtt
 
 ROBOTS = 10
@@ -49,7 +49,7 @@ class Heard:
         return missing, unordered
 
 
-def run():
+def run(seconds=SECONDS):
     port, heard = free_port(), Heard()
     robots = puppets(ROBOTS, rate=10, events=RATE)
     with contextlib.ExitStack() as stack:
@@ -62,32 +62,25 @@ def run():
             edge.all_well(ROBOTS)
             time.sleep(3)
             memory = psutil.Process(edge.pid).memory_info().rss
-            stop_broker(port)
-            time.sleep(SECONDS / 2)
+            listener(port).kill()
+            time.sleep(seconds / 2)
             grown = psutil.Process(edge.pid).memory_info().rss - memory
             psutil.Process(edge.pid).kill()
         edge = stack.enter_context(fleet(robots, port, folder))
         edge.all_well(ROBOTS)
-        time.sleep(SECONDS / 2)
+        time.sleep(seconds / 2)
         stack.enter_context(mosquitto(port))
         began = time.monotonic()
         stack.enter_context(Mqtt(port, "ears", topics=[STATUS, POSITION], took=heard.took))
         wait_for(lambda: heard.first)
-        time.sleep(SECONDS)
-        report(heard, began, grown)
+        time.sleep(max(SECONDS, seconds / 2))
+        report(heard, began, grown, seconds)
 
 
-def stop_broker(port):
-    """Kill whoever listens on the port, which is our Mosquitto."""
-    for each in psutil.Process().children():
-        if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
-            each.kill()
-
-
-def report(heard, began, grown):
+def report(heard, began, grown, seconds):
     missing, unordered = heard.lost()
     came = sum(map(len, heard.numbers.values()))
-    what = f"broker away for {SECONDS:g} s, edge killed inside"
+    what = f"broker away for {seconds:g} s, edge killed inside"
     line(f"{what}: durable messages lost", f"{missing} ({came} came)", "aim: 0")
     line("out of order within a topic", str(unordered), "aim: 0")
     at, age = heard.first

@@ -5,6 +5,7 @@
 
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -50,4 +51,5 @@ def adapter(bus, journal):
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # its threads do not let it end otherwise
     {"bridge": bridge, "adapter": adapter}[sys.argv[1]](*sys.argv[2:])

@@ -1,6 +1,7 @@
 """The three sides of a comparison, each a process between a broker and a bus: ours, peer, floor."""
 
 import contextlib
+import itertools
 import json
 import socket
 import sys
@@ -29,10 +30,10 @@ class Side:
 
 
 @contextlib.contextmanager
-def side(name, port, *, number=TWINS, rate=0.0, heard_at=0):
+def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, **sections):
     """Run a side. ``rate``: our robots' own reports; the others are given as much by a source.
 
-    ``heard_at``: the broker's own port, where ``port`` is a proxy's.
+    ``heard_at``: the broker's own port, where ``port`` is a proxy's. ``sections``: more of our fleet.yaml.
     """
     bus = str(free_port())
     with contextlib.ExitStack() as stack:
@@ -43,7 +44,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0):
         twins = [robot["twin"] for robot in robots]
         if name == "fleet":
             listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"]}}
-            edge = stack.enter_context(fleet(robots, port, folder, **listen))
+            edge = stack.enter_context(fleet(robots, port, folder, **listen, **sections))
             edge.all_well(number)
             time.sleep(6)  # it settles
             yield Side(edge.pid, twins, bus, journal)
@@ -71,11 +72,23 @@ def _poked(side, port):
     return READY in side.executed()
 
 
+class Said:
+    """How many messages a source has said, once it has ended."""
+
+    def __init__(self):
+        self.total = 0
+
+
 @contextlib.contextmanager
-def source(side, rate):
-    """Say durable things on a side's bus."""
-    with process(sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), *side.twins) as running:
-        yield running
+def source(side, rate, pad=0):
+    """Say durable things on a side's bus, each ``pad`` bytes longer than it need be."""
+    said = Said()
+    command = (sys.executable, "-m", "bench.bridge.source", side.bus, str(rate), str(pad), *side.twins)
+    with tempfile.TemporaryFile("w+") as told:
+        with process(*command, stdout=told):
+            yield said
+        told.seek(0)
+        said.total = int(told.read() or 0)
 
 
 class Ears:
@@ -83,10 +96,33 @@ class Ears:
 
     def __init__(self, port):
         self.ages, self.numbers = [], {}
-        leaves = ("navigate/status", "navigate_status")
-        self.mqtt = Mqtt(
-            port, "ears", topics=[f"cyberwave/twin/+/{leaf}" for leaf in leaves], took=self._took
-        )
+        self._port = port
+        self.mqtt = self._opened()
+
+    def again(self):
+        """Hear a broker that has been started anew."""
+        self.mqtt.close()
+        self.mqtt = self._opened()
+
+    def lost(self, said):
+        """Return how many never came of what was said, and how many came first after a later one."""
+        firsts = [list(dict.fromkeys(numbers)) for numbers in self.numbers.values()]
+        unordered = sum(later < earlier for each in firsts for earlier, later in itertools.pairwise(each))
+        return said.total - sum(map(len, firsts)), unordered
+
+    def quiet(self, seconds=3.0, within=60.0):
+        """Wait until nothing has come for so long."""
+        end, count, since = time.monotonic() + within, -1, 0.0
+        while time.monotonic() < end:
+            if count != len(self.ages):
+                count, since = len(self.ages), time.monotonic()
+            elif time.monotonic() - since >= seconds:
+                return
+            time.sleep(0.1)
+
+    def _opened(self):
+        topics = [f"cyberwave/twin/+/{leaf}" for leaf in ("navigate/status", "navigate_status")]
+        return Mqtt(self._port, "ears", topics=topics, took=self._took)
 
     def _took(self, packet, now):
         number, at = json.loads(packet.payload)["message"].split()[:2]

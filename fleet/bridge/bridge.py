@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from fleet.bridge.answers import Port
+from fleet.bridge.counters import ClassCounts
 from fleet.bridge.downlink import Downlink
 from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
@@ -53,6 +54,7 @@ class Bridge:
     ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers. ``put``
     publishes on the bus. ``claimed`` hears twin and edge when the cloud shows another edge that has the twin,
     with an empty name when it has let go. ``spool`` keeps what is durable; it is closed with the bridge.
+    ``said`` counts what the edge says itself: answers, heartbeats, who came and went.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Bridge:
             spool=spool,
         )
         self.refusals = Tally(log, clock)
+        self.said = ClassCounts()
         self._held: dict[str, str] = {}
         self._rivals = Rivals(
             edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
@@ -174,7 +177,7 @@ class Bridge:
                 session=self._session,
                 extra=extra,
             )
-            self._queue(self._topics.twin(port.twin, "edge_health"), payload)
+            self._say_now(self._topics.twin(port.twin, "edge_health"), payload)
         if self.client.state is CloudState.CONNECTED:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)
@@ -195,7 +198,18 @@ class Bridge:
 
     def _say(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
         """Publish a telemetry message."""
+        self.said.add(Traffic.EVENT)
         self._queue(*self._telemetry(port, kind, fields), qos=1)
+
+    def _say_now(self, topic: str, payload: bytes) -> None:
+        """Publish what is of no use later."""
+        self.said.add(Traffic.LATEST)
+        self._queue(topic, payload)
+
+    def _say_at_once(self, topic: str, payload: bytes) -> None:
+        """Publish what is timed: it does not wait for the turn's end."""
+        self.said.add(Traffic.LATEST)
+        self.client.publish(topic, payload)
 
     def _served(self) -> list[Port]:
         """Return the robots whose twins no other edge has."""
@@ -224,7 +238,7 @@ class Bridge:
         """Ask how far the cloud is, by the first twin."""
         for twin in self._ports:
             payload = ping(stamp=self._clock.time(), session=self._session)
-            self.client.publish(self._topics.twin(twin, "ping:request"), payload)
+            self._say_at_once(self._topics.twin(twin, "ping:request"), payload)
             return
 
     def _heard_ping(self, topic: Topic, message: Message) -> None:
@@ -239,7 +253,7 @@ class Bridge:
             source_type=port.source_type,
             session=self._session,
         )
-        self.client.publish(self._topics.twin(topic.twin, "pong:response"), payload)
+        self._say_at_once(self._topics.twin(topic.twin, "pong:response"), payload)
 
     def _heard_pong(self, _topic: Topic, message: Message) -> None:
         """Take the cloud's answer to our ping."""
@@ -263,6 +277,7 @@ class Bridge:
         """Publish an answer at once; nobody waits for it longer than its rule says."""
         parsed = self._topics.parse(topic)
         rule = rule_of(parsed.leaf) if parsed else None
+        self.said.add(Traffic.REPLY)
         self.client.publish(
             topic,
             payload,
@@ -285,7 +300,7 @@ class Bridge:
         if state is CloudState.CONNECTED:
             self._soon(self._say_newest)
             if self.client.stats.connects > 1:
-                self._say_connected()
+                self._soon(self._say_connected)
 
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""

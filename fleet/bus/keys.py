@@ -11,6 +11,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
+``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
 =====================================  ====================================================
@@ -42,6 +43,11 @@ def claims() -> str:
 def command(edge_id: str, name: str) -> str:
     """Return the key on which a robot is asked; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
+
+
+def holders(edge_id: str) -> str:
+    """Return the key on which an edge tells its workers which edges have their twins, seen in the cloud."""
+    return f"fleet/{edge_id}/holders"
 
 
 def state(edge_id: str, name: str) -> str:

@@ -75,10 +75,13 @@ def edge_line(edge: EdgeState) -> str:
 
 
 def cloud_line(edge: EdgeState) -> str:
-    """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say."""
+    """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say.
+
+    States that only wait for their turn are no backlog: a newer one replaces them.
+    """
     parts = [
         (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
-        (edge.waiting + edge.queued, f"{edge.waiting + edge.queued} waiting ({edge.queued_bytes} bytes)"),
+        (edge.spooled, f"{edge.spooled} messages wait for it"),
         (edge.dropped, f"{edge.dropped} dropped"),
         (edge.refused, f"{edge.refused} refused"),
     ]

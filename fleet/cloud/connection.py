@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -15,6 +17,8 @@ from fleet.cloud.session import Session, SessionEnded
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
 from fleet.spool.message import Outcome, Outgoing
+
+AT_ONCE = struct.pack("ii", 1, 0)  # SO_LINGER: a close is a reset
 
 Deliver = Callable[[list[Message]], None]
 Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
@@ -109,7 +113,7 @@ class Connection(asyncio.Protocol):
             self._write(encode(mqtt5.DisconnectPacket(reason_code=code), self._protocol))
         self._end(reason)
         if self._transport and code is None:
-            self._transport.abort()
+            _reset(self._transport)
         elif self._transport:
             self._transport.close()
 
@@ -154,3 +158,15 @@ class Connection(asyncio.Protocol):
         if data and self._transport and not self.ended.done() and not self._transport.is_closing():
             self._transport.write(data)
             self._keepalive.sent(self._clock.monotonic())
+
+
+def _reset(transport: asyncio.Transport) -> None:
+    """End a connection with nothing left of it, unless it is ending already.
+
+    What the kernel still holds of states from before a network fell silent would else arrive as news when
+    that comes back.
+    """
+    if not transport.is_closing():
+        opened = transport.get_extra_info("socket")
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
+    transport.abort()

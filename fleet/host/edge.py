@@ -91,6 +91,7 @@ class Edge:
             self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._cloud_holders: dict[str, str] = {}
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -185,6 +186,7 @@ class Edge:
             cloud_cause=cloud.cause,
             queued=stats.queued if stats else 0,
             queued_bytes=stats.queued_bytes if stats else 0,
+            spooled=bridge.client.spool.waiting if bridge else 0,
             waiting=bridge.uplink.waiting if bridge else 0,
             refused=bridge.refusals.total if bridge else 0,
             round_trip=bridge.round_trip.seconds if bridge else None,
@@ -226,7 +228,7 @@ class Edge:
             put=self.bus.reports.put,
             soon=self._soon,
             alive=self._alive,
-            claimed=self.process.held_in_the_cloud,
+            claimed=self._held_in_the_cloud,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
         )
@@ -246,9 +248,21 @@ class Edge:
                 health.put(msgspec.json.encode(self.state()))
 
         self.process.wheel.every(HEALTH_EVERY, tell_health, owner="", failed=_log_failure)
+        if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
+            self.process.wheel.every(HEALTH_EVERY, self._tell_holders, owner="", failed=_log_failure)
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat, owner="", failed=_log_failure)
         self.bus.control.token(keys.edge(edge))
+
+    def _held_in_the_cloud(self, twin: str, holder: str) -> None:
+        """Leave a twin to the edge that the cloud shows, or take it back; its robot may be in a worker."""
+        self.process.held_in_the_cloud(twin, holder)
+        self._cloud_holders[twin] = holder
+        self._tell_holders()
+
+    def _tell_holders(self) -> None:
+        """Tell the workers who has their twins in the cloud: they are not connected to it."""
+        self.bus.control.put(keys.holders(self._config.edge.id), msgspec.json.encode(self._cloud_holders))
 
     def _beat(self) -> None:
         """Publish every twin's heartbeat."""

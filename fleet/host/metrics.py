@@ -7,7 +7,9 @@ computer would take each other's. Read on the server's own thread from counters 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from threading import Thread
 from typing import Any, Protocol
 
@@ -18,11 +20,10 @@ from prometheus_client.registry import Collector
 from fleet.bridge.bridge import Bridge
 from fleet.errors import FleetError
 from fleet.model.state import EdgeState, RobotState
+from fleet.spool.figures import SpoolFigures
+from fleet.wire.rules import Traffic
 
 log = logging.getLogger(__name__)
-
-Source = Callable[[], Iterable[Metric]]
-"""What adds figures of its own (the spool does)."""
 
 
 class Served(Protocol):
@@ -42,13 +43,12 @@ class MetricsError(FleetError):
 
 
 class Metrics(Collector):
-    """Collects on request; ``sources`` may be added to."""
+    """Collects on request."""
 
     def __init__(self, edge: Served) -> None:
         self._edge = edge
         self._server: Any = None
         self._thread: Thread | None = None
-        self.sources: list[Source] = []
 
     @property
     def port(self) -> int:
@@ -85,8 +85,7 @@ class Metrics(Collector):
             yield from _outward(bridge)
             yield from _inward(bridge)
             yield from _cloud(bridge)
-        for source in self.sources:
-            yield from source()
+            yield from _spool(bridge.client.spool.figures(), time.time())
 
 
 def _robots(states: Iterable[RobotState]) -> Iterator[Metric]:
@@ -111,16 +110,21 @@ def _edge(state: EdgeState) -> Iterator[Metric]:
 def _outward(bridge: Bridge) -> Iterator[Metric]:
     """Yield what went from the bus to the cloud, by class."""
     uplink = bridge.uplink
-    counters = (
-        ("received", "Samples of our twins that came from the bus.", uplink.received),
-        ("sent", "Messages handed to the cloud's connection.", uplink.sent),
-        ("conflated", "Samples that a newer one replaced before its turn.", uplink.conflated),
-        ("dropped", "Samples above their rate, or streams while the way was full.", uplink.dropped),
+    sent = Counter(uplink.sent.by_class()) + Counter(bridge.said.by_class())
+    counters: tuple[tuple[str, str, Mapping[str, int]], ...] = (
+        ("received", "Samples of our twins that came from the bus.", uplink.received.by_class()),
+        ("sent", "Messages handed to the cloud's connection.", sent),
+        ("conflated", "Samples that a newer one replaced before its turn.", uplink.conflated.by_class()),
+        (
+            "dropped",
+            "Samples above their rate; streams while the way was full.",
+            uplink.dropped.by_class(),
+        ),
     )
     for name, about, counts in counters:
         family = CounterMetricFamily(f"fleet_outward_{name}", about, labels=["traffic"])
-        for word, count in counts.by_class().items():
-            family.add_metric([word], float(count))
+        for traffic in Traffic:
+            family.add_metric([traffic.word], float(counts[traffic.word]))
         yield family
     yield GaugeMetricFamily("fleet_outward_waiting", "Samples waiting for their turn.", float(uplink.waiting))
 
@@ -167,3 +171,33 @@ def _cloud(bridge: Bridge) -> Iterator[Metric]:
     )
     for name, about, count in counters:
         yield CounterMetricFamily(f"fleet_cloud_{name}", about, float(count))
+
+
+def _spool(figures: SpoolFigures, now: float) -> Iterator[Metric]:
+    """Yield what is kept until the cloud has it, by class, and what was lost of it; ``now`` is Unix time."""
+    gauges = {
+        name: GaugeMetricFamily(f"fleet_spool_{name}", about, labels=["traffic"])
+        for name, about in (
+            ("messages", "Messages that wait until the cloud has them."),
+            ("on_disk_messages", "Those of them that stand on disk alone."),
+            ("memory_bytes", "Payload of those that stand in memory."),
+            ("oldest_age_seconds", "Since the oldest of them was said; 0 when none waits."),
+        )
+    }
+    for traffic, class_ in figures.classes.items():
+        age = 0.0 if class_.oldest is None else max(0.0, now - class_.oldest)
+        values = (class_.messages, class_.on_disk, class_.memory, age)
+        for family, value in zip(gauges.values(), values, strict=True):
+            family.add_metric([traffic.word], float(value))
+    yield from gauges.values()
+    lost = CounterMetricFamily(
+        "fleet_spool_lost", "Messages that will never arrive.", labels=["traffic", "reason"]
+    )
+    for (traffic, reason), count in figures.lost.items():
+        lost.add_metric([traffic.word, reason.value], float(count))
+    yield lost
+    yield GaugeMetricFamily("fleet_spool_disk_bytes", "Of its file, what holds something.", figures.disk)
+    held = "Topics that wait for somebody to hear them."
+    yield GaugeMetricFamily("fleet_spool_held_topics", held, figures.held_topics)
+    fine = float(not figures.problem)
+    yield GaugeMetricFamily("fleet_spool_disk_works", "1 unless what waits is kept in memory alone.", fine)

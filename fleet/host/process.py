@@ -8,7 +8,7 @@ import gc
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, cast, get_args
 
@@ -148,6 +148,22 @@ class RobotProcess:
     def held_in_the_cloud(self, twin: str, holder: str) -> None:
         """Take note of who has a twin by the heartbeats in the cloud."""
         self._held(twin, "cloud", holder)
+
+    def others_have(self, payload: bytes) -> None:
+        """Take the edge's word of who has which twins in the cloud; in a worker, on the bus's thread."""
+        try:
+            holders = msgspec.json.decode(payload, type=dict[str, str])
+        except msgspec.DecodeError as error:
+            log.warning("who has our twins cannot be read: %s", error)
+            return
+        self.loop.call_soon_threadsafe(self._others_have, holders)
+
+    def _others_have(self, holders: Mapping[str, str]) -> None:
+        """Take note of what is new."""
+        for robot in self.robots.values():
+            holder = holders.get(robot.twin, "")
+            if holder != self._holders.get(robot.twin, {}).get("cloud", ""):
+                self.held_in_the_cloud(robot.twin, holder)
 
     def _held(self, twin: str, where: str, holder: str) -> None:
         """Run the robot of a twin that is ours; let go of one that another edge has."""

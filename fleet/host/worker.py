@@ -56,6 +56,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     stop_logs = publish_robot_logs(process)
     take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
+    bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
     # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))

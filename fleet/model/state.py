@@ -37,8 +37,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health.
 
-    On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages
-    (``queued_bytes``) to be sent; ``refused`` were refused in either direction, ``dropped`` lost.
+    On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages to be sent:
+    ``spooled`` ones that are kept until the cloud has them, and light ones (``queued_bytes``); ``refused``
+    were refused in either direction, ``dropped`` lost.
     ``round_trip`` is seconds to the cloud and back.
     """
 
@@ -54,6 +55,7 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     cloud_cause: str = ""
     queued: int = 0
     queued_bytes: int = 0
+    spooled: int = 0
     waiting: int = 0
     refused: int = 0
     round_trip: float | None = None

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import enum
+from collections import Counter
 from collections.abc import Iterable
 
 import msgspec
+
+from fleet.wire.rules import Traffic
 
 
 class Reason(enum.StrEnum):
@@ -28,19 +31,24 @@ class Gap(msgspec.Struct):
 
 
 class Losses:
-    """The losses that nobody has been told of yet; ``total`` are all since the start."""
+    """The losses that nobody has been told of yet; ``counts`` are all since the start."""
 
     def __init__(self) -> None:
-        self.total = 0
+        self.counts: Counter[tuple[Traffic, Reason]] = Counter()
         self.changed = False
         self._gaps: dict[tuple[str, Reason], Gap] = {}
 
     def __len__(self) -> int:
         return len(self._gaps)
 
-    def note(self, topic: str, reason: Reason, wall: float, lost: int = 1) -> None:
+    @property
+    def total(self) -> int:
+        """All losses since the start."""
+        return self.counts.total()
+
+    def note(self, topic: str, traffic: Traffic, reason: Reason, wall: float, lost: int = 1) -> None:
         """Count a loss."""
-        self.total += lost
+        self.counts[traffic, reason] += lost
         self.changed = True
         gap = self._gaps.get((topic, reason))
         if gap is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
+from fleet.spool.figures import SECOND, Standing, standing
 from fleet.spool.holds import Holds
 from fleet.spool.line import Line, Sign, State
 from fleet.spool.losses import Losses, Reason
@@ -67,17 +68,17 @@ class Queue:
         if message.expiry is not None:
             age = min(age, message.expiry)
         message.since, message.deadline, message.expires = now, now + age, wall + age
-        self._seq += 1
-        message.seq = self._seq
+        self._seq = message.seq = max(self._seq + 1, int(wall * SECOND))
         line = self._line(message.topic, message.traffic)
         fits = self._memory.fits(message)
         message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
         if not (fits or self._make_room(message, 1 if self.failing or not message.cold else 2, wall)):
-            self.losses.note(message.topic, Reason.ROOM, wall)
+            self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
         self.waiting += 1
         self._memory.add(message)
         if message.cold:
+            line.cold_from = line.cold_from if line.cold else message.seq
             line.cold += 1
             self.cold += 1
         else:
@@ -118,7 +119,7 @@ class Queue:
             self._holds.unheard(line, now)
             return
         if outcome is Outcome.REFUSED:
-            self.losses.note(message.topic, Reason.REFUSED, wall)
+            self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
         self._holds.heard(line, now)
         self._stand(line)
@@ -178,6 +179,10 @@ class Queue:
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
         return len(self._holds)
+
+    def standing(self) -> dict[Traffic, Standing]:
+        """Return what waits of each class."""
+        return standing(self._lines.values())
 
     # -- the disk ------------------------------------------------------------------------------------
 
@@ -241,7 +246,7 @@ class Queue:
         if line.empty:
             self._drop_line(line)
 
-    def found(self, topic: str, traffic: Traffic, count: int, newest: int) -> None:
+    def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
         line = self._line(topic, traffic)
@@ -250,7 +255,7 @@ class Queue:
         line.cold += len(line.memory)
         self.cold += len(line.memory)
         line.memory.clear()
-        line.loaded = 0
+        line.loaded, line.cold_from = 0, oldest
         line.cold += count
         self.cold += count
         self.waiting += count
@@ -262,7 +267,8 @@ class Queue:
         if line is None:
             return
         if lost := sum(seq > line.loaded for seq in seqs):
-            self._cool(line, lost, topic, reason, wall)
+            self._cool(line, lost, reason, wall)
+            line.cold_from = max(line.cold_from, *seqs)
         removed = set(seqs)
         for message in (*line.back, *line.memory):
             if message.seq in removed and not message.gone:
@@ -273,19 +279,19 @@ class Queue:
         for line in list(self._lines.values()):
             kept = sum(one.topic == line.topic and one.cold and not one.gone for one in self._unwritten)
             if line.cold > kept:
-                self._cool(line, line.cold - kept, line.topic, Reason.CORRUPT, wall)
+                self._cool(line, line.cold - kept, Reason.CORRUPT, wall)
             for message in (*line.back, *line.memory):
                 if message.stored and not message.gone:
                     message.stored = False
                     self._unwritten.append(message)
         self._done = []
 
-    def _cool(self, line: Line, lost: int, topic: str, reason: Reason, wall: float) -> None:
+    def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
         line.cold -= lost
         self.cold -= lost
         self.waiting -= lost
-        self.losses.note(topic, reason, wall, lost)
+        self.losses.note(line.topic, line.traffic, reason, wall, lost)
         self._stand(line)
 
     # -- within --------------------------------------------------------------------------------------
@@ -348,7 +354,7 @@ class Queue:
         """Have a cold message stand in memory."""
         message.cold = False
         line.memory.append(message)
-        line.loaded = message.seq
+        line.loaded = line.cold_from = message.seq
         line.cold -= 1
         self.cold -= 1
 
@@ -381,5 +387,5 @@ class Queue:
         if message.cold:
             self._lines[message.topic].cold -= 1
             self.cold -= 1
-        self.losses.note(message.topic, reason, wall)
+        self.losses.note(message.topic, message.traffic, reason, wall)
         self._dropped.append((message, Outcome.DROPPED))

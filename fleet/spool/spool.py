@@ -22,6 +22,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import StateError
 from fleet.spool.database import is_corrupt, set_aside
+from fleet.spool.figures import SpoolFigures
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.place import SPOOL, Lock, made
@@ -57,16 +58,6 @@ class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
     ages: Mapping[Traffic, float] = AGES
     messages: int = 5_000
     memory: int = 8 * 1024 * 1024
-
-
-class SpoolFigures(msgspec.Struct, frozen=True):
-    """How a spool stands: what waits, how much of it on disk alone, topics that nobody hears, losses."""
-
-    waiting: int
-    on_disk: int
-    held_topics: int
-    lost: int
-    problem: str
 
 
 class Spool:
@@ -179,8 +170,9 @@ class Spool:
     def figures(self) -> SpoolFigures:
         """Return how the spool stands."""
         with self._using:
-            queue = self._queue
-            return SpoolFigures(queue.waiting, queue.cold, queue.held, queue.losses.total, self.problem)
+            queue, disk = self._queue, self._store.used if self._store else 0
+            lost = dict(queue.losses.counts)
+            return SpoolFigures(queue.standing(), lost, queue.held, disk, self.problem)
 
     def close(self) -> None:
         """Write everything and let go of the file; what is not on disk then is dropped."""
@@ -217,7 +209,7 @@ class Spool:
         with self._using:
             self._queue.losses.add(losses)
             for each in left:
-                self._queue.found(each.topic, each.traffic, each.count, each.newest)
+                self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
         if store.aside is not None:
             self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
         if self._queue.waiting:

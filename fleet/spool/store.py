@@ -31,16 +31,23 @@ CREATE TABLE loss (
 );
 """
 _SELECT = "SELECT message.seq, topic.name FROM message JOIN topic ON topic.id = message.topic "
-_OLDEST = _SELECT + "WHERE topic.traffic = ? ORDER BY message.seq LIMIT ?"
+_OLDEST = _SELECT + "WHERE topic.traffic = ? AND message.seq >= ? ORDER BY message.seq LIMIT ?"
+_FIRST = (
+    "SELECT traffic, min(first) FROM "
+    "(SELECT traffic, (SELECT min(seq) FROM message WHERE message.topic = topic.id) AS first FROM topic) "
+    "WHERE first IS NOT NULL GROUP BY traffic ORDER BY traffic DESC LIMIT 1"
+)
+"""The least important traffic that there is, and its oldest message: by the index, a look for each topic."""
 _LATE = _SELECT + "WHERE message.expires <= ? LIMIT ?"
 
 
 class Left(msgspec.Struct, frozen=True):
-    """What a file holds of one topic: how many messages, and the newest's number."""
+    """What a file holds of one topic: how many messages, and the numbers of the oldest and the newest."""
 
     topic: str
     traffic: Traffic
     count: int
+    oldest: int
     newest: int
 
 
@@ -56,6 +63,8 @@ class Store:
         self._database.execute("PRAGMA journal_size_limit = 4194304")
         self._database.execute("DELETE FROM topic WHERE id NOT IN (SELECT topic FROM message)")
         self._ids = self._known_ids()
+        self.used = 0  # bytes that hold something
+        self._used()
 
     def close(self) -> None:
         """Close the file."""
@@ -64,10 +73,10 @@ class Store:
     def left(self) -> list[Left]:
         """Return what the file holds."""
         rows = self._database.execute(
-            "SELECT topic.name, topic.traffic, count(*), max(message.seq) FROM message "
+            "SELECT topic.name, topic.traffic, count(*), min(message.seq), max(message.seq) FROM message "
             "JOIN topic ON topic.id = message.topic GROUP BY topic.id"
         )
-        return [Left(topic, Traffic(traffic), count, newest) for topic, traffic, count, newest in rows]
+        return [Left(topic, Traffic(traffic), *rest) for topic, traffic, *rest in rows]
 
     def losses(self) -> list[Gap]:
         """Return the losses that nobody has been told of."""
@@ -88,6 +97,7 @@ class Store:
                 self._database.executemany(
                     "INSERT INTO loss VALUES (?, ?, ?, ?, ?)", map(msgspec.structs.astuple, losses)
                 )
+        self._used()
 
     def fetch(self, topic: str, after: int, limit: int, traffic: Traffic) -> list[Outgoing]:
         """Return the oldest messages of a topic that are newer than ``after``."""
@@ -137,12 +147,9 @@ class Store:
         self._database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
 
     def _oldest(self) -> list[tuple[int, str]]:
-        """Return the oldest of the least important traffic that there is."""
-        for traffic in reversed(Traffic):
-            rows = self._database.execute(_OLDEST, (traffic, LEAST_EVICTED)).fetchall()
-            if rows:
-                return rows
-        return []
+        """Return the oldest of the least important traffic that there is; without reading all that waits."""
+        least = self._database.execute(_FIRST).fetchone()
+        return self._database.execute(_OLDEST, (*least, LEAST_EVICTED)).fetchall() if least else []
 
     def _remove(self, rows: Sequence[tuple[int, str]]) -> list[tuple[str, int]]:
         """Remove messages."""
@@ -152,7 +159,9 @@ class Store:
     def _used(self) -> int:
         """Return how many pages hold something."""
         pages = self._database.execute("PRAGMA page_count").fetchone()[0]
-        return int(pages - self._database.execute("PRAGMA freelist_count").fetchone()[0])
+        used = int(pages - self._database.execute("PRAGMA freelist_count").fetchone()[0])
+        self.used = used * PAGE
+        return used
 
     def _row(self, message: Outgoing) -> tuple[object, ...]:
         """Return a message as a row."""

@@ -130,6 +130,12 @@ def test_an_edge_says_how_far_the_cloud_is_and_what_waits_was_dropped_or_refused
     edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected")
     assert edge_line(edge).endswith("cloud connected; up 5 s")
     busy = msgspec.structs.replace(
-        edge, round_trip=0.0421, waiting=2, queued=3, queued_bytes=900, dropped=4, refused=5
+        edge, round_trip=0.0421, waiting=2, queued=4, spooled=3, dropped=4, refused=5
     )
-    assert "cloud connected (42 ms away, 5 waiting (900 bytes), 4 dropped, 5 refused); up" in edge_line(busy)
+    said = "cloud connected (42 ms away, 3 messages wait for it, 4 dropped, 5 refused); up"
+    assert said in edge_line(busy)
+
+
+def test_states_that_only_wait_for_their_turn_are_no_backlog():
+    edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected", waiting=22, queued=22)
+    assert edge_line(edge).endswith("cloud connected; up 5 s")

@@ -241,6 +241,16 @@ def test_a_dead_link_is_noticed_and_healed(broker, watched):
     edge.until(lambda: edge.client.state is CONNECTED)
 
 
+def test_a_silent_connection_is_reset_so_that_nothing_of_it_arrives_late(listener, watched):
+    edge = watched(listener.getsockname()[1], keepalive=1).start()
+    with listener.accept()[0] as broker:
+        broker.recv(4096)
+        broker.sendall(CONNACK)
+        edge.reaches(DISCONNECTED, "silent for 1.6 s")
+        with pytest.raises(ConnectionResetError):
+            list(iter(lambda: broker.recv(4096), b""))
+
+
 def test_a_quiet_link_is_kept_alive(listener, watched):
     edge = watched(listener.getsockname()[1], keepalive=1).start()
     with listener.accept()[0] as broker:

@@ -4,7 +4,6 @@ import socket
 import urllib.request
 
 import pytest
-from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.parser import text_string_to_metric_families
 
 from fleet.bridge.bridge import Bridge, Rules
@@ -13,14 +12,16 @@ from fleet.cloud.values import CloudSettings, Message
 from fleet.host.metrics import Metrics, MetricsError
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import EdgeState, RobotState
+from fleet.spool.message import Outgoing
 from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
 class Rex:
-    name, twin, source_type, legacy_status = "rex", TWIN, "edge", False
+    name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
     def read(self, kind, payload, *, way, request_id=""):
         return lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
@@ -81,6 +82,7 @@ def test_a_scraper_reads_what_was_carried_by_class_and_refused_by_reason(metrics
     assert seen["fleet_outward_received_total", "latest"] == 2
     assert seen["fleet_outward_conflated_total", "latest"] == 1
     assert seen["fleet_outward_sent_total", "latest"] == 1
+    assert seen["fleet_outward_sent_total", "reply"] == 1
     assert seen["fleet_outward_dropped_total", "stream"] == 0
     assert seen["fleet_refused_total", "unreadable"] == 1
     assert seen["fleet_refused_total", "retained"] == 1
@@ -94,11 +96,23 @@ def test_a_scraper_reads_what_was_carried_by_class_and_refused_by_reason(metrics
     assert ("fleet_cloud_round_trip_seconds",) not in seen, "unknown is no zero"
 
 
-def test_what_is_added_is_served_too(metrics):
-
-    metrics.sources.append(lambda: [GaugeMetricFamily("fleet_spool_messages", "Spooled.", 5.0)])
+def test_a_scraper_reads_what_waits_for_the_cloud_how_old_it_is_and_what_was_lost(metrics):
+    spool = metrics._edge.bridge.client.spool
+    for size in (10, 20):
+        spool.put(Outgoing("t", b"x" * size, 1, Traffic.STATUS))
+    spool.put(Outgoing("short", b"x", 1, Traffic.EVENT, expiry=0.0))
+    spool.tick()
     metrics.serve("127.0.0.1", 0)
-    assert read(metrics)["fleet_spool_messages",] == 5
+    seen = read(metrics)
+    assert seen["fleet_spool_messages", "status"] == 2
+    assert seen["fleet_spool_memory_bytes", "status"] == 30
+    assert seen["fleet_spool_on_disk_messages", "status"] == 0
+    assert 0 < seen["fleet_spool_oldest_age_seconds", "status"] < 60
+    assert seen["fleet_spool_oldest_age_seconds", "event"] == 0
+    assert seen["fleet_spool_lost_total", "age", "event"] == 1
+    assert seen["fleet_spool_held_topics",] == 0
+    assert seen["fleet_spool_disk_bytes",] == 0, "this one is in memory alone"
+    assert seen["fleet_spool_disk_works",] == 1
 
 
 def test_a_port_that_is_taken_is_said(metrics):

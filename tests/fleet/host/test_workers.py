@@ -97,6 +97,18 @@ async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
     await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
 
 
+async def test_a_robot_in_a_worker_is_let_go_when_the_cloud_shows_an_edge_that_was_first(field, asks):
+    twin = field.edge.remote["arm"].twin
+    (reply,) = await field.ask("arm", GOTO, "navigate")
+    assert reply.ok
+    field.edge._held_in_the_cloud(twin, "yard-0")
+    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
+    assert field.place.words("arm")[-2:] == ["halt", "stop"]
+    assert state_of(field.edge, "rex").health == "ok"
+    field.edge._held_in_the_cloud(twin, "")
+    await asks.until(lambda: field.place.words("arm")[-1] == "run")
+
+
 async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
     place = yard(arm={})
     edge = place.edge()

@@ -92,7 +92,8 @@ class Bench:
         other.rows, other.now, other.put_count = self.rows, self.now, self.put_count
         for topic in dict.fromkeys(row.topic for row in self.rows.values()):
             rows = [row for row in self.rows.values() if row.topic == topic]
-            other.queue.found(topic, rows[0].traffic, len(rows), max(row.seq for row in rows))
+            seqs = [row.seq for row in rows]
+            other.queue.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
         return other
 
 

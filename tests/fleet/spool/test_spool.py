@@ -11,8 +11,10 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import StateError
 from fleet.spool.losses import Reason
+from fleet.spool.message import Outgoing
 from fleet.spool.place import SPOOL
 from fleet.spool.spool import AGES, LATE_LOOK
+from fleet.spool.store import LEAST_EVICTED, Store
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
@@ -78,7 +80,7 @@ def test_more_than_fits_in_memory_waits_on_disk_and_memory_stays_flat(opened):
             spool.written()
     spool.written()
     assert spool.spool._queue._memory.count <= 50
-    assert spool.spool.figures().on_disk == 1950
+    assert spool.spool.figures().classes[Traffic.EVENT].on_disk == 1950
     sent = spool.online().drain()
     for part in range(4):
         assert [int(payload) for topic, payload in sent if topic == f"t/{part}"] == [*range(part, 2000, 4)]
@@ -195,3 +197,33 @@ def test_nobody_waits_for_a_disk_that_hangs(opened):
         spool.send()
         assert [payload for _, payload in spool.send()] == payloads(100)[1:]
     other.close()
+
+
+def test_its_figures_say_what_waits_of_each_class_since_when_also_from_before(opened, clock):
+    began = clock.time()
+    opened().put(b"old", traffic=Traffic.STATUS, topic="s").written()
+    clock.advance(100.0)
+    spool = opened()
+    spool.put(b"young", b"younger").written()
+    figures = spool.spool.figures()
+    status, event = figures.classes[Traffic.STATUS], figures.classes[Traffic.EVENT]
+    assert (status.messages, status.on_disk, event.messages, event.on_disk) == (1, 1, 2, 0)
+    assert (status.oldest, event.oldest) == pytest.approx((began, began + 100.0), abs=0.001)
+    assert event.memory == len(b"youngyounger")
+    assert figures.classes[Traffic.REPLY].oldest is None
+    assert 0 < figures.disk < 1_000_000
+
+
+def test_making_room_does_not_read_all_that_waits(tmp_path):
+    steps = {}
+    for count in (1000, 8000):
+        store = Store(tmp_path / str(count), 64 * 1024 * 1024)
+        rows = [
+            Outgoing(f"t/{n % 5}", b"", 1, Traffic.STATUS, expires=1e12, seq=n) for n in range(1, count + 1)
+        ]
+        store.change(rows, [])
+        seen = steps[count] = []
+        store._database.set_progress_handler(lambda seen=seen: seen.append(1), 100)
+        assert [seq for seq, _ in store._oldest()] == list(range(1, LEAST_EVICTED + 1))
+        store.close()
+    assert len(steps[8000]) < 2 * len(steps[1000])

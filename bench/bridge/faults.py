@@ -1,0 +1,109 @@
+"""Faults between edge and cloud, ours and the peer side by side: what is lost, and what is done twice.
+
+The broker is killed (SIGKILL) and started anew while a program on the bus says durable things; then the
+network resets connections while commands come. Ours is asked again for what it has not answered, as a
+careful client does, and the journal's promises are checked; the peer cannot answer, so it is asked once.
+"""
+
+import collections
+import contextlib
+import random
+import time
+
+from bench.bridge.sides import Ears, side, source
+from bench.common import free_port, line, listener, mosquitto
+from fleet.testing.asker import Asker, counted, executed
+from fleet.testing.journal import Rules, What, broken
+from fleet.testing.proxy import TcpProxy
+
+KILLS = 5
+COMMANDS = 60  # for each kill of the broker
+TWINS = 4
+RATE = 200  # durable messages a second
+SEED = 1
+AWAY = (0.2, 1.5)  # s that the broker is away
+BACK = 1.5  # s that it is there again
+RESET_EVERY = 50  # commands, which is once a second
+PAUSE = 0.02  # s between commands
+PROMISES = Rules(max_age=6.0, gate=What.RECEIVED, replies=False)
+
+
+def settle(asker, within=60.0):
+    """Ask again until everything is answered."""
+    end = time.monotonic() + within
+    while asker.unanswered() and time.monotonic() < end:
+        time.sleep(0.5)
+        asker.insist()
+
+
+def kills(name, number):
+    """Kill the broker so often; return how many durable messages were said, lost, and came out of order."""
+    chance, port = random.Random(SEED), free_port()
+    with contextlib.ExitStack() as stack:
+        broker = stack.enter_context(contextlib.ExitStack())
+        broker.enter_context(mosquitto(port))
+        running = stack.enter_context(side(name, port, number=TWINS))
+        with Ears(port) as ears:
+            with source(running, RATE) as said:
+                time.sleep(BACK)
+                for _ in range(number):
+                    listener(port).kill()
+                    broker.close()
+                    time.sleep(chance.uniform(*AWAY))
+                    broker.enter_context(mosquitto(port))
+                    ears.again()
+                    time.sleep(BACK)
+            ears.quiet()
+            return said.total, *ears.lost(said)
+
+
+def storm(name, commands):
+    """Send commands through resets, while durable messages flow out.
+
+    Return how many were done, done twice, why they were refused, how many durable messages were lost, and
+    the promises broken.
+    """
+    with contextlib.ExitStack() as stack:
+        port = stack.enter_context(mosquitto())
+        proxy = stack.enter_context(TcpProxy(port))
+        running = stack.enter_context(side(name, proxy.port, number=TWINS, heard_at=port))
+        names = {f"puppet-{number}": twin for number, twin in enumerate(running.twins)}
+        asker = stack.enter_context(contextlib.closing(Asker(port, names)))
+        ears = stack.enter_context(Ears(port))
+        with source(running, RATE) as said:
+            for number in range(commands):
+                asker.ask(f"puppet-{number % TWINS}")
+                if number % RESET_EVERY == RESET_EVERY - 1:
+                    proxy.reset()
+                if number % RESET_EVERY == RESET_EVERY // 2 and name == "fleet":
+                    asker.insist()
+                time.sleep(PAUSE)
+        if name == "fleet":
+            settle(asker)
+        ears.quiet()
+        did = executed(running.journal, asker.asks)
+        lines = broken([*asker.events(), *did], PROMISES) if name == "fleet" else []
+        reasons = collections.Counter(ask.refusal for ask in asker.asks.values() if ask.refusal)
+    counts = counted(did).values()
+    return len(counts), sum(count > 1 for count in counts), reasons, ears.lost(said)[0], lines
+
+
+def run(number=KILLS):
+    number = int(number)
+    commands = number * COMMANDS
+    for name in ("fleet", "peer"):
+        said, lost, unordered = kills(name, number)
+        what = f"broker killed {number} times, {said} durable messages"
+        line(f"{what}: {name}", f"{lost} lost, {unordered} unordered", "aim: 0 lost, 0 unordered")
+    for name in ("fleet", "peer"):
+        done, twice, reasons, lost, lines = storm(name, commands)
+        again = "asked until answered" if name == "fleet" else "asked once"
+        what = f"storm of resets, {commands} commands {again}: {name}"
+        line(what, f"{done} done, {reasons.total()} refused, {twice} twice", "aim: all, 0 twice")
+        for reason, count in reasons.items():
+            print(f"    {count} x {reason}")
+        line("durable messages lost in it", str(lost), "aim: 0")
+        if name == "fleet":
+            line("promises broken in it", str(len(lines)), "aim: 0")
+        for each in lines[:10]:
+            print("   ", each)

@@ -1,0 +1,170 @@
+"""A stop on the bus while a telemetry consumer is blocked: from the put to the robot's halt.
+
+Ours: a program on the bus reads reports with Zenoh's default callback and takes 10 ms for each of the
+thousands a second that there are, and the broker is frozen. The same is measured without both ("unloaded").
+The peer is what a program gets that uses Zenoh as it is, as the SDK does: reports and stops on one session,
+default callbacks, a slow consumer of reports in the process that must stop.
+
+``python -m bench.bridge.stop slow BUS`` and ``... plain BUS JOURNAL`` are the processes of a run.
+"""
+
+import contextlib
+import json
+import signal
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import zenoh
+
+from bench.bridge.floor import session
+from bench.common import fleet, free_port, line, listener, mosquitto, process, puppets, wait_for
+from fleet.bus.lane import Lane
+from fleet.bus.session import join_control
+from fleet.bus.settings import BusSettings
+
+STOPS = 2000
+ROBOTS = 50
+RATE = 50.0  # Hz of each robot's three reports
+PAUSE = 0.005  # s between stops; a robot's turn comes again after 50 of them
+SLOW = 0.01  # s that the consumer takes for each report
+PLAIN_STOPS = 40
+FLOOD = 10_000  # reports a second that the peer's consumer is offered
+STOP_KEY = "fleet/bench/stop"
+
+
+def slow(bus):
+    """Read all reports, slowly."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # it does not finish what it has not read
+    opened = session(connect=bus)
+    kept = opened.declare_subscriber("cw/**", lambda _: time.sleep(SLOW))
+    threading.Event().wait()
+    kept.undeclare()
+
+
+def plain(bus, journal):
+    """Take reports slowly and stops at once, by default callbacks of one session."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    out = Path(journal)
+    opened = session(listen=bus)
+
+    def stop(sample):
+        now = time.monotonic()
+        with out.open("a") as file:
+            file.write(json.dumps({"robot": json.loads(sample.payload.to_bytes())[0], "at": now}) + "\n")
+
+    kept = [opened.declare_subscriber("cw/**", lambda _: time.sleep(SLOW))]
+    kept.append(opened.declare_subscriber(STOP_KEY, stop))
+    threading.Event().wait()
+
+
+class Operator:
+    """Somebody on a lane of the bus who stops robots, as ``fleet stop`` does."""
+
+    def __init__(self, lane):
+        self.lane = lane
+        self.asked = []
+
+    def stop(self, robot):
+        """Stop one robot."""
+        self.asked.append((time.monotonic(), robot))
+        self.lane.put(STOP_KEY, json.dumps([robot]).encode(), urgent=True)
+
+
+def taken(asked, lines):
+    """Return how long each stop took, s; one counts that halts its robot before its next stop is asked."""
+    halts, until, took = {}, {}, []
+    for halt in lines:
+        halts.setdefault(halt["robot"], []).append(halt["at"])
+    for at, robot in reversed(asked):
+        end = until.get(robot, float("inf"))
+        until[robot] = at
+        took += [halt - at for halt in halts.get(robot, ()) if at <= halt < end][:1]
+    return took
+
+
+def ours(stops, *, loaded):
+    """Return how long stops took, with the consumer blocked and the broker frozen or with neither."""
+    port = free_port()
+    with contextlib.ExitStack() as stack:
+        journal = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))) / "journal"
+        robots = puppets(ROBOTS, rate=RATE, journal=str(journal))
+        broker = stack.enter_context(mosquitto())
+        listen = {"listen": [f"tcp/127.0.0.1:{port}"]}
+        edge = stack.enter_context(fleet(robots, broker, bus=listen))
+        edge.all_well(ROBOTS)
+        time.sleep(3)
+        if loaded:
+            stack.enter_context(process(sys.executable, "-m", "bench.bridge.stop", "slow", str(port)))
+            time.sleep(3)
+            stack.enter_context(frozen(broker))
+        operator = Operator(join_control(BusSettings(edge="bench"), Path(edge.folder)))
+        stack.callback(operator.lane.close)
+        names = [robot["name"] for robot in robots]
+        time.sleep(1)
+        for number in range(stops):
+            operator.stop(names[number % ROBOTS])
+            time.sleep(PAUSE)
+        time.sleep(1)
+        told = [json.loads(text) for text in journal.read_text().splitlines()]
+    return taken(operator.asked, [event for event in told if event["what"] == "halt"])
+
+
+def peers():
+    """Return how long stops took that reached a plain program."""
+    bus = str(free_port())
+    with tempfile.NamedTemporaryFile() as journal:
+        with process(sys.executable, "-m", "bench.bridge.stop", "plain", bus, journal.name):
+            wait_for(lambda: session(connect=bus), (zenoh.ZError,)).close()
+            operator = Operator(Lane({"mode": "client", "connect/endpoints": [f"tcp/127.0.0.1:{bus}"]}))
+            ended = threading.Event()
+            flood = threading.Thread(target=_flood, args=(operator.lane, ended))
+            flood.start()
+            time.sleep(3)
+            for number in range(PLAIN_STOPS):
+                operator.stop(str(number))
+                time.sleep(0.05)
+            time.sleep(1)
+            ended.set()
+            flood.join()
+            operator.lane.close()
+        told = [json.loads(text) for text in Path(journal.name).read_text().splitlines()]
+    return taken(operator.asked, told)
+
+
+def _flood(lane, ended):
+    """Put reports, in bursts of 10 ms."""
+    while not ended.wait(0.01):
+        for number in range(FLOOD // 100):
+            lane.put(f"cw/{number}/data/position", b"x" * 150)
+
+
+@contextlib.contextmanager
+def frozen(port):
+    """Freeze whoever listens on a port, our Mosquitto."""
+    broker = listener(port)
+    broker.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        broker.send_signal(signal.SIGCONT)
+
+
+def run(stops=STOPS):
+    stops = int(stops)
+    quiet, busy, plainly = ours(stops, loaded=False), ours(stops, loaded=True), peers()
+    what = "stops while a consumer of reports is blocked"
+    line(f"{what}: default callbacks", f"{len(plainly)} of {PLAIN_STOPS}")
+    line(f"{what}: ours", f"{len(busy)} of {stops}", "aim: all")
+    for name, took in (("unloaded", quiet), ("consumer blocked, broker frozen", busy)):
+        took.sort()
+        p50, tail = took[len(took) // 2] * 1e3, took[int(len(took) * 0.999)] * 1e3
+        line(f"p50 / p99.9, {name}", f"{p50:.2f} / {tail:.1f} ms", "aim: p99.9 at most 10")
+    ratio = busy[int(len(busy) * 0.999)] / quiet[int(len(quiet) * 0.999)]
+    line("p99.9 against unloaded", f"{ratio:.2f} x", "aim: at most 3")
+
+
+if __name__ == "__main__":
+    {"slow": slow, "plain": plain}[sys.argv[1]](*sys.argv[2:])
