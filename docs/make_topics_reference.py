@@ -91,6 +91,11 @@ A twin has one edge. An edge that sees another one that had it first, by the tok
 `fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
 the robot, carries nothing for it, says who has it, and takes it when the other has gone. An emergency stop
 is obeyed all the same.
+
+An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
+`T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their
+`T edge_health`, which every twin has each 5 s: none for 16 s means that nobody serves it (so does a second
+edge that waits for a twin). When the edge is connected again it says `connected` for each twin that answers.
 """
 
 ENVELOPE = """\

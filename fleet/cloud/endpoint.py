@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import os
 import socket
 import ssl
 from collections.abc import Callable
 
 from fleet.cloud.connection import Connection
+from fleet.cloud.dial import dial
 from fleet.cloud.session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
@@ -39,7 +41,9 @@ async def open_connection(
     """Open the network connection; raise CloudError, or SessionRefused for an untrusted certificate."""
     loop, place = asyncio.get_running_loop(), f"{settings.host}:{settings.port}"
     try:
-        _, connection = await loop.create_connection(make, settings.host, settings.port, ssl=tls)
+        opened = await dial(settings.host, settings.port)
+        name = settings.host if tls else None
+        _, connection = await loop.create_connection(make, sock=opened, ssl=tls, server_hostname=name)
     except ssl.SSLCertVerificationError as error:
         raise SessionRefused(
             f"the certificate of {place} is not trusted: {error.verify_message}; "
@@ -50,7 +54,7 @@ async def open_connection(
     except socket.gaierror as error:
         raise CloudError(f"the name {settings.host} cannot be looked up: {error.strerror}") from None
     except OSError as error:
-        why = error.strerror or str(error) or "it ended the TLS handshake"
+        why = os.strerror(error.errno) if error.errno else str(error) or "it ended the TLS handshake"
         raise CloudError(f"{place} cannot be reached: {why}") from None
     return connection
 

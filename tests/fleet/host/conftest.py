@@ -174,8 +174,24 @@ async def bench() -> Bench:
 
 
 @pytest.fixture
-def make_bench() -> Callable[..., Bench]:
-    return Bench
+async def make_bench() -> AsyncIterator[Callable[..., Bench]]:
+    """Return the maker of benches. What one has begun goes on, though nobody names it any more, to the end.
+
+    A desk that is collected with an action under way has its tasks broken off in ways that no process knows.
+    """
+    made: list[Bench] = []
+
+    def make(**options: Any) -> Bench:
+        made.append(Bench(**options))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.puppet.go.set()
+    begun = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in begun:
+        task.cancel()
+    await asyncio.gather(*begun, return_exceptions=True)
 
 
 @pytest.fixture

@@ -1,0 +1,57 @@
+"""Opening a TCP connection through a network that swallows what is sent, until it is back."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import socket
+from typing import Any
+
+AGAIN = 1.0
+"""Seconds without an answer after which one more connection is tried, beside those before.
+
+The kernel repeats what a network swallows after 1, 3, 7 and 15 s: left to it, a network that is back is found
+seconds late. No try is given up for the next, so a slow network still has its time.
+"""
+
+
+async def dial(host: str, port: int, again: float = AGAIN) -> socket.socket:
+    """Return a TCP connection; raises OSError when as many tries have failed as the host has addresses.
+
+    Each of the host's addresses has its turn, again and again: the next at once when a try fails, after
+    ``again`` seconds when nothing answers. The first that is open counts. It is tried until cancelled.
+    """
+    found = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    failed, tries = 0, set[asyncio.Task[socket.socket]]()
+    try:
+        for family, kind, protocol, _, address in itertools.cycle(found):
+            tries.add(asyncio.create_task(_connect(family, kind, protocol, address)))
+            done, _ = await asyncio.wait(tries, timeout=again, return_when=asyncio.FIRST_COMPLETED)
+            for ended in done:
+                tries.discard(ended)
+                failed += ended.exception() is not None
+                if ended.exception() is None or failed == len(found):
+                    return ended.result()
+    finally:
+        for late in tries:
+            late.add_done_callback(_discard)
+            late.cancel()
+    raise OSError(f"{host} has no address")
+
+
+async def _connect(family: int, kind: int, protocol: int, address: Any) -> socket.socket:
+    """Return a socket that is connected to an address, which has its family's own form; raises OSError."""
+    opened = socket.socket(family, kind, protocol)
+    try:
+        opened.setblocking(False)
+        await asyncio.get_running_loop().sock_connect(opened, address)
+    except BaseException:
+        opened.close()
+        raise
+    return opened
+
+
+def _discard(late: asyncio.Task[socket.socket]) -> None:
+    """Close what was opened too late."""
+    if not late.cancelled() and late.exception() is None:
+        late.result().close()
