@@ -52,6 +52,25 @@ class Publisher:
         self.wanted = status.matching
 
 
+class Publishers:
+    """Publishers of keys under ``pattern``; none is declared before somebody listens to any of them.
+
+    Zenoh keeps 3 kB for each, and most edges have no listener but the bridge of their own process.
+    """
+
+    def __init__(self, session: zenoh.Session, pattern: str) -> None:
+        self._session = session
+        self._any = Publisher(session, pattern)
+        self._made: dict[str, Publisher] = {}
+
+    def wanted(self, key: str) -> Publisher | None:
+        """Return what publishes to those who listen to a key; None when nobody does."""
+        publisher = self._made.get(key)
+        if publisher is None and self._any.wanted:
+            publisher = self._made[key] = Publisher(self._session, key)
+        return publisher if publisher is not None and publisher.wanted else None
+
+
 class Question:
     """One query that arrived; may be answered later, from any thread, more than once, until ``close``.
 
@@ -103,6 +122,10 @@ class Lane:
     def publisher(self, key: str) -> Publisher:
         """Declare a publisher for state: never blocking, dropped when the way is full; not for this lane."""
         return Publisher(self._session, key)
+
+    def publishers(self, pattern: str) -> Publishers:
+        """Return publishers like it for all keys under a pattern."""
+        return Publishers(self._session, pattern)
 
     def put(self, key: str, payload: bytes, *, urgent: bool = False) -> None:
         """Publish once; ``urgent`` overtakes everything and is not dropped."""

@@ -10,7 +10,7 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterator
 
-from fleet.bus.lane import Lane, Question, keys_meet
+from fleet.bus.lane import Lane, Publishers, Question, keys_meet
 from fleet.errors import WireError
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
 from fleet.wire.databus import check_report, encode_report
@@ -19,6 +19,7 @@ from fleet.wire.topics import data_key
 log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
+ALL = "cw/*/data/**"
 Place = tuple[str, str, str]  # twin, channel, sensor
 STEP = 4  # states in one step of a flush: less would cost more than the states
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
@@ -27,17 +28,19 @@ WAITING = 200  # events of one robot in one turn; a robot that reports more lose
 class _Channel:
     """One channel of one twin: how many samples were put, and the last report."""
 
-    def __init__(self, lane: Lane, key: str) -> None:
+    __slots__ = ("key", "last", "refused", "sequence")
+
+    def __init__(self, key: str) -> None:
         self.key = key
-        self.publisher = lane.publisher(key)
         self.sequence = 0
         self.last: Report | None = None
         self.refused = False
 
-    def put(self, report: Report) -> None:
+    def put(self, report: Report, publishers: Publishers) -> None:
         """Put a report, numbered, where anybody listens."""
-        if self.publisher.wanted:
-            self.publisher.put(encode_report(report, self.sequence))
+        publisher = publishers.wanted(self.key)
+        if publisher is not None:
+            publisher.put(encode_report(report, self.sequence))
             self.sequence += 1
         self.last = report
 
@@ -46,13 +49,13 @@ class Outbox:
     """All reports of one process."""
 
     def __init__(self, lane: Lane) -> None:
-        self._lane = lane
+        self._publishers = lane.publishers(ALL)
         self._channels: dict[Place, _Channel] = {}
         self._latest: dict[Place, Report] = {}
         self._events: dict[str, list[Report]] = {}
         self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
-        lane.answer("cw/*/data/**", self._asked)
+        lane.answer(ALL, self._asked)
 
     def put(self, twin: str, report: Report) -> None:
         """Take a report; it leaves with the next ``flush``."""
@@ -99,7 +102,7 @@ class Outbox:
             return
         try:
             check_report(report)
-            channel.put(report)
+            channel.put(report, self._publishers)
         except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
             if not channel.refused:
@@ -118,7 +121,7 @@ class Outbox:
         except (WireError, TypeError) as error:
             log.warning("a %s report of %s was dropped: %s", name, twin, error)
             return None
-        channel = self._channels[place] = _Channel(self._lane, key)
+        channel = self._channels[place] = _Channel(key)
         return channel
 
     def _asked(self, question: Question) -> None:

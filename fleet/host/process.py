@@ -15,7 +15,7 @@ from typing import Any, cast, get_args
 import msgspec
 
 from fleet.bus import keys
-from fleet.bus.lane import Publisher, Question
+from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
 from fleet.host.aside import aside, in_turn
@@ -78,7 +78,7 @@ class RobotProcess:
         self._thread = LoopThread(self.loop)
         self._shared = Shared()
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._states: dict[str, Publisher] = {}
+        self._states = bus.control.publishers(keys.state(edge, "*"))
         self._settling: asyncio.TimerHandle | None = None
         self.watchdog = Watchdog(
             clock,
@@ -234,8 +234,8 @@ class RobotProcess:
 
     def publish_state(self, name: str) -> None:
         """Publish a robot's state now."""
-        publisher = self._states.get(name)
-        if publisher is not None and publisher.wanted:
+        publisher = self._states.wanted(keys.state(self.edge, name))
+        if publisher is not None:
             publisher.put(msgspec.json.encode(self.robots[name].state()))
 
     def states(self) -> list[RobotState]:
@@ -248,7 +248,6 @@ class RobotProcess:
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
         control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
-        self._states[robot.name] = control.publisher(keys.state(self.edge, robot.name))
         self.bus.reports.subscribe(f"cw/{robot.twin}/data/commands/velocity", self._driver(robot))
 
     def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:

@@ -23,6 +23,20 @@ def test_what_is_published_arrives_with_key_and_payload(edge, caller):
     assert heard.get(timeout=DEADLINE) == ("fleet/yard/stop", b"now")
 
 
+def test_publishers_know_which_of_their_keys_somebody_else_listens_to(edge, caller):
+    states = edge.control.publishers("fleet/yard/robots/*/state")
+    edge.control.subscribe("fleet/yard/**", lambda *_: None)  # our own lane is nobody else
+    heard = queue.Queue()
+    assert states.wanted("fleet/yard/robots/rex/state") is None
+    caller.subscribe("fleet/yard/robots/rex/state", lambda *sample: heard.put(sample))
+    rex = wait_until("it is wanted", lambda: states.wanted("fleet/yard/robots/rex/state"))
+    rex.put(b"well")
+    assert heard.get(timeout=DEADLINE) == ("fleet/yard/robots/rex/state", b"well")
+    assert states.wanted("fleet/yard/robots/max/state") is None
+    caller.close()
+    wait_until("it is not wanted any more", lambda: not states.wanted("fleet/yard/robots/rex/state"))
+
+
 def test_a_callback_that_raises_is_logged_and_stops_nobody(edge, caplog):
     heard = []
 
