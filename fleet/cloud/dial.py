@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import itertools
+import os
 import socket
 from typing import Any
 
@@ -44,11 +46,28 @@ async def _connect(family: int, kind: int, protocol: int, address: Any) -> socke
     opened = socket.socket(family, kind, protocol)
     try:
         opened.setblocking(False)
-        await asyncio.get_running_loop().sock_connect(opened, address)
+        await _finish(opened, opened.connect_ex(address))
     except BaseException:
         opened.close()
         raise
     return opened
+
+
+async def _finish(opened: socket.socket, number: int) -> None:
+    """Wait until a socket is connected, from what ``connect_ex`` said; raises OSError.
+
+    uvloop's ``sock_connect`` would look the address up once more, on threads that a dead name server holds.
+    """
+    if number == errno.EINPROGRESS:
+        loop, ready = asyncio.get_running_loop(), asyncio.Event()
+        loop.add_writer(opened, ready.set)
+        try:
+            await ready.wait()
+        finally:
+            loop.remove_writer(opened)
+        number = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    if number:
+        raise OSError(number, os.strerror(number))
 
 
 def _discard(late: asyncio.Task[socket.socket]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
-import os
 import socket
 import ssl
 from collections.abc import Callable
@@ -54,7 +53,7 @@ async def open_connection(
     except socket.gaierror as error:
         raise CloudError(f"the name {settings.host} cannot be looked up: {error.strerror}") from None
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else str(error) or "it ended the TLS handshake"
+        why = error.strerror or str(error) or "it ended the TLS handshake"
         raise CloudError(f"{place} cannot be reached: {why}") from None
     return connection
 

@@ -29,52 +29,41 @@ def swallowing():
 
 @pytest.fixture
 def tried(monkeypatch):
-    """Return the sockets that are being connected, in order: ``tried()`` in the test's own loop."""
+    """Return the sockets that are being connected, in order."""
+    seen, connect = [], socket.socket.connect_ex
 
-    def tried():
-        loop, seen = asyncio.get_running_loop(), []
-        connect = loop.sock_connect
+    def connect_ex(opened, address):
+        seen.append(opened)
+        return connect(opened, address)
 
-        async def sock_connect(opened, address):
-            seen.append(opened)
-            await connect(opened, address)
-
-        monkeypatch.setattr(loop, "sock_connect", sock_connect)
-        return seen
-
-    return tried
+    monkeypatch.setattr(socket.socket, "connect_ex", connect_ex)
+    return seen
 
 
 @pytest.fixture
 def known_as(monkeypatch):
-    """Say which addresses the name "broker" has: ``known_as((host, port), ...)``."""
+    """Say which addresses every name has: ``known_as((host, port), ...)``."""
 
     def known_as(*addresses):
-        loop = asyncio.get_running_loop()
-        look_up = loop.getaddrinfo  # uvloop's sock_connect asks it too, for the address it was given
-
-        async def getaddrinfo(host, *rest, **more):
-            if host != "broker":
-                return await look_up(host, *rest, **more)
+        async def getaddrinfo(*_, **__):
             return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", address) for address in addresses]
 
-        monkeypatch.setattr(loop, "getaddrinfo", getaddrinfo)
+        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", getaddrinfo)
 
     return known_as
 
 
 async def test_a_network_that_is_back_is_found_by_a_later_try(swallowing, tried):
     door, _ = swallowing
-    seen = tried()
     dialled = asyncio.create_task(dial(*door.getsockname(), again=SOON))
     async with asyncio.timeout(WITHIN):
-        while len(seen) < 3:  # noqa: ASYNC110 - what is waited for has no event
+        while len(tried) < 3:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(SOON)
         door.accept()[0].close()
         opened = await dialled
-    assert opened is not seen[0], "the first is repeated by the kernel after a whole second"
+    assert opened is not tried[0], "the first is repeated by the kernel after a whole second"
     await asyncio.sleep(0)
-    assert [each for each in seen if each.fileno() != -1] == [opened]
+    assert [each for each in tried if each.fileno() != -1] == [opened]
     opened.close()
 
 
@@ -106,8 +95,7 @@ async def test_a_name_without_an_address_is_an_error(known_as):
 
 
 async def test_who_is_given_up_leaves_nothing_open(swallowing, tried):
-    seen = tried()
     with pytest.raises(TimeoutError):
         await asyncio.wait_for(dial(*swallowing[0].getsockname(), again=SOON), 5 * SOON)
     await asyncio.sleep(0)
-    assert {each.fileno() for each in seen} == {-1}
+    assert {each.fileno() for each in tried} == {-1}
