@@ -94,8 +94,8 @@ is obeyed all the same.
 
 An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
 `T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their
-`T edge_health`, which every twin has each 5 s: none for 16 s means that nobody serves it (so does a second
-edge that waits for a twin). When the edge is connected again it says `connected` for each twin that answers.
+`T edge_health`, which comes for every twin each 5 s: none for 16 s means that no edge serves it. When the
+edge is connected again it says `connected` for each twin that answers.
 """
 
 ENVELOPE = """\
