@@ -32,8 +32,8 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
         _leg(dog, name, leg, mass * (1 - _TRUNK) / 4) for name, leg in zip(LEGS, dog.legs, strict=True)
     )
     motors = "".join(
-        f'<general name="{joint.name}" joint="{joint.name}" dyntype="integrator" biastype="affine" gainprm="1"'
-        f' biasprm="0 0 0" forcelimited="true" forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
+        f'<general name="{joint.name}" joint="{joint.name}" dyntype="integrator" biastype="affine"'
+        f' gainprm="1" biasprm="0 0 0" forcelimited="true" forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
         for joint in dog.all_joints
     )
     return f"""<mujoco>
