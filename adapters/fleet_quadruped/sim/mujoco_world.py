@@ -33,7 +33,8 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
     )
     motors = "".join(
         f'<general name="{joint.name}" joint="{joint.name}" dyntype="integrator" biastype="affine"'
-        f' gainprm="1" biasprm="0 0 0" forcelimited="true" forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
+        f' gainprm="1" biasprm="0 0 0" forcelimited="true"'
+        f' forcerange="{-joint.kind.torque} {joint.kind.torque}"/>'
         for joint in dog.all_joints
     )
     return f"""<mujoco>
