@@ -47,6 +47,7 @@ class Connection(asyncio.Protocol):
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._transport: asyncio.Transport | None = None
         self._paused = False
+        self._going_on = False
 
     @property
     def patience(self) -> float:
@@ -81,13 +82,23 @@ class Connection(asyncio.Protocol):
         self.flush()
 
     def flush(self) -> None:
-        """Write what waits, as far as the broker's window and the socket take it."""
-        while not self._paused and not self.ended.done():
-            data = self._session.send(self._clock.monotonic())
-            self._write(data)
-            self._settle(self._session.take_outcomes())
-            if not data:
-                break
+        """Write some of what waits, as far as the broker's window and the socket take it, and soon the rest.
+
+        What arrives has its turn in between: a command does not wait until a burst of states is written.
+        """
+        if self._paused or self.ended.done():
+            return
+        data = self._session.send(self._clock.monotonic())
+        self._write(data)
+        self._settle(self._session.take_outcomes())
+        if data and not self._going_on:
+            self._going_on = True
+            asyncio.get_running_loop().call_soon(self._go_on)
+
+    def _go_on(self) -> None:
+        """Write the rest."""
+        self._going_on = False
+        self.flush()
 
     async def answered(self) -> None:
         """Wait until the connection is ready, or ended before it was."""

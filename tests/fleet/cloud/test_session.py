@@ -39,7 +39,11 @@ class Talk:
         return read(self.session.take_replies())
 
     def send(self):
-        return read(self.session.send(self.clock.monotonic()))
+        """Send until there is no more to send."""
+        sent = []
+        while data := self.session.send(self.clock.monotonic()):
+            sent += read(data)
+        return sent
 
     def outcomes(self):
         return [(message.topic, outcome) for message, outcome in self.session.take_outcomes()]
@@ -141,8 +145,7 @@ def test_no_more_is_under_way_than_the_broker_and_we_allow(receive_max, room):
     talk = Talk(receive_max=receive_max)
     for number in range(WINDOW + 2):
         talk.box.put(message(str(number), traffic=Traffic.REPLY))
-    assert len(talk.send() + talk.send()) == room
-    assert talk.send() == []
+    assert len(talk.send()) == room
     talk.hear(mqtt5.PubAckPacket(1), mqtt5.PubAckPacket(2))
     assert ids(talk.send()) == [(str(room), room + 1, False), (str(room + 1), room + 2, False)]
 
