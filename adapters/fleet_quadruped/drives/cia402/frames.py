@@ -81,10 +81,10 @@ def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
 
 def unpack_told(data: bytes) -> Told | None:
     """Return what TPDO1 says, torque 0 where it tells none; None when it is too short. RPDO1 is alike."""
-    length = len(data)
-    if length >= _CYCLIC.size:
-        return Told(*_CYCLIC.unpack_from(data))
-    return Told(*_WITHOUT_TORQUE.unpack(data), 0) if length == _WITHOUT_TORQUE.size else None
+    if len(data) == _WITHOUT_TORQUE.size:
+        status, counts = _WITHOUT_TORQUE.unpack(data)
+        return Told(status, counts, 0)
+    return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
 
 
 def pack_slow(slow: Slow) -> bytes:
