@@ -56,8 +56,10 @@ class SimBus:
             self._wait(wait)
         if self.cut:
             raise LinkLost(f"bus {self.name!r} is gone")
-        arrived = self._arrived
-        return [arrived.popleft() for _ in range(len(arrived))]
+        frames = []
+        while self._arrived:
+            frames.append(self._arrived.popleft())
+        return frames
 
     def _wait(self, seconds: float) -> None:
         """Wait for a frame that another thread's asking brings."""
