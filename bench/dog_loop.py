@@ -30,7 +30,7 @@ from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Errand, Order, State
-from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units, unpack_told
+from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units
 from fleet_quadruped.drives.cia402.states import State as DriveState
 from fleet_quadruped.drives.cia402.states import state_of
 from fleet_quadruped.robot.description import EXAMPLE, load_description
@@ -176,10 +176,10 @@ def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
         message = bus.recv(0.005)
         if message is None or message.arbitration_id not in joints:
             continue
-        told, (joint, units) = unpack_told(bytes(message.data)), joints[message.arbitration_id]
-        angle = units.angle(told.counts)
+        joint, units = joints[message.arbitration_id]
+        status, angle, _ = units.unpack(bytes(message.data))
         beyond = max(beyond, joint.low - angle, angle - joint.high)
-        if state_of(told.status) is DriveState.ENABLED:
+        if state_of(status) is DriveState.ENABLED:
             last = passed
     return last, beyond
 

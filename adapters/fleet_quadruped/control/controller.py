@@ -137,8 +137,8 @@ class Controller:
         return max(joint.age for joint in self._joints)
 
     def _sense(self) -> Sense:
-        speeds = tuple(joint.speed for joint in self._joints)
-        return Sense(tuple(joint.angle for joint in self._joints), speeds, self._seen_imu)
+        angles, speeds, *_ = zip(*self._joints, strict=True)
+        return Sense(angles, speeds, self._seen_imu)
 
     def _fresh_imu(self, now: float) -> Imu | None:
         if self._imu is None or self.dog.imu is None or self._imu.age(now) > self.dog.imu.timeout:

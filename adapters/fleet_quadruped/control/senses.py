@@ -48,9 +48,9 @@ class Values:
 def imu_of(values: dict[str, float]) -> Imu | None:
     """Return the IMU from its values; None when one is missing or the rotation is none."""
     try:
-        turn = Quaternion(*(values[name] for name in ("qw", "qx", "qy", "qz")))
-        gyro = Vector3(*(values[name] for name in ("gx", "gy", "gz")))
-        accel = Vector3(*(values.get(name, 0.0) for name in ("ax", "ay", "az")))
+        turn = Quaternion(values["qw"], values["qx"], values["qy"], values["qz"])
+        gyro = Vector3(values["gx"], values["gy"], values["gz"])
+        accel = Vector3(values.get("ax", 0.0), values.get("ay", 0.0), values.get("az", 0.0))
     except KeyError:
         return None
     length = math.sqrt(turn.w**2 + turn.x**2 + turn.y**2 + turn.z**2)

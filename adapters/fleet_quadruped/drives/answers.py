@@ -23,7 +23,7 @@ class Answers:
 
     def begin(self) -> None:
         """Begin a cycle."""
-        if not self.doubled:
+        if self._cycles < _CERTAIN:
             self._cycles = self._cycles + 1 if self._differ else 0
         self.complete = self._differ = False
 

@@ -70,7 +70,7 @@ class SimDrive:
         self.voltage = FULL
         self._code = 0
         self._control = 0
-        self._waiting: wire.Told | None = None
+        self._waiting: tuple[int, float, float] | None = None  # control word, angle, torque
         self._from = self._to = motor.angle
         self._feed = 0.0
         self._begun = 0.0  # when the way from _from to _to began
@@ -217,7 +217,7 @@ class SimDrive:
 
     def _target(self, frame: Frame) -> None:
         """Keep a control word and a target for the next SYNC."""
-        self._waiting = wire.unpack_told(frame.data) if self.nmt == wire.OPERATIONAL else None
+        self._waiting = self._units.unpack(frame.data) if self.nmt == wire.OPERATIONAL else None
 
     def _command(self, frame: Frame) -> None:
         """Obey NMT."""
@@ -242,17 +242,17 @@ class SimDrive:
             self._obey(self._waiting)
             self._waiting = None
         status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
-        torque = None if self.sdo.unmappable else self._units.per_mille(self.motor.torque)
-        self._say(wire.TPDO1, wire.pack_target(status, self._units.counts(self._measured()), torque))
+        torque = None if self.sdo.unmappable else self.motor.torque
+        self._say(wire.TPDO1, self._units.pack(status, self._measured(), torque))
         self._syncs += 1
         if self._syncs % SLOW_EVERY == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
             heat = None if self._scale is None else round(warm / self._scale)
             self._say(wire.TPDO2, wire.pack_slow(wire.Slow(self.voltage, self._code, heat)))
 
-    def _obey(self, told: wire.Told) -> None:
+    def _obey(self, told: tuple[int, float, float]) -> None:
         """Take a control word and a target."""
-        control, before = told.status, self._control
+        (control, angle, torque), before = told, self._control
         if self._dozing and control & 0x0F == 0x0F and self.state is State.SWITCHED_ON:
             self._dozing -= 1
             return
@@ -267,8 +267,8 @@ class SimDrive:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
         if self.state is State.ENABLED and not self._deaf:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
-            self._to = self._units.angle(told.counts) - self._jump
-            self._feed = self._units.torque(told.per_mille)
+            self._to = angle - self._jump
+            self._feed = torque
             self._begun = self._time
 
     def _say(self, base: int, data: bytes) -> None:

@@ -29,6 +29,8 @@ class SimMitDrive:
         self._send = send
         self._profile = PROFILES[drive.profile]
         self._layout = wire.Layout(self._profile)
+        self._units = wire.Units(joint)
+        self._square = joint.kind.ratio**2
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
             register: struct.pack("<f", value)
@@ -125,15 +127,14 @@ class SimMitDrive:
 
     def _apply(self) -> None:
         """Do what was commanded last, or nothing when not enabled."""
-        motor, joint, command = self.motor, self.joint, self._command
-        motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
+        motor = self.motor
         if self.status != wire.ENABLED:
+            motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
             return
-        motor.kp = command.kp * joint.kind.ratio**2
-        motor.kd = command.kd * joint.kind.ratio**2
-        motor.target = joint.angle(command.angle) - self._jump
-        motor.target_speed = joint.sign * command.speed / joint.kind.ratio
-        motor.feed = joint.sign * command.torque * joint.kind.ratio
+        angle, speed, kp, kd, torque = self._command
+        motor.kp, motor.kd = kp * self._square, kd * self._square
+        target, motor.target_speed, motor.feed = self._units.joint(angle, speed, torque)
+        motor.target = target - self._jump
 
     def _obey(self, data: bytes) -> None:
         """Take a special frame or a command."""
@@ -154,14 +155,8 @@ class SimMitDrive:
     def _reply(self) -> None:
         """Tell where the motor is."""
         joint, motor = self.joint, self.motor
-        reply = MitReply(
-            joint.id,
-            joint.motor(self._measured()),
-            joint.sign * motor.speed * joint.kind.ratio,
-            joint.sign * motor.torque / joint.kind.ratio,
-            self.status,
-            self._temperature,
-        )
+        angle, speed, torque = self._units.motor(self._measured(), motor.speed, motor.torque)
+        reply = MitReply(joint.id, angle, speed, torque, self.status, self._temperature)
         identifier = wire.MASTER + joint.id if self._profile.damiao else 0
         data = self._layout.pack_reply(reply)
         self._send(Frame(identifier, data[:2] if self._terse else data))

@@ -18,6 +18,8 @@ from fleet import LinkLost, Vector3, Velocity
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
 from fleet_quadruped.drives.cia402.states import State, state_of
 
+pytestmark = pytest.mark.xdist_group("real time")
+
 
 @contextlib.contextmanager
 def _on_a_bus(*options):

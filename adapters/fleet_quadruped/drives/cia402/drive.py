@@ -22,10 +22,8 @@ from fleet_quadruped.drives.cia402.frames import (
     TPDO2,
     Units,
     meaning,
-    pack_target,
     unpack_emergency,
     unpack_slow,
-    unpack_told,
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
 from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_word, state_of
@@ -119,8 +117,10 @@ class Cia402Drives:
     def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
         """Return which joint an RPDO1 sends where."""
         found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
-        told = unpack_told(frame.data) if RPDO1 < frame.id <= RPDO1 + MASTER else None
-        return None if found is None or told is None else (found[1].joint, found[1].units.angle(told.counts))
+        if found is None or not RPDO1 < frame.id <= RPDO1 + MASTER:
+            return None
+        told = found[1].units.unpack(frame.data)
+        return None if told is None else (found[1].joint, told[1])
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
         """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
@@ -172,9 +172,8 @@ class Cia402Drives:
             bus.send(frame)
 
     def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
-        joint, units = node.joint, node.units
-        extra = units.per_mille(torque) if node.feeds else None
-        data = pack_target(control_word(goal, node.state), units.counts(angle), extra)
+        joint, word = node.joint, control_word(goal, node.state)
+        data = node.units.pack(word, angle, torque if node.feeds else None)
         self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
 
     def _feedback(self, node: _Node, now: float) -> JointFeedback:
@@ -210,16 +209,15 @@ class Cia402Drives:
         return ""
 
     def _told(self, node: _Node, data: bytes, now: float) -> None:
-        told = unpack_told(data)
+        told = node.units.unpack(data)
         if told is None:
             return
-        status, counts, per_mille = told
-        angle = node.units.angle(counts)
+        status, angle, torque = told
         if node.told_at is not None and now - node.told_at > 1e-4:
             node.speed = (angle - node.angle) / (now - node.told_at)
         node.state = state = state_of(status)
-        node.angle, node.told_at, node.torque = angle, now, node.units.torque(per_mille)
-        node.follows = state is not State.ENABLED or bool(status & FOLLOWS)
+        node.angle, node.told_at, node.torque = angle, now, torque
+        node.follows = state is not State.ENABLED or status & FOLLOWS != 0
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:

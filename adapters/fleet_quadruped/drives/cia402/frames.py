@@ -119,21 +119,22 @@ class Units:
         self._counts = joint.motor(1.0) * joint.kind.counts_per_rad - self._zero
         self._per_mille = joint.sign * 1000 / joint.kind.rated_torque
 
-    def counts(self, angle: float) -> int:
-        """Return an angle in counts."""
-        return round(self._zero + self._counts * angle)
+    def pack(self, word: int, angle: float, torque: float | None) -> bytes:
+        """Return RPDO1 or TPDO1 for an angle and a torque of the joint; see ``pack_target``."""
+        extra = None if torque is None else self.per_mille(torque)
+        return pack_target(word, round(self._zero + self._counts * angle), extra)
 
-    def angle(self, counts: int) -> float:
-        """Return counts as an angle."""
-        return (counts - self._zero) / self._counts
+    def unpack(self, data: bytes) -> tuple[int, float, float] | None:
+        """Return the word, the angle and the torque of the joint; see ``unpack_told``."""
+        told = _CYCLIC.unpack(data) if len(data) == _CYCLIC.size else unpack_told(data)
+        if told is None:
+            return None
+        word, counts, per_mille = told
+        return word, (counts - self._zero) / self._counts, per_mille / self._per_mille
 
     def per_mille(self, torque: float) -> int:
         """Return a torque in per mille of the rated one."""
         return round(self._per_mille * torque)
-
-    def torque(self, per_mille: int) -> float:
-        """Return per mille of the rated torque as a torque."""
-        return per_mille / self._per_mille
 
 
 _EXACT: Mapping[int, str] = MappingProxyType(

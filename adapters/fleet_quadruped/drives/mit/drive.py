@@ -33,6 +33,7 @@ class _Motor:
     """One motor as it was last heard."""
 
     joint: Joint
+    units: wire.Units
     angle: float = 0.0
     speed: float = 0.0
     torque: float = 0.0
@@ -57,7 +58,7 @@ class MitDrives:
         self._buses = buses
         self._profile = PROFILES[dog.drive.profile]
         self._layout = wire.Layout(self._profile)
-        self._motors = [_Motor(joint) for joint in joints]
+        self._motors = [_Motor(joint, wire.Units(joint)) for joint in joints]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
@@ -124,11 +125,8 @@ class MitDrives:
         reply = self._layout.unpack_reply(frame.data)
         if reply is None:
             return
-        joint = motor.joint
-        motor.angle = joint.angle(reply.angle)
-        motor.speed = joint.sign * reply.speed / joint.kind.ratio
-        motor.torque = joint.sign * reply.torque * joint.kind.ratio
-        motor.status, motor.temperature = reply.status, reply.temperature
+        _, angle, speed, torque, motor.status, motor.temperature = reply
+        motor.angle, motor.speed, motor.torque = motor.units.joint(angle, speed, torque)
         motor.told_at = now
         motor.answers.take(frame.data)
         self._note_hold(motor)
@@ -178,22 +176,15 @@ class MitDrives:
     def write(self, targets: Targets) -> None:
         """Send targets with the gains of the description."""
         for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
-            joint = motor.joint
-            kind, ratio = joint.kind, joint.kind.ratio
-            command = MitCommand(
-                joint.motor(self._near(motor, angle)),
-                joint.sign * speed * ratio,
-                kind.kp / ratio**2,
-                kind.kd / ratio**2,
-                joint.sign * torque / ratio,
-            )
-            self._send(motor, self._layout.pack_command(command))
+            near = angle if self._most is None else self._near(motor, angle, self._most)
+            moved, turning, pushed = motor.units.motor(near, speed, torque)
+            self._send(motor, self._layout.pack_command((moved, turning, *motor.units.gains, pushed)))
 
-    def _near(self, motor: _Motor, angle: float) -> float:
-        """Return a target that the torque limit allows."""
-        if self._most is None or motor.joint.kind.kp == 0:
+    def _near(self, motor: _Motor, angle: float, most: float) -> float:
+        """Return a target that a limit of torque (N m) allows."""
+        if motor.joint.kind.kp == 0:
             return angle
-        reach = self._most / motor.joint.kind.kp
+        reach = most / motor.joint.kind.kp
         return max(motor.angle - reach, min(motor.angle + reach, angle))
 
     def damp(self, kd: float) -> None:
@@ -223,28 +214,21 @@ class MitDrives:
     def _feedback(self, motor: _Motor, now: float) -> JointFeedback:
         if motor.told_at is None:
             return JointFeedback()
-        fault = ""
+        fault, joint = "", motor.joint
         power = _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED
         if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
             power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
         elif self._profile.error_at is not None and motor.status:
             power, fault = Power.FAULT, f"error {motor.status} of the motor"
         elif motor.answers.doubled:
-            joint = motor.joint
             power = Power.FAULT
             fault = f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
         elif motor.restarted:
             power = Power.FAULT
-            fault = f"id {motor.joint.id} let go by itself (status 0h); it is configured again after a reset"
+            fault = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
+        age, warm = now - motor.told_at, motor.temperature
         return JointFeedback(
-            motor.angle,
-            motor.speed,
-            motor.torque,
-            power,
-            now - motor.told_at,
-            motor.temperature,
-            fault,
-            restarted=motor.restarted,
+            motor.angle, motor.speed, motor.torque, power, age, warm, fault, None, motor.restarted
         )
 
     def _is_enabled(self, motor: _Motor) -> bool:

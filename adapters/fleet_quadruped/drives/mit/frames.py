@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
 from fleet_quadruped.drives.mit.profiles import Profile
+from fleet_quadruped.robot.description import Joint
 
 ENABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfc"
 DISABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfd"
@@ -17,6 +18,7 @@ SPECIAL = frozenset({ENABLE, DISABLE, CLEAR})
 MASTER = 0x10  # + motor id: where a Damiao motor answers
 REGISTERS = 0x7FF
 READ, WRITE = 0x33, 0x55
+_REGISTER_KINDS = frozenset({READ, WRITE})
 TIMEOUT_REGISTER = 9  # in units of 50 us; 0: no watchdog
 MASTER_REGISTER = 7
 RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
@@ -37,6 +39,10 @@ STATUS: Mapping[int, str] = MappingProxyType(
     }
 )
 DISABLED, ENABLED = 0x0, 0x1
+
+
+Command = tuple[float, float, float, float, float]
+"""The numbers of a ``MitCommand``, in its order."""
 
 
 class MitCommand(NamedTuple):
@@ -60,29 +66,50 @@ class MitReply(NamedTuple):
     temperature: float | None
 
 
-class _Field(NamedTuple):
-    """A number in a frame: its range, how many steps one unit has, and how many bits it takes."""
+class Units:
+    """Between a joint and its motor. ``gains`` are those of the description (kp and kd), the motor's."""
 
-    low: float
-    high: float
-    steps: float
-    bits: int
+    __slots__ = ("_ratio", "_zero", "gains")
+
+    def __init__(self, joint: Joint) -> None:
+        ratio = joint.kind.ratio
+        self._zero = joint.offset * ratio
+        self._ratio = joint.sign * ratio
+        self.gains = joint.kind.kp / ratio**2, joint.kind.kd / ratio**2
+
+    def motor(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
+        """Return angle, speed and torque of the motor for those of its joint."""
+        ratio = self._ratio
+        return ratio * angle + self._zero, ratio * speed, torque / ratio
+
+    def joint(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
+        """Return angle, speed and torque of the joint for those of its motor."""
+        ratio = self._ratio
+        return (angle - self._zero) / ratio, speed / ratio, torque * ratio
 
 
 class Layout:
     """The frames of one kind of motor, both sides; made once, because each cycle packs dozens of numbers."""
 
     def __init__(self, profile: Profile) -> None:
-        angle = _field(-profile.angle, profile.angle, 16)
-        speed = _field(-profile.speed, profile.speed)
-        torque = _field(-profile.torque, profile.torque)
-        self._command = (angle, speed, _field(0.0, profile.kp), _field(0.0, profile.kd), torque)
-        self._reply = (angle, speed, torque)
+        self._angle = 0xFFFF / (2 * profile.angle)  # steps of one rad, and so on
+        self._speed = 0xFFF / (2 * profile.speed)
+        self._kp, self._kd = 0xFFF / profile.kp, 0xFFF / profile.kd
+        self._torque = 0xFFF / (2 * profile.torque)
         self._profile = profile
 
-    def pack_command(self, command: MitCommand) -> bytes:
-        """Return a command's eight bytes: clamped, and never all ones (those are special frames)."""
-        whole = _pack(command, self._command)
+    def pack_command(self, command: Command) -> bytes:
+        """Return a command's eight bytes: clamped, and never all ones (those are special frames).
+
+        Raises ValueError for what is no number.
+        """
+        angle, speed, kp, kd, torque = command
+        profile = self._profile
+        if not (0.0 <= kp <= profile.kp and 0.0 <= kd <= profile.kd):
+            kp, kd = _within(kp, 0.0, profile.kp), _within(kd, 0.0, profile.kd)
+        gains = round(kp * self._kp) << 12 | round(kd * self._kd)
+        moved, turning, pushed = self._raw(angle, speed, torque)
+        whole = moved << 48 | turning << 36 | gains << 12 | pushed
         if whole >> 8 == _FULL >> 8:
             whole -= 1 << 12  # one step less of kd: not one of the special frames
         return whole.to_bytes(8, "big")
@@ -91,19 +118,27 @@ class Layout:
         """Return what a command says (the motor's side); None for one of another length."""
         if len(data) != 8:
             return None
-        return MitCommand(*_unpack(int.from_bytes(data, "big"), self._command))
+        profile, whole = self._profile, int.from_bytes(data, "big")
+        return MitCommand(
+            (whole >> 48) / self._angle - profile.angle,
+            (whole >> 36 & 0xFFF) / self._speed - profile.speed,
+            (whole >> 24 & 0xFFF) / self._kp,
+            (whole >> 12 & 0xFFF) / self._kd,
+            (whole & 0xFFF) / self._torque - profile.torque,
+        )
 
     def pack_reply(self, reply: MitReply) -> bytes:
         """Return a reply (the motor's side)."""
+        number, angle, speed, torque, status, temperature = reply
         profile = self._profile
-        first = (reply.status or 0) << 4 | reply.motor & 0xF if profile.damiao else reply.motor
-        whole = first << 40 | _pack((reply.angle, reply.speed, reply.torque), self._reply)
-        data = bytearray(whole.to_bytes(6, "big"))
+        first = (status or 0) << 4 | number & 0xF if profile.damiao else number
+        moved, turning, pushed = self._raw(angle, speed, torque)
+        data = bytearray((first << 40 | moved << 24 | turning << 12 | pushed).to_bytes(6, "big"))
         if profile.damiao or profile.temperature_at is not None:
-            data += bytes(2)
-            data[profile.temperature_at or 7] = max(0, min(255, round(reply.temperature or 0)))
+            data += b"\x00\x00"
+            data[profile.temperature_at or 7] = max(0, min(255, round(temperature or 0)))
         if profile.error_at is not None:
-            data[profile.error_at] = reply.status or 0
+            data[profile.error_at] = status or 0
         return bytes(data)
 
     def unpack_reply(self, data: bytes) -> MitReply | None:
@@ -114,15 +149,32 @@ class Layout:
         status: int | None = first >> 4 if profile.damiao else None
         if profile.error_at is not None and len(data) > profile.error_at:
             status = data[profile.error_at]
-        at = profile.temperature_at
-        angle, speed, torque = _unpack(int.from_bytes(data[1:6], "big"), self._reply)
+        at, whole = profile.temperature_at, int.from_bytes(data[1:6], "big")
         return MitReply(
             first & 0xF if profile.damiao else first,
-            angle,
-            speed,
-            torque,
+            (whole >> 24) / self._angle - profile.angle,
+            (whole >> 12 & 0xFFF) / self._speed - profile.speed,
+            (whole & 0xFFF) / self._torque - profile.torque,
             status,
             float(data[at]) if at is not None and len(data) > at else None,
+        )
+
+    def _raw(self, angle: float, speed: float, torque: float) -> tuple[int, int, int]:
+        """Return what commands and replies have in common as they are in a frame, clamped."""
+        profile = self._profile
+        most_angle, most_speed, most_torque = profile.angle, profile.speed, profile.torque
+        if not (
+            -most_angle <= angle <= most_angle
+            and -most_speed <= speed <= most_speed
+            and -most_torque <= torque <= most_torque
+        ):
+            angle = _within(angle, -most_angle, most_angle)
+            speed = _within(speed, -most_speed, most_speed)
+            torque = _within(torque, -most_torque, most_torque)
+        return (
+            round((angle + most_angle) * self._angle),
+            round((speed + most_speed) * self._speed),
+            round((torque + most_torque) * self._torque),
         )
 
 
@@ -138,7 +190,7 @@ def write_register(motor: int, register: int, value: bytes) -> bytes:
 
 def unpack_register(data: bytes) -> tuple[int, int, bytes] | None:
     """Return (motor, register, four bytes) of an answer; None for a frame that is something else."""
-    if len(data) != 8 or data[2] not in {READ, WRITE}:
+    if len(data) != 8 or data[2] not in _REGISTER_KINDS:
         return None
     motor, _, register, value = struct.unpack("<HBB4s", data)
     return motor, register, value
@@ -149,27 +201,8 @@ def timeout_value(seconds: float) -> bytes:
     return struct.pack("<I", max(1, round(seconds / _TICK)))
 
 
-def _field(low: float, high: float, bits: int = 12) -> _Field:
-    return _Field(low, high, ((1 << bits) - 1) / (high - low), bits)
-
-
-def _pack(values: Sequence[float], fields: Sequence[_Field]) -> int:
-    """Return numbers side by side, the first in the highest bits; what is no number is refused."""
-    whole = 0
-    for value, (low, high, steps, bits) in zip(values, fields, strict=True):
-        if not low <= value <= high:
-            if not math.isfinite(value):
-                raise ValueError(f"a motor cannot be sent {value}")
-            value = low if value < low else high  # noqa: PLW2901 - a clamped value is that value
-        whole = whole << bits | round((value - low) * steps)
-    return whole
-
-
-def _unpack(whole: int, fields: Sequence[_Field]) -> list[float]:
-    """Return the numbers that lie side by side in the lowest bits."""
-    values: list[float] = []
-    for low, _, steps, bits in reversed(fields):
-        values.append(low + (whole & (1 << bits) - 1) / steps)
-        whole >>= bits
-    values.reverse()
-    return values
+def _within(value: float, low: float, high: float) -> float:
+    """Return the nearest number that a frame has room for; what is no number is refused."""
+    if not math.isfinite(value):
+        raise ValueError(f"a motor cannot be sent {value}")
+    return max(low, min(high, value))

@@ -70,9 +70,12 @@ def test_a_cleared_emergency_is_told_from_an_error():
 @given(st.sampled_from(DOG.all_joints), st.floats(-3, 3))
 def test_angles_and_torques_come_back_from_the_drives_units(joint, value):
     units = wire.Units(joint)
-    assert units.counts(value) == pytest.approx(joint.motor(value) * joint.kind.counts_per_rad, abs=0.6)
-    assert units.angle(units.counts(value)) == pytest.approx(value, abs=1e-4)
-    assert units.torque(units.per_mille(value)) == pytest.approx(value, abs=5e-3)
+    data = units.pack(0x0F, value, value)
+    counts = wire.unpack_told(data).counts
+    assert counts == pytest.approx(joint.motor(value) * joint.kind.counts_per_rad, abs=0.6)
+    word, angle, torque = units.unpack(data)
+    assert (word, angle) == (0x0F, pytest.approx(value, abs=1e-4))
+    assert torque == pytest.approx(value, abs=5e-3)
 
 
 @pytest.mark.parametrize(("rate", "period"), [(100, (10, 0xFD)), (200, (5, 0xFD)), (400, (25, 0xFC))])
