@@ -81,27 +81,37 @@ def _stopped(url):
 def test_a_person_jogs_one_motor_and_is_told_its_sign(write_dog):
     body = str(write_dog(("protocol: cia402", "protocol: mit\n  profile: damiao-8006")))
     with _on_a_bus("--body", body) as url:
-        jog = ["can", "jog", body, "--bus", f"a={url}", "--joint", "FR_knee"]
-        person, terminal = pty.openpty()
-        with subprocess.Popen(
-            [sys.executable, "-m", "fleet", *jog], stdin=terminal, stdout=terminal, stderr=terminal
-        ) as jogging:
-            os.close(terminal)
-            _read_until(person, "everybody clear?")
+        # Where two cores do much else its drives may answer late, and the jog ends, as it must: once more.
+        tries = []
+        while len(tries) < 3 and "sign:" not in "".join(tries):
+            code, told = _jog(body, url)
+            tries.append(told)
+    assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees; sign: -1", told), tries
+    assert code == 0
+
+
+def _jog(body, url):
+    """Jog a knee as a person does, saying yes to all; return the exit code and what the terminal showed."""
+    jog = ["can", "jog", body, "--bus", f"a={url}", "--joint", "FR_knee"]
+    person, terminal = pty.openpty()
+    line = [sys.executable, "-m", "fleet", *jog]
+    with subprocess.Popen(line, stdin=terminal, stdout=terminal, stderr=terminal) as jogging:
+        os.close(terminal)
+        told = ""
+        for words in ("everybody clear?", "Did it move the foot to the rear?", "sign: -1"):
+            told += _read_until(person, words)
             os.write(person, b"y\n")
-            _read_until(person, "Did it move the foot to the rear?")
-            os.write(person, b"y\n")
-            told = _read_until(person, "sign: -1")
-        os.close(person)
-    assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees", told)
-    assert jogging.returncode == 0
+    os.close(person)
+    return jogging.returncode, told
 
 
 def _read_until(terminal, words):
-    """Return what a terminal shows until some words come, within 30 s."""
+    """Return what a terminal shows until some words come, or its program ends, within 30 s."""
     shown, deadline = "", time.monotonic() + 30.0
     while words not in shown and time.monotonic() < deadline:
         if select.select([terminal], [], [], 0.5)[0]:
-            shown += os.read(terminal, 4096).decode()
-    assert words in shown
+            with contextlib.suppress(OSError):  # the program has ended
+                shown += os.read(terminal, 4096).decode()
+                continue
+            break
     return shown
