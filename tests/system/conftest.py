@@ -159,7 +159,8 @@ class Ears:
 
     def close(self) -> None:
         self.client.disconnect()
-        self.client.loop_stop()
+        with contextlib.suppress(AttributeError):  # paho forgets its thread when that ends, which may be now
+            self.client.loop_stop()
 
 
 class Pilot:

@@ -1,3 +1,4 @@
+import contextlib
 import itertools
 import queue
 import socket
@@ -121,24 +122,25 @@ class Guest:
 
     def hush(self):
         """Send and read nothing any more; the socket stays open."""
-        self.paho.loop_stop()
+        with contextlib.suppress(AttributeError):  # paho forgets its thread when that ends, which may be now
+            self.paho.loop_stop()
 
     def vanish(self):
         """Cut the connection without a goodbye."""
         self.paho.socket().shutdown(socket.SHUT_RDWR)
         assert self.gone.wait(WITHIN)
-        self.paho.loop_stop()
+        self.hush()
 
     def leave(self, reason=None):
         """Say goodbye."""
         self.paho.disconnect(**({} if reason is None else {"reasoncode": reason}))
         assert self.gone.wait(WITHIN)
-        self.paho.loop_stop()
+        self.hush()
 
     def close(self):
         """Leave nothing behind, however the test ended."""
         self.paho.disconnect()
-        self.paho.loop_stop()
+        self.hush()
         self.paho._sock_close()
         self.paho._reset_sockets(sockpair_only=True)
 
