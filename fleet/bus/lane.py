@@ -27,6 +27,8 @@ GATHERED = 1024
 """Samples that may wait for the thread that takes them; beyond it who publishes waits, or drops."""
 AT_ONCE = 200
 """Samples that are taken at once at most."""
+UNSURE = 100
+"""Samples of a new publisher that go whoever listens: Zenoh tells a moment later whether somebody does."""
 LAST_CALL = 2.0
 """Seconds that a call with samples may still take when the lane is closed."""
 
@@ -62,13 +64,23 @@ class Publishers:
         self._session = session
         self._any = Publisher(session, pattern)
         self._made: dict[str, Publisher] = {}
+        self._unsure: dict[str, int] = {}  # samples that still go though nobody is known to listen
 
     def wanted(self, key: str) -> Publisher | None:
         """Return what publishes to those who listen to a key; None when nobody does."""
         publisher = self._made.get(key)
-        if publisher is None and self._any.wanted:
+        if publisher is None:
+            if not self._any.wanted:
+                return None
             publisher = self._made[key] = Publisher(self._session, key)
-        return publisher if publisher is not None and publisher.wanted else None
+            self._unsure[key] = UNSURE
+        if publisher.wanted:
+            return publisher
+        left = self._unsure.get(key, 0)
+        if not left:
+            return None
+        self._unsure[key] = left - 1
+        return publisher
 
 
 class Question:
