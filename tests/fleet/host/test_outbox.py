@@ -26,13 +26,12 @@ def lane(place):
 
 
 @pytest.fixture
-def ear(lane, place):
+def ear(outbox, place):
     """Make another's lane, on which all that is put is heard: (key, sample); ``heard.when(n)`` waits."""
     ear = Lane(PEER | {"listen/endpoints": [], "connect/endpoints": [place]})
     heard = Heard()
     ear.subscribe("cw/**", lambda key, sample: heard.append((key, sample)))
-    probe = lane.publisher(f"cw/{TWIN}/data/position")
-    wait_until("the subscription is known", lambda: probe.wanted)
+    wait_until("the subscription is known", lambda: outbox._publishers._any.wanted)
     yield heard
     ear.close()
 
