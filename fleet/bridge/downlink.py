@@ -160,13 +160,20 @@ class Downlink:
         self._called = False  # first, so that what arrives from now on wakes the loop again
         while self._inbox:
             one = self._inbox.popleft()
-            self.received[one.rule.taker.value] += 1
-            if one.take is not None:
-                self._ask(one, one.take)
-            elif one.rule.taker is Taker.RELAY:
-                self._relay.take(one.topic, one.rule, one.message)
-            elif not one.rule.taker.asks:
-                self._do(one.topic, one.message, self._own[one.rule.leaf])
+            try:
+                self._hand_over(one)
+            except Exception:  # what follows must not wait for the next message: it would be late
+                log.exception("a message on %s could not be taken", one.message.topic)
+
+    def _hand_over(self, one: Arrived) -> None:
+        """Hand one message to whom it is for."""
+        self.received[one.rule.taker.value] += 1
+        if one.take is not None:
+            self._ask(one, one.take)
+        elif one.rule.taker is Taker.RELAY:
+            self._relay.take(one.topic, one.rule, one.message)
+        elif not one.rule.taker.asks:
+            self._do(one.topic, one.message, self._own[one.rule.leaf])
 
     def _ask(self, one: Arrived, take: Take) -> None:
         """Ask a robot; what is larger than its rule is refused, and answered like anything else."""

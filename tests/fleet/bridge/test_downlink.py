@@ -234,6 +234,16 @@ def test_a_robot_that_fails_to_read_takes_nothing_from_the_others(bench, rex, po
     assert [answer["status"] for _, answer, _ in bench.sent] == ["error"]
 
 
+def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting(bench, rex, ports, caplog):
+    def broken(*_):
+        raise RuntimeError("no desk")
+
+    rex.take = broken
+    bench.arrive(command("takeoff"), command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))
+    assert len(ports[OTHER].received) == 1
+    assert "could not be taken" in caplog.text
+
+
 def test_a_message_of_32_mib_is_refused_and_answered(bench, rex):
     payload = b'{"command": "takeoff", "x": "' + b"x" * (32 * 1024 * 1024) + b'"}'
     bench.arrive(Message(f"{T}/command", payload, response_topic=INBOX))
