@@ -1,7 +1,7 @@
 """From the cloud to the robots and to programs on the bus.
 
-``arrived`` runs on the cloud's thread: it reads the messages while the loop wakes up to take them, and an
-emergency stop is made there and then. Commands wait for nothing that goes outward.
+``arrived`` reads the messages, and makes an emergency stop there and then: on the loop, or on another thread
+while that is stuck. ``take`` obeys, on the loop. Commands wait for nothing that goes outward.
 """
 
 from __future__ import annotations
@@ -64,7 +64,6 @@ class Downlink:
         send: Send,
         put: Put,
         own: Mapping[str, Handler],
-        soon: Callable[[Callable[[], None]], None],
         refusals: Tally,
         clock: Clock,
     ) -> None:
@@ -74,12 +73,10 @@ class Downlink:
         self._any_run = any_run
         self._session = f'"{session}"'.encode()
         self._own = own
-        self._soon = soon
         self._clock = clock
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
-        self._called = False
         self._known: dict[str, tuple[Topic, Inward]] = {}  # of our own twins, by topic: there are not many
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
@@ -88,27 +85,27 @@ class Downlink:
         self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
 
     def arrived(self, messages: list[Message]) -> None:
-        """Take what one read brought; on the cloud's thread."""
+        """Read what has come; from one thread at a time."""
         now = self._clock.monotonic()
         for message in messages:
             found = self._rule_of(message)
             if found is None or not self._fresh(message):
                 continue
-            self._wake()
             topic, rule = found
             take = self._read(self._ports[topic.twin], rule, message) if rule.taker.asks else None
             if len(self._inbox) < MOST_WAITING:
                 self._inbox.append(Arrived(topic, rule, message, now, take))
             else:
                 self.refusals.add("too many", "a message on %s finds too many before it", message.topic)
-        if self._inbox:
-            self._wake()
 
-    def _wake(self) -> None:
-        """Have the loop take what has arrived; it wakes while this thread still reads."""
-        if not self._called:
-            self._called = True
-            self._soon(self._take)
+    def take(self) -> None:
+        """Hand what has arrived to whom it is for; on the loop."""
+        while self._inbox:
+            one = self._inbox.popleft()
+            try:
+                self._hand_over(one)
+            except Exception:  # what follows must not wait for the next message: it would be late
+                log.exception("a message on %s could not be taken", one.message.topic)
 
     def _read(self, port: Port, rule: Inward, message: Message) -> Take | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
@@ -154,16 +151,6 @@ class Downlink:
             line = "refused a retained message on %s; clear it on the broker"
             self.refusals.add("retained", line, message.topic)
         return not message.retain
-
-    def _take(self) -> None:
-        """Hand what has arrived to whom it is for; on the loop."""
-        self._called = False  # first, so that what arrives from now on wakes the loop again
-        while self._inbox:
-            one = self._inbox.popleft()
-            try:
-                self._hand_over(one)
-            except Exception:  # what follows must not wait for the next message: it would be late
-                log.exception("a message on %s could not be taken", one.message.topic)
 
     def _hand_over(self, one: Arrived) -> None:
         """Hand one message to whom it is for."""
