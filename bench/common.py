@@ -111,10 +111,10 @@ class Fleet:
 def fleet(robots, broker, folder=None, **sections):
     """A ``fleet run`` of these robots; ``folder`` keeps what it leaves, for another run.
 
-    Without one its sockets, and what it has begun, are in memory, as they are by themselves.
+    Its sockets, and what it has begun, are in memory, as they are by themselves.
     """
     with contextlib.ExitStack() as stack:
-        runtime = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb", dir=MEMORY))
+        runtime = stack.enter_context(tempfile.TemporaryDirectory(prefix="fb", dir=MEMORY))
         folder = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         path = Path(folder) / "fleet.yaml"
         cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
