@@ -15,7 +15,7 @@ from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description
-from fleet_quadruped.safety.limits import limit
+from fleet_quadruped.safety.limits import Limits
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode, Stage, Trip
 
@@ -31,6 +31,7 @@ class Controller:
         self.drives = drives_of(dog, buses)
         self.body = Body(dog)
         self.clamped = 0
+        self._limits = Limits(dog.all_joints, dog.safety)
         self._monitor = Monitor(dog)
         self._imu = Values(dog.imu, whole=True) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
@@ -231,9 +232,7 @@ class Controller:
         """Do what the body wants of the drives, within the limits."""
         match wanted.wish:
             case Wish.HOLD:
-                safe = limit(
-                    wanted.targets, self._last, sense.angles, self.dog.all_joints, self.dog.safety, dt=dt
-                )
+                safe = self._limits.limit(wanted.targets, self._last, sense.angles, dt)
                 self.clamped += safe.clamped
                 self._last = safe.targets.angles
                 self.drives.write(safe.targets)
