@@ -6,6 +6,7 @@ Adding a protocol is one module with a class like this and a row in ``drives.PRO
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
@@ -42,6 +43,25 @@ class JointFeedback(NamedTuple):
     fault: str = ""
     voltage: float | None = None
     restarted: bool = False
+
+
+class Joints(NamedTuple):
+    """What all joints of a dog tell, value by value; see ``JointFeedback``."""
+
+    angles: tuple[float, ...]
+    speeds: tuple[float, ...]
+    torques: tuple[float, ...]
+    powers: tuple[Power, ...]
+    ages: tuple[float, ...]
+    temperatures: tuple[float | None, ...]
+    faults: tuple[str, ...]
+    voltages: tuple[float | None, ...]
+    restarted: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, told: Sequence[JointFeedback]) -> Joints:
+        """Return what these joints tell."""
+        return cls(*zip(*told, strict=True))
 
 
 class JointDrive(Protocol):
