@@ -31,14 +31,15 @@ class Leg(NamedTuple):
     def angles(self, foot: Point) -> Angles:
         """Return the angles that put the foot there, or as near as the leg reaches in that direction."""
         x, y, z = foot
-        out = self.side * self.offset
+        _, _, side, back, offset, thigh, calf = self
+        out = side * offset
         down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
         abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
         wanted = math.hypot(x, down)
-        length = max(abs(self.thigh - self.calf) + 1e-3, min((self.thigh + self.calf) * _NEARLY, wanted))
-        bend = math.acos(_cosine(self.thigh, self.calf, length))
-        lean = math.acos(_cosine(self.thigh, length, self.calf))
-        return abad, math.atan2(-x, down) - self.knee * lean, self.knee * (math.pi - bend)
+        length = max(abs(thigh - calf) + 1e-3, min((thigh + calf) * _NEARLY, wanted))
+        bend = math.acos(_cosine(thigh, calf, length))
+        lean = math.acos(_cosine(thigh, length, calf))
+        return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
     def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
         """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
@@ -47,10 +48,11 @@ class Leg(NamedTuple):
     def reach(self, angles: Angles) -> tuple[Point, tuple[Point, Point, Point]]:
         """Return where the centre of the foot is, and its jacobian."""
         abad, hip, knee = angles
+        _, _, side, _, offset, thigh, calf = self
         cos, sin = math.cos(abad), math.sin(abad)
-        low, low_x = self.calf * math.cos(hip + knee), -self.calf * math.sin(hip + knee)
-        down, x = self.thigh * math.cos(hip) + low, low_x - self.thigh * math.sin(hip)
-        out = self.side * self.offset
+        low, low_x = calf * math.cos(hip + knee), -calf * math.sin(hip + knee)
+        down, x = thigh * math.cos(hip) + low, low_x - thigh * math.sin(hip)
+        out = side * offset
         y, z = out * cos + down * sin, out * sin - down * cos
         return (x, y, z), ((0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos))
 
