@@ -34,6 +34,7 @@ class _Motor:
 
     joint: Joint
     units: wire.Units
+    gains: int  # those of the description, as they are in a command
     angle: float = 0.0
     speed: float = 0.0
     torque: float = 0.0
@@ -58,11 +59,16 @@ class MitDrives:
         self._buses = buses
         self._profile = PROFILES[dog.drive.profile]
         self._layout = wire.Layout(self._profile)
-        self._motors = [_Motor(joint, wire.Units(joint)) for joint in joints]
+        self._motors = [self._motor(joint) for joint in joints]
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
+
+    def _motor(self, joint: Joint) -> _Motor:
+        kind = joint.kind
+        gains = self._layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
+        return _Motor(joint, wire.Units(joint), gains)
 
     @staticmethod
     def problem(drive: Drive) -> str:
@@ -115,20 +121,19 @@ class MitDrives:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        motor = self._sender(bus, frame)
+        motor, data = self._sender(bus, frame), frame.data
         if motor is None:
             return
-        told = wire.unpack_register(frame.data) if self._profile.damiao else None
-        if told is not None and told[0] == motor.joint.id:
+        if self._profile.damiao and (told := wire.unpack_register(data)) and told[0] == motor.joint.id:
             self._registers[bus, told[0], told[1]] = told[2]
             return
-        reply = self._layout.unpack_reply(frame.data)
+        reply = self._layout.unpack_reply(data)
         if reply is None:
             return
         _, angle, speed, torque, motor.status, motor.temperature = reply
         motor.angle, motor.speed, motor.torque = motor.units.joint(angle, speed, torque)
         motor.told_at = now
-        motor.answers.take(frame.data)
+        motor.answers.take(data)
         self._note_hold(motor)
 
     def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
@@ -178,7 +183,7 @@ class MitDrives:
         for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
             near = angle if self._most is None else self._near(motor, angle, self._most)
             moved, turning, pushed = motor.units.motor(near, speed, torque)
-            self._send(motor, self._layout.pack_command((moved, turning, *motor.units.gains, pushed)))
+            self._send(motor, self._layout.pack_target(moved, turning, pushed, motor.gains))
 
     def _near(self, motor: _Motor, angle: float, most: float) -> float:
         """Return a target that a limit of torque (N m) allows."""
