@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.mit import frames as wire
-from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
+from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -84,7 +84,7 @@ class SimMitDrive:
 
     def stick(self) -> None:
         """Let the encoder say the same for ever."""
-        self._stuck = self._measured()
+        self._stuck = self.motor.angle + self._jump
 
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""
@@ -109,10 +109,6 @@ class SimMitDrive:
         if (self.status, self._command) != self._done:
             self._done = self.status, self._command
             self._apply()
-
-    def _measured(self) -> float:
-        """Return what the encoder says, rad of the joint."""
-        return self.motor.angle + self._jump if self._stuck is None else self._stuck
 
     def _apply(self) -> None:
         """Do what was commanded last, or nothing when not enabled."""
@@ -147,9 +143,10 @@ class SimMitDrive:
 
     def _reply(self) -> None:
         """Tell where the motor is."""
-        joint, motor = self.joint, self.motor
-        angle, speed, torque = self._units.motor(self._measured(), motor.speed, motor.torque)
-        reply = MitReply(joint.id, angle, speed, torque, self.status, self._temperature)
+        motor = self.motor
+        measured = motor.angle + self._jump if self._stuck is None else self._stuck
+        angle, speed, torque = self._units.motor(measured, motor.speed, motor.torque)
+        reply = (self.joint.id, angle, speed, torque, self.status, self._temperature)
         data = self._layout.pack_reply(reply)
         self._send(Frame(self._place, data[:2] if self._terse else data))
 

@@ -60,6 +60,7 @@ class MitDrives:
         self._profile = PROFILES[dog.drive.profile]
         self._layout = wire.Layout(self._profile)
         self._motors = [self._motor(joint) for joint in joints]
+        self._damiao = self._profile.damiao
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
@@ -86,7 +87,7 @@ class MitDrives:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
         for motor in self._motors:
             motor.restarted = False
-        if not self._profile.damiao:
+        if not self._damiao:
             log.warning(
                 "%s has no watchdog that can be set over CAN: check it in the maker's tool",
                 self._dog.drive.profile,
@@ -121,10 +122,12 @@ class MitDrives:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        motor, data = self._sender(bus, frame), frame.data
+        identifier, data = frame
+        number = identifier - wire.MASTER if self._damiao else data[0] if identifier == 0 and data else 0
+        motor = self._by_id.get((bus, number))
         if motor is None:
             return
-        if self._profile.damiao and (told := wire.unpack_register(data)) and told[0] == motor.joint.id:
+        if self._damiao and (told := wire.unpack_register(data)) and told[0] == motor.joint.id:
             self._registers[bus, told[0], told[1]] = told[2]
             return
         reply = self._layout.unpack_reply(data)
@@ -175,7 +178,7 @@ class MitDrives:
                 self._send(motor, self._layout.pack_command(here))
             else:
                 motor.enabled = True
-                motor.told_at = motor.told_at if self._profile.damiao else None
+                motor.told_at = motor.told_at if self._damiao else None
                 self._send(motor, wire.ENABLE)
 
     def write(self, targets: Targets) -> None:
@@ -214,14 +217,14 @@ class MitDrives:
     def reset_fault(self) -> None:
         """Clear errors, where the motor has such a frame."""
         for motor in self._motors:
-            self._send(motor, wire.CLEAR if self._profile.damiao else wire.DISABLE)
+            self._send(motor, wire.CLEAR if self._damiao else wire.DISABLE)
 
     def _feedback(self, motor: _Motor, now: float) -> JointFeedback:
         if motor.told_at is None:
             return JointFeedback()
         fault, joint = "", motor.joint
         power = _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED
-        if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
+        if self._damiao and motor.status is not None and motor.status in wire.STATUS:
             power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
         elif self._profile.error_at is not None and motor.status:
             power, fault = Power.FAULT, f"error {motor.status} of the motor"
@@ -237,15 +240,9 @@ class MitDrives:
         )
 
     def _is_enabled(self, motor: _Motor) -> bool:
-        if self._profile.damiao:
+        if self._damiao:
             return motor.status == wire.ENABLED
         return motor.enabled and motor.told_at is not None
-
-    def _sender(self, bus: str, frame: Frame) -> _Motor | None:
-        """Return the motor that a frame is from."""
-        if self._profile.damiao:
-            return self._by_id.get((bus, frame.id - wire.MASTER))
-        return self._by_id.get((bus, frame.data[0])) if frame.id == 0 and frame.data else None
 
     def _send(self, motor: _Motor, data: bytes) -> None:
         self._buses[motor.joint.bus].send(Frame(motor.joint.id, data))

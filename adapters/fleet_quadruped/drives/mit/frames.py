@@ -51,6 +51,10 @@ class MitCommand(NamedTuple):
     torque: float = 0.0
 
 
+Reply = tuple[int, float, float, float, int | None, float | None]
+"""The values of a ``MitReply``, in its order."""
+
+
 class MitReply(NamedTuple):
     """What a motor tells; ``status`` is a Damiao motor's nibble, or an error byte, None without one."""
 
@@ -93,8 +97,8 @@ class Layout:
         self._kp, self._kd = 0xFFF / profile.kp, 0xFFF / profile.kd
         self._torque = 0xFFF / (2 * profile.torque)
         self._profile = profile
+        self._damiao = profile.damiao
         self._warm_at, self._error_at = profile.temperature_at, profile.error_at
-        self._rest = bytes(2 if profile.damiao or profile.temperature_at is not None else 0)
 
     def pack_command(self, command: MitCommand) -> bytes:
         """Return a command's eight bytes; see ``pack_target``."""
@@ -134,35 +138,34 @@ class Layout:
             (whole & 0xFFF) / self._torque - torque,
         )
 
-    def pack_reply(self, reply: MitReply) -> bytes:
+    def pack_reply(self, reply: Reply) -> bytes:
         """Return a reply (the motor's side)."""
         number, angle, speed, torque, status, temperature = reply
-        first = (status or 0) << 4 | number & 0xF if self._profile.damiao else number
+        first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
         data = (first << 40 | moved << 24 | turning << 12 | pushed).to_bytes(6, "big")
-        if not self._rest:
+        if self._warm_at is None:
             return data
-        told = bytearray(data + self._rest)
-        told[self._warm_at or 7] = max(0, min(255, round(temperature or 0)))
+        rest = bytearray(2)
+        rest[self._warm_at - 6] = max(0, min(255, round(temperature or 0)))
         if self._error_at is not None:
-            told[self._error_at] = status or 0
-        return bytes(told)
+            rest[self._error_at - 6] = status or 0
+        return data + rest
 
     def unpack_reply(self, data: bytes) -> MitReply | None:
         """Return what a reply says; None when it is too short."""
-        size = len(data)
+        size, warm_at, error_at = len(data), self._warm_at, self._error_at
         if size < 6:
             return None
-        number, status, damiao = data[0], None, self._profile.damiao
-        if damiao:
+        whole, (angle, speed, torque) = int.from_bytes(data[:6], "big"), self._ranges
+        number, status = whole >> 40, None
+        if self._damiao:
             number, status = number & 0xF, number >> 4
-        warm_at, error_at = self._warm_at, self._error_at
-        if error_at is not None and size > error_at:
+        elif error_at is not None and size > error_at:
             status = data[error_at]
-        whole, (angle, speed, torque) = int.from_bytes(data[1:6], "big"), self._ranges
         return MitReply(
             number,
-            (whole >> 24) / self._angle - angle,
+            (whole >> 24 & 0xFFFF) / self._angle - angle,
             (whole >> 12 & 0xFFF) / self._speed - speed,
             (whole & 0xFFF) / self._torque - torque,
             status,
