@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from operator import ge, le
 from typing import NamedTuple
 
 from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.drives.base import Joints, Power
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
@@ -46,8 +47,9 @@ class Monitor:
         self._quiet = [math.inf] * len(joints)  # s since the angle was told
         self._sent: dict[int, tuple[float, float]] = {}  # where joints were sent since their angle changed
         self._fastest = [_FASTER * joint.kind.velocity for joint in joints]
-        self._possible = [(joint.low - _BEYOND, joint.high + _BEYOND) for joint in joints]
-        self._hottest = [joint.kind.temperature_max for joint in joints]
+        self._lowest = [joint.low - _BEYOND for joint in joints]
+        self._highest = [joint.high + _BEYOND for joint in joints]
+        self._cool: tuple[float | None, ...] = ()  # the last temperatures of which none is of interest
         self._empty = self._sagging = 0.0  # s
         self._imu: Imu | None = None
         self._same = 0.0  # s that the IMU has said the same
@@ -64,11 +66,24 @@ class Monitor:
     def speed_share(self, joints: Joints) -> float:
         """Return how much of its speed a warm dog may use: 1 when cool, 0.3 near its limit."""
         share = 1.0
-        for joint, told in zip(self._joints, joints.temperatures, strict=True):
+        for joint, told in self._warm(joints.temperatures):
             warn, most = joint.kind.temperature_warn, joint.kind.temperature_max
-            if told is not None and told > warn:
+            if told > warn:
                 share = min(share, max(0.3, (most - told) / max(most - warn, 1e-3)))
         return share
+
+    def _warm(self, temperatures: tuple[float | None, ...]) -> list[tuple[Joint, float]]:
+        """Return the joints that may be too warm; temperatures seldom change, so cool ones are remembered."""
+        if temperatures == self._cool:
+            return []
+        warm = [
+            (joint, told)
+            for joint, told in zip(self._joints, temperatures, strict=True)
+            if told is not None and told >= min(joint.kind.temperature_warn, joint.kind.temperature_max)
+        ]
+        if not warm:
+            self._cool = temperatures
+        return warm
 
     def drives(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a fault of a drive, or one that no longer obeys."""
@@ -119,19 +134,19 @@ class Monitor:
 
     def encoders(self, seen: Observed) -> Iterator[Trip]:
         """Stop for an angle that changes faster than the joint can turn, or not at all."""
-        positioned, dt, angles, quiets = seen.mode in POSITIONED, seen.dt, self._angles, self._quiet
-        for number, (angle, age) in enumerate(zip(seen.joints.angles, seen.joints.ages, strict=True)):
-            quiet, before = quiets[number] + dt, angles[number]
+        positioned, dt, told, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
+        known = zip(told.angles, told.ages, self._angles, self._quiet, self._fastest, strict=True)
+        for number, (angle, age, before, quiet, fastest) in enumerate(known):
             if age >= dt:
-                quiets[number] = quiet
+                self._quiet[number] = quiet + dt
                 continue
-            angles[number], quiets[number] = angle, 0.0
+            self._angles[number], self._quiet[number] = angle, 0.0
             if angle == before and positioned:
                 yield from self._stuck(number, seen.targets[number])
                 continue
-            if number in self._sent:
-                del self._sent[number]
-            if positioned and abs(angle - before) > self._fastest[number] * quiet:
+            if number in sent:
+                del sent[number]
+            if positioned and abs(angle - before) > fastest * (quiet + dt):
                 name = self._joints[number].name
                 yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
 
@@ -151,9 +166,11 @@ class Monitor:
         """Stop for a joint that is measured where it cannot be."""
         if seen.mode not in POSITIONED and seen.mode is not Mode.ENABLING:
             return
-        for number, (angle, (low, high)) in enumerate(zip(seen.joints.angles, self._possible, strict=True)):
-            if not low <= angle <= high and seen.joints.powers[number] is not Power.ABSENT:
-                joint = self._joints[number]
+        told = seen.joints
+        if all(map(le, self._lowest, told.angles)) and all(map(ge, self._highest, told.angles)):
+            return
+        for joint, angle, power in zip(self._joints, told.angles, told.powers, strict=True):
+            if power is not Power.ABSENT and not joint.low - _BEYOND <= angle <= joint.high + _BEYOND:
                 yield Trip(
                     Stage.DAMP,
                     f"{joint.name}: is at {angle:.2f} rad, outside its limits {joint.low:g} to "
@@ -177,9 +194,10 @@ class Monitor:
 
     def heat(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for a hot joint."""
-        for number, (told, most) in enumerate(zip(seen.joints.temperatures, self._hottest, strict=True)):
-            if told is not None and told >= most:
-                yield Trip(Stage.SIT, f"{self._joints[number].name}: {told:.0f} C, {most:g} is its limit")
+        for joint, told in self._warm(seen.joints.temperatures):
+            most = joint.kind.temperature_max
+            if told >= most:
+                yield Trip(Stage.SIT, f"{joint.name}: {told:.0f} C, {most:g} is its limit")
 
     def battery(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for an empty battery."""
