@@ -122,7 +122,7 @@ class MitDrives:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        identifier, data = frame
+        identifier, data = frame.id, frame.data
         number = identifier - wire.MASTER if self._damiao else data[0] if identifier == 0 and data else 0
         motor = self._by_id.get((bus, number))
         if motor is None:
