@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.mit import frames as wire
-from fleet_quadruped.drives.mit.frames import MitCommand
+from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -39,8 +39,8 @@ class SimMitDrive:
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
-        self._command = MitCommand()
-        self._done: tuple[int, MitCommand] | None = None
+        self._command: Command = MitCommand()
+        self._done: tuple[int, Command] | None = None
         self._temperature, self._warming = COOL, 0.0
         self._terse = False
         self._refusing = False

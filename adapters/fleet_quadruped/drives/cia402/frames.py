@@ -122,8 +122,8 @@ class Units:
 
     def pack(self, word: int, angle: float, torque: float | None) -> bytes:
         """Return RPDO1 or TPDO1 for an angle and a torque of the joint; see ``pack_target``."""
-        extra = None if torque is None else round(self._per_mille * torque)
-        return pack_target(word, round(self._zero + self._counts * angle), extra)
+        counts = round(self._zero + self._counts * angle)
+        return pack_target(word, counts, None if torque is None else round(self._per_mille * torque))
 
     def unpack(self, data: bytes) -> tuple[int, float, float] | None:
         """Return the word, the angle and the torque of the joint; see ``unpack_told``."""

@@ -143,9 +143,10 @@ class MitDrives:
         """Return which joint a command sends where; one without stiffness sends it nowhere."""
         motor = self._by_id.get((bus, frame.id))
         command = self._layout.unpack_command(frame.data)
-        if motor is None or command is None or frame.data in wire.SPECIAL or command.kp == 0:
+        if motor is None or command is None or frame.data in wire.SPECIAL:
             return None
-        return motor.joint, motor.joint.angle(command.angle)
+        angle, _, kp, *_ = command
+        return (motor.joint, motor.joint.angle(angle)) if kp else None
 
     def _note_hold(self, motor: _Motor) -> None:
         """Notice a motor that lets go although nobody told it to."""

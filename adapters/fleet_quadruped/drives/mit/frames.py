@@ -51,10 +51,6 @@ class MitCommand(NamedTuple):
     torque: float = 0.0
 
 
-Reply = tuple[int, float, float, float, int | None, float | None]
-"""The values of a ``MitReply``, in its order."""
-
-
 class MitReply(NamedTuple):
     """What a motor tells; ``status`` is a Damiao motor's nibble, or an error byte, None without one."""
 
@@ -64,6 +60,11 @@ class MitReply(NamedTuple):
     torque: float
     status: int | None
     temperature: float | None
+
+
+Command = tuple[float, float, float, float, float]
+Reply = tuple[int, float, float, float, int | None, float | None]
+"""The numbers of a ``MitCommand`` and a ``MitReply`` in their order: dozens are made in each cycle."""
 
 
 class Units:
@@ -100,7 +101,7 @@ class Layout:
         self._damiao = profile.damiao
         self._warm_at, self._error_at = profile.temperature_at, profile.error_at
 
-    def pack_command(self, command: MitCommand) -> bytes:
+    def pack_command(self, command: Command) -> bytes:
         """Return a command's eight bytes; see ``pack_target``."""
         angle, speed, kp, kd, torque = command
         return self.pack_target(angle, speed, torque, self.pack_gains(kp, kd))
@@ -125,12 +126,12 @@ class Layout:
             whole -= 1 << 12  # one step less of kd: not one of the special frames
         return whole.to_bytes(8, "big")
 
-    def unpack_command(self, data: bytes) -> MitCommand | None:
+    def unpack_command(self, data: bytes) -> Command | None:
         """Return what a command says (the motor's side); None for one of another length."""
         if len(data) != 8:
             return None
         whole, (angle, speed, torque) = int.from_bytes(data, "big"), self._ranges
-        return MitCommand(
+        return (
             (whole >> 48) / self._angle - angle,
             (whole >> 36 & 0xFFF) / self._speed - speed,
             (whole >> 24 & 0xFFF) / self._kp,
@@ -152,7 +153,7 @@ class Layout:
             rest[self._error_at - 6] = status or 0
         return data + rest
 
-    def unpack_reply(self, data: bytes) -> MitReply | None:
+    def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
         size, warm_at, error_at = len(data), self._warm_at, self._error_at
         if size < 6:
@@ -163,7 +164,7 @@ class Layout:
             number, status = number & 0xF, number >> 4
         elif error_at is not None and size > error_at:
             status = data[error_at]
-        return MitReply(
+        return (
             number,
             (whole >> 24 & 0xFFFF) / self._angle - angle,
             (whole >> 12 & 0xFFF) / self._speed - speed,
