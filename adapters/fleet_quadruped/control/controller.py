@@ -87,7 +87,7 @@ class Controller:
 
         Raises LinkLost for a dog that is off and has a drive that must be configured again.
         """
-        self._joints = Joints.of(self.drives.feedback(now))
+        self._joints = self.drives.feedback(now)
         self._check_link(now)
         self._seen_imu = self._fresh_imu(now)
         sense = self._sense()

@@ -6,6 +6,7 @@ Adding a protocol is one module with a class like this and a row in ``drives.PRO
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
@@ -24,6 +25,10 @@ class Power(enum.StrEnum):
     ENABLED = "enabled"  # obeys targets
     STOPPING = "stopping"  # brakes or damps, obeys no targets
     FAULT = "fault"
+
+
+NEVER = -math.inf
+"""When a drive was heard that was not heard yet (monotonic s): ages of it are infinite."""
 
 
 class JointFeedback(NamedTuple):
@@ -62,6 +67,10 @@ class Joints(NamedTuple):
     def of(cls, told: Sequence[JointFeedback]) -> Joints:
         """Return what these joints tell."""
         return cls(*zip(*told, strict=True))
+
+    def each(self) -> tuple[JointFeedback, ...]:
+        """Return the same joint by joint."""
+        return tuple(map(JointFeedback._make, zip(*self, strict=True)))
 
 
 class JointDrive(Protocol):
@@ -105,7 +114,7 @@ class JointDrive(Protocol):
     def complete(self) -> bool:
         """Return True when all drives have answered since ``begin_cycle``."""
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
 
     def enable(self) -> None:

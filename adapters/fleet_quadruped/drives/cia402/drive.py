@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.cia402.commission import commission, limit_drive
 from fleet_quadruped.drives.cia402.frames import (
     BOOT_UP,
@@ -52,12 +53,15 @@ class _Node:
     torque: float = 0.0
     temperature: float | None = None
     voltage: float | None = None
-    told_at: float | None = None
+    told_at: float = NEVER
     beat_at: float = math.inf
     answers: Answers = field(default_factory=Answers)
     fault: str = ""
     feeds: bool = True  # it takes a torque besides the target
     restarted: bool = False  # it is not trusted until it is configured again
+
+
+_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
 
 
 class Cia402Drives:
@@ -102,7 +106,7 @@ class Cia402Drives:
             if joints:
                 missing |= commission(bus, joints, self._dog.drive)
         for node in self._nodes:
-            node.told_at, node.beat_at = None, math.inf
+            node.told_at, node.beat_at = NEVER, math.inf
             node.fault, node.restarted = "", False
             node.feeds = TORQUE_OFFSET not in missing.get(node.joint.name, ())
 
@@ -142,9 +146,14 @@ class Cia402Drives:
         """Return True when each drive has sent its TPDO since SYNC."""
         return all(node.answers.complete for node in self._nodes)
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
-        return tuple(self._feedback(node, now) for node in self._nodes)
+        angles, speeds, torques, told, temperatures, voltages, restarted = zip(
+            *map(_VALUES, self._nodes), strict=True
+        )
+        powers, faults = zip(*[self._power(node, now) for node in self._nodes], strict=True)
+        ages = tuple([now - at for at in told])
+        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)
 
     def enable(self) -> None:
         """Walk one step towards operation enabled, with the measured place as the target."""
@@ -186,26 +195,16 @@ class Cia402Drives:
         for node, (bus, identifier), data in zip(self._nodes, self._places, frames, strict=True):
             bus.send(Frame(identifier, data if node.feeds else data[:SHORT]))
 
-    def _feedback(self, node: _Node, now: float) -> JointFeedback:
-        if node.told_at is None:
-            return JointFeedback()
-        power, fault = POWER[node.state], node.fault
+    def _power(self, node: _Node, now: float) -> tuple[Power, str]:
+        """Return what a drive is doing, and its fault."""
+        if node.told_at == NEVER:
+            return Power.ABSENT, ""
         if node.restarted or node.answers.doubled or now - node.beat_at > self._silence:
             distrust = self._distrust(node, now)
-            power, fault = Power.FAULT, (node.restarted and distrust) or fault or distrust
-        elif not node.follows:
-            power, fault = Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
-        return JointFeedback(
-            node.angle,
-            node.speed,
-            node.torque,
-            power,
-            now - node.told_at,
-            node.temperature,
-            fault,
-            node.voltage,
-            node.restarted,
-        )
+            return Power.FAULT, (node.restarted and distrust) or node.fault or distrust
+        if not node.follows:
+            return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
+        return POWER[node.state], node.fault
 
     def _distrust(self, node: _Node, now: float) -> str:
         """Return why a drive is not to be trusted whatever its status word says."""
@@ -221,8 +220,9 @@ class Cia402Drives:
         if told is None:
             return
         status, angle, node.torque = told
-        if node.told_at is not None and now - node.told_at > 1e-4:
-            node.speed = (angle - node.angle) / (now - node.told_at)
+        passed = now - node.told_at
+        if passed > 1e-4:
+            node.speed = (angle - node.angle) / passed
         node.angle, node.told_at = angle, now
         if status != node.status:
             node.status, node.state = status, state_of(status)

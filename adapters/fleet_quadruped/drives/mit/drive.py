@@ -7,12 +7,13 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
@@ -40,7 +41,7 @@ class _Motor:
     torque: float = 0.0
     status: int | None = None
     temperature: float | None = None
-    told_at: float | None = None
+    told_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
     enabled: bool = False  # we asked for it and it answered since
     held: bool = False  # a Damiao motor that said it is enabled, since we wanted it
@@ -49,6 +50,9 @@ class _Motor:
 
 Question = Callable[[_Motor], tuple[int, bytes]]
 Answered = Callable[[_Motor], bool]
+
+
+_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "restarted")
 
 
 class MitDrives:
@@ -92,9 +96,7 @@ class MitDrives:
                 "%s has no watchdog that can be set over CAN: check it in the maker's tool",
                 self._dog.drive.profile,
             )
-            self._ask_all(
-                lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at is not None
-            )
+            self._ask_all(lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at > NEVER)
             return
         for register in wire.RANGE_REGISTERS:
             self._read(register)
@@ -166,9 +168,13 @@ class MitDrives:
         """Return True when each motor has answered."""
         return all(motor.answers.complete for motor in self._motors)
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
-        return tuple(self._feedback(motor, now) for motor in self._motors)
+        angles, speeds, torques, told, temperatures, restarted = zip(*map(_VALUES, self._motors), strict=True)
+        powers, faults = zip(*map(self._power, self._motors), strict=True)
+        ages = tuple([now - at for at in told])
+        voltages = (None,) * len(ages)
+        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)
 
     def enable(self) -> None:
         """Enable what is not enabled yet; what is, is held without force, so that nothing kicks."""
@@ -179,7 +185,7 @@ class MitDrives:
                 self._send(motor, self._layout.pack_command(here))
             else:
                 motor.enabled = True
-                motor.told_at = motor.told_at if self._damiao else None
+                motor.told_at = motor.told_at if self._damiao else NEVER
                 self._send(motor, wire.ENABLE)
 
     def write(self, targets: Targets) -> None:
@@ -220,30 +226,26 @@ class MitDrives:
         for motor in self._motors:
             self._send(motor, wire.CLEAR if self._damiao else wire.DISABLE)
 
-    def _feedback(self, motor: _Motor, now: float) -> JointFeedback:
-        if motor.told_at is None:
-            return JointFeedback()
-        fault, joint = "", motor.joint
-        power = _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED
-        if self._damiao and motor.status is not None and motor.status in wire.STATUS:
-            power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
-        elif self._profile.error_at is not None and motor.status:
-            power, fault = Power.FAULT, f"error {motor.status} of the motor"
-        elif motor.answers.doubled:
-            power = Power.FAULT
-            fault = f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
-        elif motor.restarted:
-            power = Power.FAULT
-            fault = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
-        age, warm = now - motor.told_at, motor.temperature
-        return JointFeedback(
-            motor.angle, motor.speed, motor.torque, power, age, warm, fault, None, motor.restarted
-        )
+    def _power(self, motor: _Motor) -> tuple[Power, str]:
+        """Return what a motor is doing, and its fault."""
+        joint, status = motor.joint, motor.status
+        if motor.told_at == NEVER:
+            return Power.ABSENT, ""
+        if self._damiao and status is not None and status in wire.STATUS:
+            return Power.FAULT, f"{wire.STATUS[status]} (status {status:X}h)"
+        if self._profile.error_at is not None and status:
+            return Power.FAULT, f"error {status} of the motor"
+        if motor.answers.doubled:
+            return Power.FAULT, f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
+        if motor.restarted:
+            why = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
+            return Power.FAULT, why
+        return _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED, ""
 
     def _is_enabled(self, motor: _Motor) -> bool:
         if self._damiao:
             return motor.status == wire.ENABLED
-        return motor.enabled and motor.told_at is not None
+        return motor.enabled and motor.told_at > NEVER
 
     def _send(self, motor: _Motor, data: bytes) -> None:
         self._buses[motor.joint.bus].send(Frame(motor.joint.id, data))
