@@ -158,14 +158,14 @@ class SimDrive:
             motor.kp = motor.feed = motor.target_speed = motor.slope = 0.0
             motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
             return
-        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-        motor.target, motor.slope = self._to, 0.0
+        goal, target, slope = self._to, self._to, 0.0
         if left > _SOON:
-            motor.target -= (self._to - self._from) * left / self._cycle
-            motor.slope = (self._to - motor.target) / max(left, dt)
-        motor.target_speed = motor.slope
+            target -= (goal - self._from) * left / self._cycle
+            slope = (goal - target) / max(left, dt)
         if self._reach < math.inf:
-            motor.target = max(motor.angle - self._reach, min(motor.angle + self._reach, motor.target))
+            target = max(motor.angle - self._reach, min(motor.angle + self._reach, target))
+        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+        motor.target, motor.target_speed, motor.slope = target, slope, slope
 
     def _look(self) -> None:
         """Look after the watchdog and the heartbeat, and what was configured."""

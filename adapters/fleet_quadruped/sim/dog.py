@@ -21,13 +21,13 @@ _MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDr
 
 
 class SimDog:
-    """A dog on buses. ``heard`` is called with (bus, frame) for each frame that the dog sends.
+    """A dog on buses. ``heard`` takes the frames that the dog sends on a bus, by its name.
 
     ``seed`` fixes what is lost on a bad wire.
     """
 
     def __init__(
-        self, dog: Description, world: World, heard: Callable[[str, Frame], None], seed: int = 1
+        self, dog: Description, world: World, heard: Mapping[str, Callable[[Frame], None]], seed: int = 1
     ) -> None:
         self.dog = dog
         self.world = world
@@ -122,7 +122,7 @@ class SimDog:
             for frame in self._wires.to_dog(bus, (), self.time):
                 self._deliver(bus, frame)
             for frame in self._wires.from_dog(bus, (), self.time):
-                self._heard(bus, frame)
+                self._heard[bus](frame)
 
     def _deliver(self, bus: str, frame: Frame) -> None:
         for hears in self._listeners[bus].get(frame.id, ()):
@@ -130,13 +130,13 @@ class SimDog:
 
     def _sender(self, bus: str) -> Callable[[Frame], None]:
         """Return what puts a frame of the dog on a bus."""
-        heard, wires = self._heard, self._wires
+        heard, wires = self._heard[bus], self._wires
 
         def send(frame: Frame) -> None:
             if not wires.faults:
-                heard(bus, frame)
+                heard(frame)
                 return
             for arrived in wires.from_dog(bus, [frame], self.time):
-                heard(bus, arrived)
+                heard(arrived)
 
         return send
