@@ -225,11 +225,11 @@ class Controller:
     def _waiting(self) -> str:
         """Return which drive is not enabled yet."""
         told = self._joints
-        for number, power in enumerate(told.powers):
-            if power is not Power.ENABLED:
-                why = told.faults[number] or f"wanted enabled, the drive is {power.value}"
-                return f"{self.dog.all_joints[number].name}: {why}"
-        return ""
+        if told.all_enabled:
+            return ""
+        number = next(number for number, power in enumerate(told.powers) if power is not Power.ENABLED)
+        why = told.faults[number] or f"wanted enabled, the drive is {told.powers[number].value}"
+        return f"{self.dog.all_joints[number].name}: {why}"
 
     def _write(self, wanted: Wanted, sense: Sense, dt: float) -> None:
         """Do what the body wants of the drives, within the limits."""

@@ -68,6 +68,11 @@ class Joints(NamedTuple):
         """Return what these joints tell."""
         return cls(*zip(*told, strict=True))
 
+    @property
+    def all_enabled(self) -> bool:
+        """True when all obey targets."""
+        return self.powers.count(Power.ENABLED) == len(self.powers)
+
     def each(self) -> tuple[JointFeedback, ...]:
         """Return the same joint by joint."""
         return tuple(map(JointFeedback._make, zip(*self, strict=True)))

@@ -50,6 +50,7 @@ class Monitor:
         self._lowest = [joint.low - _BEYOND for joint in joints]
         self._highest = [joint.high + _BEYOND for joint in joints]
         self._cool: tuple[float | None, ...] = ()  # the last temperatures of which none is of interest
+        self._stale = dog.safety.stale_cycles * dog.dt
         self._empty = self._sagging = 0.0  # s
         self._imu: Imu | None = None
         self._same = 0.0  # s that the IMU has said the same
@@ -87,10 +88,10 @@ class Monitor:
 
     def drives(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a fault of a drive, or one that no longer obeys."""
-        powers = seen.joints.powers
-        if seen.mode is Mode.OFF or powers.count(Power.ENABLED) == len(powers):
+        told = seen.joints
+        if seen.mode is Mode.OFF or told.all_enabled:
             return
-        for joint, power, fault in zip(self._joints, powers, seen.joints.faults, strict=True):
+        for joint, power, fault in zip(self._joints, told.powers, told.faults, strict=True):
             if power is Power.FAULT:
                 yield Trip(Stage.DAMP, f"{joint.name}: {fault or 'the drive reports a fault'}")
             elif power is not Power.ENABLED and seen.mode in POSITIONED:
@@ -99,7 +100,7 @@ class Monitor:
 
     def feedback(self, seen: Observed) -> Iterator[Trip]:
         """Stop when joints of two legs are silent, or one for longer."""
-        most = self._dog.safety.stale_cycles * self._dog.dt
+        most = self._stale
         if seen.mode is Mode.OFF or max(seen.joints.ages) <= most:
             return
         silent = [

@@ -34,6 +34,8 @@ class _Motor:
     """One motor as it was last heard."""
 
     joint: Joint
+    bus: CanBus
+    id: int
     units: wire.Units
     gains: int  # those of the description, as they are in a command
     angle: float = 0.0
@@ -73,7 +75,7 @@ class MitDrives:
     def _motor(self, joint: Joint) -> _Motor:
         kind = joint.kind
         gains = self._layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
-        return _Motor(joint, wire.Units(joint), gains)
+        return _Motor(joint, self._buses[joint.bus], joint.id, wire.Units(joint), gains)
 
     @staticmethod
     def problem(drive: Drive) -> str:
@@ -190,10 +192,10 @@ class MitDrives:
 
     def write(self, targets: Targets) -> None:
         """Send targets with the gains of the description."""
+        pack, most = self._layout.pack_target, self._most
         for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
-            near = angle if self._most is None else self._near(motor, angle, self._most)
-            moved, turning, pushed = motor.units.motor(near, speed, torque)
-            self._send(motor, self._layout.pack_target(moved, turning, pushed, motor.gains))
+            near = angle if most is None else self._near(motor, angle, most)
+            self._send(motor, pack(*motor.units.motor(near, speed, torque), motor.gains))
 
     def _near(self, motor: _Motor, angle: float, most: float) -> float:
         """Return a target that a limit of torque (N m) allows."""
@@ -248,7 +250,7 @@ class MitDrives:
         return motor.enabled and motor.told_at > NEVER
 
     def _send(self, motor: _Motor, data: bytes) -> None:
-        self._buses[motor.joint.bus].send(Frame(motor.joint.id, data))
+        motor.bus.send(Frame(motor.id, data))
 
     def _register(self, motor: _Motor, register: int) -> bytes | None:
         return self._registers.get((motor.joint.bus, motor.joint.id, register))
@@ -265,7 +267,7 @@ class MitDrives:
         for _ in range(_TRIES):
             for motor in self._motors:
                 if not answered(motor):
-                    self._buses[motor.joint.bus].send(Frame(*question(motor)))
+                    motor.bus.send(Frame(*question(motor)))
             for _ in range(_LISTENS):
                 if all(map(answered, self._motors)) or not self._listen():
                     break

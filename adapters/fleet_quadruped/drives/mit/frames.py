@@ -144,14 +144,13 @@ class Layout:
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        data = (first << 40 | moved << 24 | turning << 12 | pushed).to_bytes(6, "big")
+        whole = first << 40 | moved << 24 | turning << 12 | pushed
         if self._warm_at is None:
-            return data
-        rest = bytearray(2)
-        rest[self._warm_at - 6] = max(0, min(255, round(temperature or 0)))
+            return whole.to_bytes(6, "big")
+        rest = max(0, min(255, round(temperature or 0))) << 8 * (7 - self._warm_at)
         if self._error_at is not None:
-            rest[self._error_at - 6] = status or 0
-        return data + rest
+            rest |= (status or 0) << 8 * (7 - self._error_at)
+        return (whole << 16 | rest).to_bytes(8, "big")
 
     def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
