@@ -23,7 +23,9 @@ TIMEOUT_REGISTER = 9  # in units of 50 us; 0: no watchdog
 MASTER_REGISTER = 7
 RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
-_FULL = (1 << 64) - 1
+_COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
+_REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
+_LAST = 7  # byte of a reply of eight
 
 STATUS: Mapping[int, str] = MappingProxyType(
     {
@@ -113,7 +115,7 @@ class Layout:
         """
         profile = self._profile
         kp, kd = _within(kp, 0.0, profile.kp), _within(kd, 0.0, profile.kd)
-        return round(kp * self._kp) << 24 | round(kd * self._kd) << 12
+        return round(kp * self._kp) << 12 | round(kd * self._kd)
 
     def pack_target(self, angle: float, speed: float, torque: float, gains: int) -> bytes:
         """Return a command's eight bytes: clamped, and never all ones (those are special frames).
@@ -121,22 +123,23 @@ class Layout:
         ``gains`` are from ``pack_gains``. Raises ValueError for what is no number.
         """
         moved, turning, pushed = self._raw(angle, speed, torque)
-        whole = moved << 48 | turning << 36 | gains | pushed
-        if whole >> 8 == _FULL >> 8:
-            whole -= 1 << 12  # one step less of kd: not one of the special frames
-        return whole.to_bytes(8, "big")
+        second, third = turning << 4 | gains >> 20, gains >> 4 & 0xFFFF
+        if moved & second & third == 0xFFFF and gains & 0xF == 0xF and pushed >> 8 == 0xF:
+            gains -= 1  # one step less of kd: not one of the special frames
+        return _COMMAND.pack(moved, second, third, (gains & 0xF) << 12 | pushed)
 
     def unpack_command(self, data: bytes) -> Command | None:
         """Return what a command says (the motor's side); None for one of another length."""
         if len(data) != 8:
             return None
-        whole, (angle, speed, torque) = int.from_bytes(data, "big"), self._ranges
+        angle, speed, torque = self._ranges
+        moved, second, third, last = _COMMAND.unpack(data)
         return (
-            (whole >> 48) / self._angle - angle,
-            (whole >> 36 & 0xFFF) / self._speed - speed,
-            (whole >> 24 & 0xFFF) / self._kp,
-            (whole >> 12 & 0xFFF) / self._kd,
-            (whole & 0xFFF) / self._torque - torque,
+            moved / self._angle - angle,
+            (second >> 4) / self._speed - speed,
+            ((second & 0xF) << 8 | third >> 8) / self._kp,
+            ((third & 0xFF) << 4 | last >> 12) / self._kd,
+            (last & 0xFFF) / self._torque - torque,
         )
 
     def pack_reply(self, reply: Reply) -> bytes:
@@ -144,30 +147,31 @@ class Layout:
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        whole = first << 40 | moved << 24 | turning << 12 | pushed
+        data = _REPLY.pack(first, moved, turning << 4 | pushed >> 8, pushed & 0xFF)
         if self._warm_at is None:
-            return whole.to_bytes(6, "big")
-        rest = max(0, min(255, round(temperature or 0))) << 8 * (7 - self._warm_at)
-        if self._error_at is not None:
-            rest |= (status or 0) << 8 * (7 - self._error_at)
-        return (whole << 16 | rest).to_bytes(8, "big")
+            return data
+        warm = max(0, min(255, round(temperature or 0)))
+        if self._warm_at == _LAST:
+            return data + bytes((0, warm))
+        return data + bytes((warm, (status or 0) if self._error_at == _LAST else 0))
 
     def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
         size, warm_at, error_at = len(data), self._warm_at, self._error_at
         if size < 6:
             return None
-        whole, (angle, speed, torque) = int.from_bytes(data[:6], "big"), self._ranges
-        number, status = whole >> 40, None
+        angle, speed, torque = self._ranges
+        number, moved, second, last = _REPLY.unpack_from(data)
+        status: int | None = None
         if self._damiao:
             number, status = number & 0xF, number >> 4
         elif error_at is not None and size > error_at:
             status = data[error_at]
         return (
             number,
-            (whole >> 24 & 0xFFFF) / self._angle - angle,
-            (whole >> 12 & 0xFFF) / self._speed - speed,
-            (whole & 0xFFF) / self._torque - torque,
+            moved / self._angle - angle,
+            (second >> 4) / self._speed - speed,
+            ((second & 0xF) << 8 | last) / self._torque - torque,
             status,
             float(data[warm_at]) if warm_at is not None and size > warm_at else None,
         )
