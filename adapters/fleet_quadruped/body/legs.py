@@ -37,8 +37,9 @@ class Leg(NamedTuple):
         abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
         wanted = math.hypot(x, down)
         length = max(abs(thigh - calf) + 1e-3, min((thigh + calf) * _NEARLY, wanted))
-        bend = math.acos(_cosine(thigh, calf, length))
-        lean = math.acos(_cosine(thigh, length, calf))
+        one, two, square = thigh * thigh, calf * calf, length * length
+        bend = math.acos((one + two - square) / (2 * thigh * calf))  # by the law of cosines
+        lean = math.acos((one + square - two) / (2 * thigh * length))
         return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
     def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
@@ -59,9 +60,3 @@ class Leg(NamedTuple):
     def reaches(self, foot: Point) -> bool:
         """Return True when the leg can put its foot there."""
         return math.dist(self.foot(self.angles(foot)), foot) < 1e-3
-
-
-def _cosine(a: float, b: float, opposite: float) -> float:
-    """Return the cosine of the angle between two sides of a triangle."""
-    cosine = (a * a + b * b - opposite * opposite) / (2 * a * b)
-    return -1.0 if cosine < -1.0 else 1.0 if cosine > 1.0 else cosine  # noqa: FURB136 - quicker than max, min

@@ -44,6 +44,7 @@ class Controller:
         self._last = ZEROS
         self._joints = Joints.of([JointFeedback()] * 12)
         self._seen_imu: Imu | None = None
+        self._imu_age = 0.0
         self._begun: float | None = None
         self._trip: Trip | None = None
         self._errand = 0
@@ -89,7 +90,8 @@ class Controller:
         """
         self._joints = self.drives.feedback(now)
         self._check_link(now)
-        self._seen_imu = self._fresh_imu(now)
+        self._imu_age = self._imu.age(now) if self._imu else 0.0
+        self._seen_imu = self._fresh_imu()
         sense = self._sense()
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
@@ -140,8 +142,8 @@ class Controller:
     def _sense(self) -> Sense:
         return Sense(self._joints.angles, self._joints.speeds, self._seen_imu)
 
-    def _fresh_imu(self, now: float) -> Imu | None:
-        if self._imu is None or self.dog.imu is None or self._imu.age(now) > self.dog.imu.timeout:
+    def _fresh_imu(self) -> Imu | None:
+        if self._imu is None or self.dog.imu is None or self._imu_age > self.dog.imu.timeout:
             return None
         return imu_of(self._imu.values)
 
@@ -153,7 +155,7 @@ class Controller:
             joints=self._joints,
             targets=self._last,
             imu=self._seen_imu,
-            imu_age=self._imu.age(now) if self._imu else 0.0,
+            imu_age=self._imu_age,
             battery=battery.values.get("percent") if battery and fresh else None,
             dt=dt,
             voltage=battery.values.get("voltage") if battery and fresh else None,

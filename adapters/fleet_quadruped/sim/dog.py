@@ -102,12 +102,13 @@ class SimDog:
     def advance(self, dt: float, *, sense: bool = True) -> None:
         """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
         steps = max(1, round(dt / _LOOP))
+        part = dt / steps
         for _ in range(steps):
             for drive in self.drives:
-                drive.control(dt / steps)
+                drive.control(part)
             for motor in self._weak:
                 motor.kp = motor.kd = motor.feed = 0.0
-            self.world.step(dt / steps)
+            self.world.step(part)
         self.world.measure()
         self.time += dt
         if sense:
