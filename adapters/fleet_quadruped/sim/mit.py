@@ -40,7 +40,6 @@ class SimMitDrive:
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
         self._command: Command = MitCommand()
-        self._done: tuple[int, Command] | None = None
         self._temperature, self._warming = COOL, 0.0
         self._terse = False
         self._refusing = False
@@ -80,7 +79,6 @@ class SimMitDrive:
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
-        self._done = None
 
     def stick(self) -> None:
         """Let the encoder say the same for ever."""
@@ -103,15 +101,9 @@ class SimMitDrive:
         self._silence += dt
         self._temperature += self._warming * dt
         if self._stuck is not None:
-            self._jump, self._done = self._stuck - self.motor.angle, None
+            self._jump = self._stuck - self.motor.angle
         if self.status == wire.ENABLED and self._silence > self._timeout:
             self.status = _LOST
-        if (self.status, self._command) != self._done:
-            self._done = self.status, self._command
-            self._apply()
-
-    def _apply(self) -> None:
-        """Do what was commanded last, or nothing when not enabled."""
         motor = self.motor
         if self.status != wire.ENABLED:
             motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
