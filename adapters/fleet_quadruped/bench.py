@@ -109,7 +109,7 @@ class Bench:
                     self.frames[name] += 1
                     self.drives.take(name, frame, self._clock.monotonic())
         act()
-        return self.drives.feedback(self._clock.monotonic())
+        return self.drives.feedback(self._clock.monotonic()).each()
 
     def settle(self, cycles: int = 30) -> tuple[JointFeedback, ...]:
         """Return what the drives say after some cycles."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -75,17 +75,25 @@ class FrameMap(BaseModel):
         return max(field.at + field.layout.size for field in self.fields.values())
 
 
+def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
+    """Return how a whole frame is read: for each byte order in it, a layout and the names of its values."""
+    found = []
+    for order, sign in (("little", "<"), ("big", ">")):
+        fields = sorted((field.at, name) for name, field in frame.fields.items() if field.endian == order)
+        form, end = sign, 0
+        for at, name in fields:
+            form += f"{at - end}x{_CODES[frame.fields[name].type]}"
+            end = at + frame.fields[name].layout.size
+        if fields:
+            found.append((struct.Struct(f"{form}{frame.length - end}x"), [name for _, name in fields]))
+    return found
+
+
 class Decoder:
     """Reads values from the frames of a map."""
 
     def __init__(self, frames: Iterable[FrameMap]) -> None:
-        self._plans = {
-            frame.id: (
-                frame.length,
-                [(name, field.layout, field.at, field) for name, field in frame.fields.items()],
-            )
-            for frame in frames
-        }
+        self._plans = {frame.id: (frame.length, _readings(frame)) for frame in frames}
 
     def decode(self, identifier: int, data: bytes) -> dict[str, float] | None:
         """Return the known values of a frame; None for a frame that is not in the map or too short."""
@@ -93,11 +101,20 @@ class Decoder:
         if plan is None or len(data) < plan[0]:
             return None
         found: dict[str, float] = {}
-        for name, layout, at, field in plan[1]:
-            (raw,) = layout.unpack_from(data, at)
-            if raw != field.invalid and math.isfinite(raw):
-                found[name] = raw * field.scale + field.offset
+        for unpack_from, fields in plan[1]:
+            for (name, scale, offset, invalid), raw in zip(fields, unpack_from(data), strict=True):
+                if raw != invalid and math.isfinite(raw):
+                    found[name] = raw * scale + offset
         return found
+
+
+_Reading = tuple[Callable[[bytes], tuple[float, ...]], list[tuple[str, float, float, int | None]]]
+
+
+def _readings(frame: FrameMap) -> list[_Reading]:
+    """Return what unpacks a frame, and what its numbers mean: name, scale, offset, invalid."""
+    fields = {name: (name, field.scale, field.offset, field.invalid) for name, field in frame.fields.items()}
+    return [(layout.unpack_from, [fields[name] for name in names]) for layout, names in _layouts(frame)]
 
 
 class Encoder:
@@ -105,28 +122,29 @@ class Encoder:
 
     def __init__(self, frame: FrameMap) -> None:
         self._length = frame.length
-        self._plan = [
-            (name, field.layout.pack_into, field.at, field.scale, field.offset, _RANGES[field.type])
+        fields = {
+            name: (name, field.scale, field.offset, *_RANGES[field.type], field.type != "f32")
             for name, field in frame.fields.items()
-        ]
-        self._whole = [field.type != "f32" for field in frame.fields.values()]
+        }
+        self._plan = [(layout.pack, [fields[name] for name in names]) for layout, names in _layouts(frame)]
 
     def encode(self, values: Mapping[str, float]) -> bytes:
         """Return the data; values out of range are clamped, never wrapped; missing ones are raw zero.
 
         Raises ValueError for what is no number.
         """
-        data = bytearray(self._length)
-        for (name, pack_into, at, scale, offset, (low, high)), whole in zip(
-            self._plan, self._whole, strict=True
-        ):
-            raw = (values.get(name, offset) - offset) / scale
-            if not low <= raw <= high:
-                if math.isnan(raw):
-                    raise ValueError(f"{name} is not a number")
-                raw = low if raw < low else high
-            pack_into(data, at, round(raw) if whole else raw)
-        return bytes(data)
+        data = 0
+        for pack, fields in self._plan:
+            numbers = []
+            for name, scale, offset, low, high, whole in fields:
+                raw = (values.get(name, offset) - offset) / scale
+                if not low <= raw <= high:
+                    if math.isnan(raw):
+                        raise ValueError(f"{name} is not a number")
+                    raw = low if raw < low else high
+                numbers.append(round(raw) if whole else raw)
+            data |= int.from_bytes(pack(*numbers), "big")
+        return data.to_bytes(self._length, "big")
 
 
 def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:

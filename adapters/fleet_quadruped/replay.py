@@ -37,7 +37,7 @@ class Replay:
         self.dog = dog
         self.drives = drives_of(dog, {name: _Silent(name) for name in dog.buses})
         self.wanted: dict[str, float] = {}
-        self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0)
+        self.told: tuple[JointFeedback, ...] = self.drives.feedback(0.0).each()
 
     def take(self, captured: Captured) -> None:
         """Take the next frame."""
@@ -47,7 +47,7 @@ class Replay:
                 self.wanted[target[0].name] = target[1]
             return
         self.drives.take(captured.bus, captured.frame, captured.time)
-        self.told = self.drives.feedback(captured.time)
+        self.told = self.drives.feedback(captured.time).each()
 
     def lines(self, frames: Iterable[Captured], only: str = "") -> Iterator[str]:
         """Yield a line for each change of a drive's state or fault, and ten a second of a joint.

@@ -70,13 +70,13 @@ class Steps:
 
     def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
         self._gait = gait
-        self._legs = legs
+        self._neutral = [(leg.x, leg.y + leg.side * leg.offset) for leg in legs]
         self._radius = foot_radius
         self._pattern = trot(gait)
         self._phase = 0.0
         self._swaying = 0.0  # share of the sway that is in effect
         self._rest = _REST_CYCLES
-        self.feet = [self._neutral(leg, gait.height) for leg in legs]
+        self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
 
@@ -92,9 +92,9 @@ class Steps:
         self._pattern = pattern
         return True
 
-    def stand(self, height: float) -> None:
+    def stand(self) -> None:
         """Put all feet in their neutral places at once (the dog has just stood up)."""
-        self.feet = [self._neutral(leg, height) for leg in self._legs]
+        self.feet = [(x, y, 0.0) for x, y in self._neutral]
         self._phase, self._rest, self.stance = 0.0, _REST_CYCLES, [True] * 4
 
     def step(
@@ -116,7 +116,7 @@ class Steps:
                 self._move(number, dt, wanted, error)
         else:
             self._settle(dt)
-        return [self._levelled(number, height, roll, pitch) for number in range(4)]
+        return self._levelled(height, roll, pitch)
 
     def _start(self) -> float:
         """Begin a cycle."""
@@ -132,14 +132,10 @@ class Steps:
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""
         share = min(1.0, dt / 0.3)
-        for number, leg in enumerate(self._legs):
+        for number, (goal_x, goal_y) in enumerate(self._neutral):
             x, y, _ = self.feet[number]
-            goal = self._neutral(leg, self._gait.height)
-            self.feet[number] = (x + (goal[0] - x) * share, y + (goal[1] - y) * share, goal[2])
+            self.feet[number] = (x + (goal_x - x) * share, y + (goal_y - y) * share, 0.0)
         self.stance = [True] * 4
-
-    def _neutral(self, leg: Leg, height: float) -> Point:
-        return leg.x, leg.y + leg.side * leg.offset, -(height - self._radius)
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
         """Move one foot: with the ground, or through the air to its next place."""
@@ -147,14 +143,14 @@ class Steps:
         x, y, _ = self.feet[number]
         if phase < self._pattern.duty:
             self.stance[number] = True
-            across = (x - (wanted.x - wanted.turn * y) * dt, y - (wanted.y + wanted.turn * x) * dt)
-            self.feet[number] = (*across, 0.0)
+            along, aside, turn = wanted
+            self.feet[number] = (x - (along - turn * y) * dt, y - (aside + turn * x) * dt, 0.0)
             return
         if self.stance[number]:
             self.stance[number] = False
             self._lifted[number] = self.feet[number]
         share = (phase - self._pattern.duty) / (1.0 - self._pattern.duty)
-        goal = self._goal(self._legs[number], wanted, error)
+        goal = self._goal(number, wanted, error)
         start = self._lifted[number]
         smooth = share * share * (3 - 2 * share)
         self.feet[number] = (
@@ -163,9 +159,9 @@ class Steps:
             self._gait.swing * math.sin(math.pi * share),
         )
 
-    def _goal(self, leg: Leg, wanted: Twist, error: Twist) -> tuple[float, float]:
+    def _goal(self, number: int, wanted: Twist, error: Twist) -> tuple[float, float]:
         """Return where a foot is to come down: half a stance ahead of its neutral place."""
-        x, y, _ = self._neutral(leg, self._gait.height)
+        x, y = self._neutral[number]
         half = self._pattern.period * self._pattern.duty / 2
         ahead_x = (wanted.x - wanted.turn * y) * half + _FEEDBACK * error.x
         ahead_y = (wanted.y + wanted.turn * x) * half + _FEEDBACK * error.y
@@ -173,10 +169,12 @@ class Steps:
         share = min(1.0, self._gait.reach / length) if length > 0 else 1.0
         return x + ahead_x * share, y + ahead_y * share
 
-    def _levelled(self, number: int, height: float, roll: float, pitch: float) -> Point:
-        """Return a foot at its height; feet on the ground also level the body."""
-        x, y, lift = self.feet[number]
-        lift = max(0.0, lift) if self.walking else 0.0
-        level = self._gait.posture * (roll * y - pitch * x) if self.stance[number] else 0.0
-        aside = self._pattern.sway * self._pattern.shift(self._phase) * self._swaying
-        return x, y - aside, -(height - self._radius) + lift + max(-0.05, min(0.05, level))
+    def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
+        """Return the feet at their height; those on the ground also level the body."""
+        pattern, posture, ground = self._pattern, self._gait.posture, -(height - self._radius)
+        aside = pattern.sway * pattern.shift(self._phase) * self._swaying
+        feet: list[Point] = []
+        for (x, y, lift), stands in zip(self.feet, self.stance, strict=True):
+            level = posture * (roll * y - pitch * x) if stands else 0.0
+            feet.append((x, y - aside, ground + lift + max(-0.05, min(0.05, level))))
+        return feet

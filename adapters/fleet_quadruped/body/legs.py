@@ -31,14 +31,16 @@ class Leg(NamedTuple):
     def angles(self, foot: Point) -> Angles:
         """Return the angles that put the foot there, or as near as the leg reaches in that direction."""
         x, y, z = foot
-        out = self.side * self.offset
+        _, _, side, back, offset, thigh, calf = self
+        out = side * offset
         down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
         abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
         wanted = math.hypot(x, down)
-        length = max(abs(self.thigh - self.calf) + 1e-3, min((self.thigh + self.calf) * _NEARLY, wanted))
-        bend = math.acos(_cosine(self.thigh, self.calf, length))
-        lean = math.acos(_cosine(self.thigh, length, self.calf))
-        return abad, math.atan2(-x, down) - self.knee * lean, self.knee * (math.pi - bend)
+        length = max(abs(thigh - calf) + 1e-3, min((thigh + calf) * _NEARLY, wanted))
+        one, two, square = thigh * thigh, calf * calf, length * length
+        bend = math.acos((one + two - square) / (2 * thigh * calf))  # by the law of cosines
+        lean = math.acos((one + square - two) / (2 * thigh * length))
+        return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
     def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
         """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
@@ -47,19 +49,14 @@ class Leg(NamedTuple):
     def reach(self, angles: Angles) -> tuple[Point, tuple[Point, Point, Point]]:
         """Return where the centre of the foot is, and its jacobian."""
         abad, hip, knee = angles
+        _, _, side, _, offset, thigh, calf = self
         cos, sin = math.cos(abad), math.sin(abad)
-        low, low_x = self.calf * math.cos(hip + knee), -self.calf * math.sin(hip + knee)
-        down, x = self.thigh * math.cos(hip) + low, low_x - self.thigh * math.sin(hip)
-        out = self.side * self.offset
+        low, low_x = calf * math.cos(hip + knee), -calf * math.sin(hip + knee)
+        down, x = thigh * math.cos(hip) + low, low_x - thigh * math.sin(hip)
+        out = side * offset
         y, z = out * cos + down * sin, out * sin - down * cos
         return (x, y, z), ((0.0, -z, y), (-down, x * sin, -x * cos), (-low, low_x * sin, -low_x * cos))
 
     def reaches(self, foot: Point) -> bool:
         """Return True when the leg can put its foot there."""
         return math.dist(self.foot(self.angles(foot)), foot) < 1e-3
-
-
-def _cosine(a: float, b: float, opposite: float) -> float:
-    """Return the cosine of the angle between two sides of a triangle."""
-    cosine = (a * a + b * b - opposite * opposite) / (2 * a * b)
-    return -1.0 if cosine < -1.0 else 1.0 if cosine > 1.0 else cosine  # noqa: FURB136 - quicker than max, min

@@ -70,9 +70,10 @@ class Odometry:
         (x, y, z), (abad, hip, knee) = leg.reach(angles)
         moved_x = abad[0] * out + hip[0] * swing + knee[0] * bend
         moved_y = abad[1] * out + hip[1] * swing + knee[1] * bend
-        about_x = out + (gyro.x if gyro else 0.0)
-        about_y = (swing + bend) * math.cos(angles[0]) + (gyro.y if gyro else 0.0)
+        about_x, about_y = out, (swing + bend) * math.cos(angles[0])
         if gyro is not None:
+            about_x += gyro.x
+            about_y += gyro.y
             moved_x += gyro.y * z
             moved_y -= gyro.x * z
         return leg.x + x, leg.y + y, moved_x - self._radius * about_y, moved_y + self._radius * about_x
@@ -82,12 +83,11 @@ def body_twist(feet: Sequence[Planar], turn: float | None) -> Twist:
     """Return the body's velocity for which all standing feet rest; least squares without a known turn."""
     if turn is None:
         turn = _turn_of(feet)
-    count = len(feet)
-    return Twist(
-        -sum(moved_x - turn * y for _, y, moved_x, _ in feet) / count,
-        -sum(moved_y + turn * x for x, _, _, moved_y in feet) / count,
-        turn,
-    )
+    along = aside = 0.0
+    for x, y, moved_x, moved_y in feet:
+        along -= moved_x - turn * y
+        aside -= moved_y + turn * x
+    return Twist(along / len(feet), aside / len(feet), turn)
 
 
 def _turn_of(feet: Sequence[Planar]) -> float:

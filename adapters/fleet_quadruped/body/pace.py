@@ -27,6 +27,8 @@ def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
 
 def ramped(now: Twist, goal: Twist, pace: Pace, dt: float) -> Twist:
     """Return the velocity after ``dt`` seconds on the way to a goal."""
+    if now == goal:
+        return goal
     most = pace.acceleration * dt
     return Twist(
         now.x + within(goal.x - now.x, most),

@@ -44,7 +44,7 @@ class Walker:
 
     def stand(self, height: float) -> None:
         """Begin anew, standing at this height."""
-        self._steps.stand(height)
+        self._steps.stand()
         self._ramped = self._added = Twist()
         self.height = self.wanted_height = height
         self._last = None
@@ -91,7 +91,7 @@ class Walker:
         posture = tuple(angles)
         before = self._last or posture
         self._last = posture
-        speeds = tuple((now - then) / dt for now, then in zip(posture, before, strict=True))
+        speeds = tuple([(now - then) / dt for now, then in zip(posture, before, strict=True)])
         return Targets(posture, speeds, self._carrying(sense))
 
     def _carrying(self, sense: Sense) -> Twelve:

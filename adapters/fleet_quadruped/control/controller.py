@@ -13,9 +13,9 @@ from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives import drives_of
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.description import Description
-from fleet_quadruped.safety.limits import limit
+from fleet_quadruped.safety.limits import Limits
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode, Stage, Trip
 
@@ -31,6 +31,7 @@ class Controller:
         self.drives = drives_of(dog, buses)
         self.body = Body(dog)
         self.clamped = 0
+        self._limits = Limits(dog.all_joints, dog.safety)
         self._monitor = Monitor(dog)
         self._imu = Values(dog.imu, whole=True) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
@@ -41,8 +42,9 @@ class Controller:
             for place in sensor.frames
         }
         self._last = ZEROS
-        self._joints: tuple[JointFeedback, ...] = (JointFeedback(),) * 12
+        self._joints = Joints.of([JointFeedback()] * 12)
         self._seen_imu: Imu | None = None
+        self._imu_age = 0.0
         self._begun: float | None = None
         self._trip: Trip | None = None
         self._errand = 0
@@ -88,7 +90,8 @@ class Controller:
         """
         self._joints = self.drives.feedback(now)
         self._check_link(now)
-        self._seen_imu = self._fresh_imu(now)
+        self._imu_age = self._imu.age(now) if self._imu else 0.0
+        self._seen_imu = self._fresh_imu()
         sense = self._sense()
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
@@ -114,10 +117,10 @@ class Controller:
             answered=self._errand,
             refusal=self._refusal,
             stopped=self._stops,
-            angles=tuple(joint.angle for joint in self._joints),
-            speeds=tuple(joint.speed for joint in self._joints),
-            torques=tuple(joint.torque for joint in self._joints),
-            temperatures=tuple(joint.temperature for joint in self._joints),
+            angles=self._joints.angles,
+            speeds=self._joints.speeds,
+            torques=self._joints.torques,
+            temperatures=self._joints.temperatures,
             x=odometry.x,
             y=odometry.y,
             height=self.body.walker.height,
@@ -134,14 +137,13 @@ class Controller:
     @property
     def oldest(self) -> float:
         """Age of the oldest joint feedback, s."""
-        return max(joint.age for joint in self._joints)
+        return max(self._joints.ages)
 
     def _sense(self) -> Sense:
-        angles, speeds, *_ = zip(*self._joints, strict=True)
-        return Sense(angles, speeds, self._seen_imu)
+        return Sense(self._joints.angles, self._joints.speeds, self._seen_imu)
 
-    def _fresh_imu(self, now: float) -> Imu | None:
-        if self._imu is None or self.dog.imu is None or self._imu.age(now) > self.dog.imu.timeout:
+    def _fresh_imu(self) -> Imu | None:
+        if self._imu is None or self.dog.imu is None or self._imu_age > self.dog.imu.timeout:
             return None
         return imu_of(self._imu.values)
 
@@ -153,7 +155,7 @@ class Controller:
             joints=self._joints,
             targets=self._last,
             imu=self._seen_imu,
-            imu_age=self._imu.age(now) if self._imu else 0.0,
+            imu_age=self._imu_age,
             battery=battery.values.get("percent") if battery and fresh else None,
             dt=dt,
             voltage=battery.values.get("voltage") if battery and fresh else None,
@@ -194,17 +196,18 @@ class Controller:
             return f"{failed}; look at the dog, then send reset_faults"
         if self._trip is not None:
             return self._trip.cause
-        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
-            if told.age > self.dog.safety.stale_cycles * self.dog.dt:
+        for joint, age in zip(self.dog.all_joints, self._joints.ages, strict=True):
+            if age > self.dog.safety.stale_cycles * self.dog.dt:
                 return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"
         return ""
 
     def _failed(self) -> str:
         """Return which drive has a fault, empty when none has."""
-        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
-            if told.power is Power.FAULT:
-                return f"{joint.name}: {told.fault or 'its drive reports a fault'}"
-        return ""
+        told = self._joints
+        if Power.FAULT not in told.powers:
+            return ""
+        number = told.powers.index(Power.FAULT)
+        return f"{self.dog.all_joints[number].name}: {told.faults[number] or 'its drive reports a fault'}"
 
     def _check_link(self, now: float) -> None:
         """Give up the link of a dog at rest whose drives went away or forgot how they were configured.
@@ -214,26 +217,27 @@ class Controller:
         self._begun = now if self._begun is None else self._begun
         if self.body.mode is not Mode.OFF or self.body.fault:
             return
-        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
-            if told.restarted:
-                raise LinkLost(f"{joint.name}: {told.fault}")
-            if min(told.age, now - self._begun) > _GONE:
+        told = self._joints
+        for number, joint in enumerate(self.dog.all_joints):
+            if told.restarted[number]:
+                raise LinkLost(f"{joint.name}: {told.faults[number]}")
+            if min(told.ages[number], now - self._begun) > _GONE:
                 raise LinkLost(f"{joint.name}: id {joint.id} on bus {joint.bus!r} is silent; check its power")
 
     def _waiting(self) -> str:
         """Return which drive is not enabled yet."""
-        for joint, told in zip(self.dog.all_joints, self._joints, strict=True):
-            if told.power is not Power.ENABLED:
-                return f"{joint.name}: {told.fault or f'wanted enabled, the drive is {told.power.value}'}"
-        return ""
+        told = self._joints
+        if told.all_enabled:
+            return ""
+        number = next(number for number, power in enumerate(told.powers) if power is not Power.ENABLED)
+        why = told.faults[number] or f"wanted enabled, the drive is {told.powers[number].value}"
+        return f"{self.dog.all_joints[number].name}: {why}"
 
     def _write(self, wanted: Wanted, sense: Sense, dt: float) -> None:
         """Do what the body wants of the drives, within the limits."""
         match wanted.wish:
             case Wish.HOLD:
-                safe = limit(
-                    wanted.targets, self._last, sense.angles, self.dog.all_joints, self.dog.safety, dt=dt
-                )
+                safe = self._limits.limit(wanted.targets, self._last, sense.angles, dt)
                 self.clamped += safe.clamped
                 self._last = safe.targets.angles
                 self.drives.write(safe.targets)

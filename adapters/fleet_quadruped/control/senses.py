@@ -48,10 +48,12 @@ class Values:
 def imu_of(values: dict[str, float]) -> Imu | None:
     """Return the IMU from its values; None when one is missing or the rotation is none."""
     try:
-        turn = Quaternion(values["qw"], values["qx"], values["qy"], values["qz"])
+        w, x, y, z = values["qw"], values["qx"], values["qy"], values["qz"]
         gyro = Vector3(values["gx"], values["gy"], values["gz"])
         accel = Vector3(values.get("ax", 0.0), values.get("ay", 0.0), values.get("az", 0.0))
     except KeyError:
         return None
-    length = math.sqrt(turn.w**2 + turn.x**2 + turn.y**2 + turn.z**2)
-    return Imu(turn.normalized(), gyro, accel) if 0.5 < length < 1.5 else None
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if not 0.5 < length < 1.5:
+        return None
+    return Imu(Quaternion(w / length, x / length, y / length, z / length), gyro, accel)

@@ -6,28 +6,27 @@ _CERTAIN = 5  # cycles in a row with two answers: late and repeated frames do no
 
 
 class Answers:
-    """The answers to one id. Two that differ, cycle after cycle, come from two drives."""
+    """The answers to one id. Two that differ, cycle after cycle, come from two drives.
 
-    __slots__ = ("_cycles", "_data", "_differ", "complete")
+    ``doubled``: it is certain that two drives have this id; for good.
+    """
+
+    __slots__ = ("_cycles", "_data", "_differ", "complete", "doubled")
 
     def __init__(self) -> None:
-        self.complete = False
+        self.complete = self.doubled = False
         self._data = b""
         self._differ = False
         self._cycles = 0
 
-    @property
-    def doubled(self) -> bool:
-        """True once it is certain that two drives have this id; for good."""
-        return self._cycles >= _CERTAIN
-
     def begin(self) -> None:
         """Begin a cycle."""
-        if self._cycles < _CERTAIN:
-            self._cycles = self._cycles + 1 if self._differ else 0
+        self._cycles = self._cycles + 1 if self._differ else 0
+        self.doubled = self.doubled or self._cycles >= _CERTAIN
         self.complete = self._differ = False
 
     def take(self, data: bytes) -> None:
         """Take an answer."""
-        self._differ = self._differ or (self.complete and data != self._data)
+        if self.complete and data != self._data:
+            self._differ = True
         self.complete, self._data = True, data

@@ -6,6 +6,8 @@ Adding a protocol is one module with a class like this and a row in ``drives.PRO
 from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
@@ -25,6 +27,10 @@ class Power(enum.StrEnum):
     FAULT = "fault"
 
 
+NEVER = -math.inf
+"""When a drive was heard that was not heard yet (monotonic s): ages of it are infinite."""
+
+
 class JointFeedback(NamedTuple):
     """One joint as its drive last told: rad, rad/s, N m of the joint; ``age`` in seconds.
 
@@ -42,6 +48,34 @@ class JointFeedback(NamedTuple):
     fault: str = ""
     voltage: float | None = None
     restarted: bool = False
+
+
+class Joints(NamedTuple):
+    """What all joints of a dog tell, value by value; see ``JointFeedback``."""
+
+    angles: tuple[float, ...]
+    speeds: tuple[float, ...]
+    torques: tuple[float, ...]
+    powers: tuple[Power, ...]
+    ages: tuple[float, ...]
+    temperatures: tuple[float | None, ...]
+    faults: tuple[str, ...]
+    voltages: tuple[float | None, ...]
+    restarted: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, told: Sequence[JointFeedback]) -> Joints:
+        """Return what these joints tell."""
+        return cls(*zip(*told, strict=True))
+
+    @property
+    def all_enabled(self) -> bool:
+        """True when all obey targets."""
+        return self.powers.count(Power.ENABLED) == len(self.powers)
+
+    def each(self) -> tuple[JointFeedback, ...]:
+        """Return the same joint by joint."""
+        return tuple(map(JointFeedback._make, zip(*self, strict=True)))
 
 
 class JointDrive(Protocol):
@@ -85,7 +119,7 @@ class JointDrive(Protocol):
     def complete(self) -> bool:
         """Return True when all drives have answered since ``begin_cycle``."""
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
 
     def enable(self) -> None:

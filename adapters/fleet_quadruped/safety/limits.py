@@ -21,45 +21,53 @@ class Limited(NamedTuple):
     clamped: int
 
 
-def limit(
-    wanted: Targets, last: Twelve, measured: Twelve, joints: Sequence[Joint], safety: Safety, *, dt: float
-) -> Limited:
-    """Return targets within limits: position, step, speed, distance to the measured angle, torque.
+class Limits:
+    """The bounds of a dog's joints: positions less the margin, speeds, torques."""
 
-    Not-a-number keeps the last target. The limits of position are applied last and always hold.
-    """
-    clamped = 0
-    targets: list[tuple[float, float, float]] = []
-    for angle, speed, torque, before, actual, joint in zip(*wanted, last, measured, joints, strict=True):
-        kind = joint.kind
-        safe = safe_angle(angle, before, actual, joint, safety, dt=dt)
-        clamped += not -_SAME < safe - angle < _SAME
-        targets.append((safe, _within(speed, kind.velocity), _within(torque, kind.torque)))
-    return Limited(Targets(*zip(*targets, strict=True)), clamped)
+    def __init__(self, joints: Sequence[Joint], safety: Safety) -> None:
+        self._safety = safety
+        self._places = [
+            (joint.low + safety.margin, joint.high - safety.margin, joint.kind.velocity) for joint in joints
+        ]
+        self._velocities = [joint.kind.velocity for joint in joints]
+        self._torques = [joint.kind.torque for joint in joints]
 
+    def limit(self, wanted: Targets, last: Twelve, measured: Twelve, dt: float) -> Limited:
+        """Return targets within limits: position, step, speed, distance to the measured angle, torque.
 
-def safe_angle(
-    wanted: float, last: float, measured: float, joint: Joint, safety: Safety, *, dt: float
-) -> float:
-    """Return the angle nearest to ``wanted`` that one joint may be sent to, rad."""
-    step, following = min(safety.step, joint.kind.velocity * dt), safety.following
-    low, high = joint.low + safety.margin, joint.high - safety.margin
-    near = -step <= wanted - last <= step and -following <= wanted - measured <= following
-    if near and low <= wanted <= high:
-        return wanted  # as it nearly always is
-    angle = wanted if math.isfinite(wanted) else last
-    angle = _between(angle, last - step, last + step)
-    angle = _between(angle, measured - following, measured + following)
-    return _between(angle, low, high)
+        Not-a-number keeps the last target. The limits of position are applied last and always hold.
+        """
+        clamped, longest, following = 0, self._safety.step, self._safety.following
+        angles: list[float] = []
+        for angle, before, actual, (low, high, velocity) in zip(
+            wanted.angles, last, measured, self._places, strict=True
+        ):
+            step = velocity * dt
+            step = longest if longest < step else step  # noqa: FURB136 - quicker than min
+            near = -step <= angle - before <= step and -following <= angle - actual <= following
+            if near and low <= angle <= high:
+                angles.append(angle)  # as it nearly always is
+                continue
+            safe = angle if math.isfinite(angle) else before
+            safe = _between(safe, before - step, before + step)
+            safe = _between(safe, actual - following, actual + following)
+            safe = _between(safe, low, high)
+            clamped += not -_SAME < safe - angle < _SAME
+            angles.append(safe)
+        speeds, torques = _within(wanted.speeds, self._velocities), _within(wanted.torques, self._torques)
+        return Limited(Targets(tuple(angles), speeds, torques), clamped)
 
 
 def _between(value: float, low: float, high: float) -> float:
-    """Return the value, or the bound that it is beyond."""
-    return low if value < low else high if value > high else value  # noqa: FURB136 - thrice as fast as min, max
+    """Return the value, or the bound that it is beyond; bounds that are no numbers bound nothing."""
+    return low if value < low else high if value > high else value  # noqa: FURB136 - not so with min, max
 
 
-def _within(value: float, most: float) -> float:
-    """Return a finite value between -most and most; 0 for what is no number."""
-    if -most <= value <= most:
-        return value
-    return _between(value, -most, most) if math.isfinite(value) else 0.0
+def _within(values: Twelve, limits: Sequence[float]) -> Twelve:
+    """Return finite values no farther from zero than their limits; 0 for what is no number."""
+    return tuple(
+        [
+            value if -most <= value <= most else _between(value, -most, most) if math.isfinite(value) else 0.0
+            for value, most in zip(values, limits, strict=True)
+        ]
+    )

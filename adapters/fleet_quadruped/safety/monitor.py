@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from operator import ge, le
 from typing import NamedTuple
 
 from fleet_quadruped.body.sense import Imu
-from fleet_quadruped.drives.base import JointFeedback, Power
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.drives.base import Joints, Power
+from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
@@ -26,7 +27,7 @@ class Observed(NamedTuple):
     """One cycle: ``targets`` are the angles last written, ages in seconds, ``voltage`` is the battery's."""
 
     mode: Mode
-    joints: tuple[JointFeedback, ...]
+    joints: Joints
     targets: Twelve
     imu: Imu | None
     imu_age: float
@@ -40,11 +41,16 @@ class Monitor:
 
     def __init__(self, dog: Description) -> None:
         self._dog = dog
-        self._far = [0.0] * len(dog.all_joints)
-        self._angles = [0.0] * len(dog.all_joints)
-        self._quiet = [math.inf] * len(dog.all_joints)  # s since the angle was told
+        self._joints = joints = dog.all_joints
+        self._far: dict[int, float] = {}  # s that joints have been far from their targets
+        self._angles = [0.0] * len(joints)
+        self._quiet = [math.inf] * len(joints)  # s since the angle was told
         self._sent: dict[int, tuple[float, float]] = {}  # where joints were sent since their angle changed
-        self._fastest = [_FASTER * joint.kind.velocity for joint in dog.all_joints]
+        self._fastest = [_FASTER * joint.kind.velocity for joint in joints]
+        self._lowest = [joint.low - _BEYOND for joint in joints]
+        self._highest = [joint.high + _BEYOND for joint in joints]
+        self._cool: tuple[float | None, ...] = ()  # the last temperatures of which none is of interest
+        self._stale = dog.safety.stale_cycles * dog.dt
         self._empty = self._sagging = 0.0  # s
         self._imu: Imu | None = None
         self._same = 0.0  # s that the IMU has said the same
@@ -58,37 +64,48 @@ class Monitor:
                     hardest = trip
         return hardest
 
-    def speed_share(self, joints: tuple[JointFeedback, ...]) -> float:
+    def speed_share(self, joints: Joints) -> float:
         """Return how much of its speed a warm dog may use: 1 when cool, 0.3 near its limit."""
         share = 1.0
-        for joint, told in zip(self._dog.all_joints, joints, strict=True):
+        for joint, told in self._warm(joints.temperatures):
             warn, most = joint.kind.temperature_warn, joint.kind.temperature_max
-            if told.temperature is not None and told.temperature > warn:
-                share = min(share, max(0.3, (most - told.temperature) / max(most - warn, 1e-3)))
+            if told > warn:
+                share = min(share, max(0.3, (most - told) / max(most - warn, 1e-3)))
         return share
+
+    def _warm(self, temperatures: tuple[float | None, ...]) -> list[tuple[Joint, float]]:
+        """Return the joints that may be too warm; temperatures seldom change, so cool ones are remembered."""
+        if temperatures == self._cool:
+            return []
+        warm = [
+            (joint, told)
+            for joint, told in zip(self._joints, temperatures, strict=True)
+            if told is not None and told >= min(joint.kind.temperature_warn, joint.kind.temperature_max)
+        ]
+        if not warm:
+            self._cool = temperatures
+        return warm
 
     def drives(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a fault of a drive, or one that no longer obeys."""
-        if seen.mode is Mode.OFF:
+        told = seen.joints
+        if seen.mode is Mode.OFF or told.all_enabled:
             return
-        for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
-            if told.power is Power.ENABLED:
-                continue
-            if told.power is Power.FAULT:
-                yield Trip(Stage.DAMP, f"{joint.name}: {told.fault or 'the drive reports a fault'}")
-            elif seen.mode in POSITIONED:
-                why = told.fault or f"wanted enabled, the drive is {told.power.value}"
+        for joint, power, fault in zip(self._joints, told.powers, told.faults, strict=True):
+            if power is Power.FAULT:
+                yield Trip(Stage.DAMP, f"{joint.name}: {fault or 'the drive reports a fault'}")
+            elif power is not Power.ENABLED and seen.mode in POSITIONED:
+                why = fault or f"wanted enabled, the drive is {power.value}"
                 yield Trip(Stage.DAMP, f"{joint.name}: {why}")
 
     def feedback(self, seen: Observed) -> Iterator[Trip]:
         """Stop when joints of two legs are silent, or one for longer."""
-        if seen.mode is Mode.OFF:
+        most = self._stale
+        if seen.mode is Mode.OFF or max(seen.joints.ages) <= most:
             return
-        most = self._dog.safety.stale_cycles * self._dog.dt
-        if max(told.age for told in seen.joints) <= most:
-            return
-        ages = zip(self._dog.all_joints, (told.age for told in seen.joints), strict=True)
-        silent = [(joint, age) for joint, age in ages if age > most]
+        silent = [
+            (joint, age) for joint, age in zip(self._joints, seen.joints.ages, strict=True) if age > most
+        ]
         legs = {joint.name[:2] for joint, _ in silent}
         for joint, age in silent:
             if len(legs) > 1 or age > _ALONE * most:
@@ -99,38 +116,39 @@ class Monitor:
 
     def following(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a joint that does not go where it is sent."""
-        safety = self._dog.safety
-        if seen.mode not in POSITIONED:
-            self._far = [0.0] * len(self._far)
-            return
+        safety, before = self._dog.safety, self._far
         most = safety.following * 0.98  # targets are kept within it
-        for number, (wanted, told) in enumerate(zip(seen.targets, seen.joints, strict=True)):
-            actual = told.angle
-            if -most <= wanted - actual <= most:
-                self._far[number] = 0.0
-                continue
-            self._far[number] += seen.dt
-            if self._far[number] > safety.following_time:
-                joint = self._dog.all_joints[number]
+        places = zip(seen.targets, seen.joints.angles, strict=True)
+        self._far = {
+            number: before.get(number, 0.0) + seen.dt
+            for number, (wanted, actual) in enumerate(places)
+            if not -most <= wanted - actual <= most and seen.mode in POSITIONED
+        }
+        for number, lasts in self._far.items():
+            if lasts > safety.following_time:
+                wanted, actual = seen.targets[number], seen.joints.angles[number]
                 yield Trip(
-                    Stage.DAMP, f"{joint.name}: following error, wanted {wanted:.2f} rad, is at {actual:.2f}"
+                    Stage.DAMP,
+                    f"{self._joints[number].name}: following error, "
+                    f"wanted {wanted:.2f} rad, is at {actual:.2f}",
                 )
 
     def encoders(self, seen: Observed) -> Iterator[Trip]:
         """Stop for an angle that changes faster than the joint can turn, or not at all."""
-        positioned, dt, angles, quiets = seen.mode in POSITIONED, seen.dt, self._angles, self._quiet
-        for number, told in enumerate(seen.joints):
-            quiet, angle, before = quiets[number] + dt, told.angle, angles[number]
-            if told.age >= dt:
-                quiets[number] = quiet
+        positioned, dt, told, sent = seen.mode in POSITIONED, seen.dt, seen.joints, self._sent
+        known = zip(told.angles, told.ages, self._angles, self._quiet, self._fastest, strict=True)
+        for number, (angle, age, before, quiet, fastest) in enumerate(known):
+            if age >= dt:
+                self._quiet[number] = quiet + dt
                 continue
-            angles[number], quiets[number] = angle, 0.0
+            self._angles[number], self._quiet[number] = angle, 0.0
             if angle == before and positioned:
                 yield from self._stuck(number, seen.targets[number])
                 continue
-            self._sent.pop(number, None)
-            if positioned and abs(angle - before) > self._fastest[number] * quiet:
-                name = self._dog.all_joints[number].name
+            if number in sent:
+                del sent[number]
+            if positioned and abs(angle - before) > fastest * (quiet + dt):
+                name = self._joints[number].name
                 yield Trip(Stage.DAMP, f"{name}: its encoder jumped from {before:.2f} to {angle:.2f} rad")
 
     def _stuck(self, number: int, target: float) -> Iterator[Trip]:
@@ -138,7 +156,7 @@ class Monitor:
         low, high = self._sent.get(number, (target, target))
         low, high = self._sent[number] = min(low, target), max(high, target)
         if high - low > _STUCK:
-            name, angle = self._dog.all_joints[number].name, self._angles[number]
+            name, angle = self._joints[number].name, self._angles[number]
             yield Trip(
                 Stage.DAMP,
                 f"{name}: stays at exactly {angle:.3f} rad, wanted {low:.2f} to {high:.2f}: "
@@ -149,13 +167,14 @@ class Monitor:
         """Stop for a joint that is measured where it cannot be."""
         if seen.mode not in POSITIONED and seen.mode is not Mode.ENABLING:
             return
-        for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
-            if told.power is Power.ABSENT:
-                continue
-            if not joint.low - _BEYOND <= told.angle <= joint.high + _BEYOND:
+        told = seen.joints
+        if all(map(le, self._lowest, told.angles)) and all(map(ge, self._highest, told.angles)):
+            return
+        for joint, angle, power in zip(self._joints, told.angles, told.powers, strict=True):
+            if power is not Power.ABSENT and not joint.low - _BEYOND <= angle <= joint.high + _BEYOND:
                 yield Trip(
                     Stage.DAMP,
-                    f"{joint.name}: is at {told.angle:.2f} rad, outside its limits {joint.low:g} to "
+                    f"{joint.name}: is at {angle:.2f} rad, outside its limits {joint.low:g} to "
                     f"{joint.high:g}: check its sign and offset",
                 )
 
@@ -176,12 +195,10 @@ class Monitor:
 
     def heat(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for a hot joint."""
-        for joint, told in zip(self._dog.all_joints, seen.joints, strict=True):
-            if told.temperature is not None and told.temperature >= joint.kind.temperature_max:
-                yield Trip(
-                    Stage.SIT,
-                    f"{joint.name}: {told.temperature:.0f} C, {joint.kind.temperature_max:g} is its limit",
-                )
+        for joint, told in self._warm(seen.joints.temperatures):
+            most = joint.kind.temperature_max
+            if told >= most:
+                yield Trip(Stage.SIT, f"{joint.name}: {told:.0f} C, {most:g} is its limit")
 
     def battery(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for an empty battery."""
@@ -198,17 +215,14 @@ class Monitor:
         lowest = self._dog.safety.lowest_voltage
         if lowest is None:
             return
-        told = [
-            (joint.voltage, named.name)
-            for named, joint in zip(self._dog.all_joints, seen.joints, strict=True)
-            if joint.voltage is not None
-        ]
-        least, who = min(told, default=(seen.voltage, "battery"))
+        voltages = seen.joints.voltages
+        least = min([told for told in voltages if told is not None], default=seen.voltage)
         if least is None or least > lowest:
             self._sagging = 0.0
             return
         self._sagging += seen.dt
         if self._sagging > _LASTS:
+            who = self._joints[voltages.index(least)].name if least in voltages else "battery"
             yield Trip(Stage.SIT, f"{who}: supply at {least:.1f} V, it sits down at {lowest:g} V")
 
 

@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
             for name, _, url in (text.partition("=") for text in given.bus):
                 buses[name] = Bus(name, url, dog.buses[name].bitrate, clock)
                 stack.callback(buses[name].close)
-            sim = simulated(dog, given.world, lambda bus, frame: buses[bus].send(frame))
+            sim = simulated(dog, given.world, {name: bus.send for name, bus in buses.items()})
             for fault, value in parse_faults(given.faults, {**WALKER_FAULTS, **ALL_FAULTS}).items():
                 sim.fault(fault, value)
             realtime()

@@ -14,7 +14,7 @@ from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears
 from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
@@ -80,7 +80,7 @@ class SimDrive:
         self._cycle = 0.001  # s, of interpolation
         self._master_at: float | None = None
         self._syncs = 0
-        self._handlers: Mapping[int, Callable[[Frame], None]] = {
+        self.hears: Mapping[int, Hears] = {
             0x000: self._command,
             wire.SYNC: self._sync,
             wire.HEARTBEAT + wire.MASTER: self._master,
@@ -88,11 +88,6 @@ class SimDrive:
             REQUEST + joint.id: self.sdo.take,
         }
         self.boot()
-
-    @property
-    def hears(self) -> frozenset[int]:
-        """NMT, SYNC, the master's heartbeat, its own RPDO and SDO."""
-        return frozenset(self._handlers)
 
     def boot(self) -> None:
         """Start as after power-on."""
@@ -106,7 +101,7 @@ class SimDrive:
 
     def mute(self) -> None:
         """Say and hear nothing any more."""
-        self._muted = self.sdo.silent = True
+        self._muted, self.hears = True, {}
 
     def cut_short(self) -> None:
         """Fail, and say so in an emergency of two bytes."""
@@ -131,7 +126,7 @@ class SimDrive:
 
     def stick(self) -> None:
         """Let the encoder say the same for ever."""
-        self._stuck = self._measured()
+        self._stuck = self.motor.angle + self._jump
 
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""
@@ -150,12 +145,6 @@ class SimDrive:
         """Refuse the first entry of the target PDO's mapping."""
         self.sdo.refusals[0x1600, 1] = 0x06040041
 
-    def take(self, frame: Frame) -> None:
-        """Take a frame from the bus."""
-        handler = None if self._muted else self._handlers.get(frame.id)
-        if handler is not None:
-            handler(frame)
-
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog and the heartbeat."""
         if self._time >= self._look_at or self.sdo.changed:
@@ -169,14 +158,14 @@ class SimDrive:
             motor.kp = motor.feed = motor.target_speed = motor.slope = 0.0
             motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
             return
-        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
-        motor.target, motor.slope = self._to, 0.0
+        goal, target, slope = self._to, self._to, 0.0
         if left > _SOON:
-            motor.target -= (self._to - self._from) * left / self._cycle
-            motor.slope = (self._to - motor.target) / max(left, dt)
-        motor.target_speed = motor.slope
+            target -= (goal - self._from) * left / self._cycle
+            slope = (goal - target) / max(left, dt)
         if self._reach < math.inf:
-            motor.target = max(motor.angle - self._reach, min(motor.angle + self._reach, motor.target))
+            target = max(motor.angle - self._reach, min(motor.angle + self._reach, target))
+        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+        motor.target, motor.target_speed, motor.slope = target, slope, slope
 
     def _look(self) -> None:
         """Look after the watchdog and the heartbeat, and what was configured."""
@@ -230,10 +219,6 @@ class SimDrive:
         else:
             self.nmt = {0x01: wire.OPERATIONAL, 0x02: 0x04, 0x80: 0x7F}.get(command, self.nmt)
 
-    def _measured(self) -> float:
-        """Return what the encoder says, rad of the joint."""
-        return self.motor.angle + self._jump if self._stuck is None else self._stuck
-
     def _sync(self, _frame: Frame) -> None:
         """Obey the target that came since the last SYNC, and tell where we are."""
         if self.nmt != wire.OPERATIONAL:
@@ -241,9 +226,12 @@ class SimDrive:
         if self._waiting is not None:
             self._obey(self._waiting)
             self._waiting = None
-        status = _STATUS[self.state] & ~(FOLLOWS if self._deaf else 0)
-        torque = None if self.sdo.unmappable else self.motor.torque
-        self._say(wire.TPDO1, self._units.pack(status, self._measured(), torque))
+        motor, status = self.motor, _STATUS[self.state]
+        if self._deaf:
+            status &= ~FOLLOWS
+        angle = motor.angle + self._jump if self._stuck is None else self._stuck
+        torque = None if self.sdo.unmappable else motor.torque
+        self._say(wire.TPDO1, self._units.pack(status, angle, torque))
         self._syncs += 1
         if self._syncs % SLOW_EVERY == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
@@ -256,6 +244,16 @@ class SimDrive:
         if self._dozing and control & 0x0F == 0x0F and self.state is State.SWITCHED_ON:
             self._dozing -= 1
             return
+        if control != before or self.state is not State.ENABLED:  # enabled, it obeys a word once
+            self._switch(control, before)
+        if self.state is State.ENABLED and not self._deaf:
+            self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
+            self._to = angle - self._jump
+            self._feed = torque
+            self._begun = self._time
+
+    def _switch(self, control: int, before: int) -> None:
+        """Change the state as a control word tells."""
         self._control = control
         if self.state is State.FAULT:
             if control & 0x80 and not before & 0x80:
@@ -265,11 +263,6 @@ class SimDrive:
             self.state = State.SWITCH_ON_DISABLED
         else:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
-        if self.state is State.ENABLED and not self._deaf:
-            self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
-            self._to = angle - self._jump
-            self._feed = torque
-            self._begun = self._time
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""

@@ -9,7 +9,7 @@ from fleet.sim.faults import check_fault
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.sim.cia402 import SimDrive
-from fleet_quadruped.sim.drive import AnyDrive
+from fleet_quadruped.sim.drive import AnyDrive, Hears
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
 from fleet_quadruped.sim.mit import SimMitDrive
 from fleet_quadruped.sim.sensors import SENSOR_FAULTS, Sensors
@@ -21,13 +21,13 @@ _MAKE: Mapping[str, Callable[..., AnyDrive]] = MappingProxyType({"cia402": SimDr
 
 
 class SimDog:
-    """A dog on buses. ``heard`` is called with (bus, frame) for each frame that the dog sends.
+    """A dog on buses. ``heard`` takes the frames that the dog sends on a bus, by its name.
 
     ``seed`` fixes what is lost on a bad wire.
     """
 
     def __init__(
-        self, dog: Description, world: World, heard: Callable[[str, Frame], None], seed: int = 1
+        self, dog: Description, world: World, heard: Mapping[str, Callable[[Frame], None]], seed: int = 1
     ) -> None:
         self.dog = dog
         self.world = world
@@ -37,10 +37,11 @@ class SimDog:
         self._sensors = Sensors(dog, world)
         self._weak: list[Motor] = []
         self._senders = {bus: self._sender(bus) for bus in dog.buses}
-        self._listeners: dict[tuple[str, int], list[AnyDrive]] = {}
+        self._listeners: dict[str, dict[int, list[Hears]]] = {}
         self.drives: list[AnyDrive] = []
         for joint, motor in zip(dog.all_joints, world.motors, strict=True):
             self._add(joint, motor)
+        self._listen()
 
     def fault(self, name: str, value: float = 1.0) -> None:
         """Begin a fault; raises ValueError for one that does not exist."""
@@ -71,13 +72,19 @@ class SimDog:
             ON_CIA402[name](drive)
         else:
             raise ValueError(f"fault {name} is one of CiA 402 drives")
+        self._listen()
 
     def _add(self, joint: Joint, motor: Motor) -> None:
         """Put a drive on its bus."""
         drive = _MAKE[self.dog.drive.protocol](joint, motor, self._senders[joint.bus], self.dog.drive)
         self.drives.append(drive)
-        for identifier in drive.hears:
-            self._listeners.setdefault((joint.bus, identifier), []).append(drive)
+
+    def _listen(self) -> None:
+        """Note who hears which frames."""
+        self._listeners = {bus: {} for bus in self.dog.buses}
+        for drive in self.drives:
+            for identifier, hears in drive.hears.items():
+                self._listeners[drive.joint.bus].setdefault(identifier, []).append(hears)
 
     def clear(self, name: str) -> None:
         """End a fault of the wire, or of a sensor."""
@@ -87,8 +94,7 @@ class SimDog:
     def take(self, bus: str, frame: Frame) -> None:
         """Take a frame that was sent to the dog."""
         if not self._wires.faults:
-            for drive in self._listeners.get((bus, frame.id), ()):
-                drive.take(frame)
+            self._deliver(bus, frame)
             return
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(bus, arrived)
@@ -96,12 +102,13 @@ class SimDog:
     def advance(self, dt: float, *, sense: bool = True) -> None:
         """Let ``dt`` seconds pass; with ``sense``, tell what the sensors see at their end."""
         steps = max(1, round(dt / _LOOP))
+        part = dt / steps
         for _ in range(steps):
             for drive in self.drives:
-                drive.control(dt / steps)
+                drive.control(part)
             for motor in self._weak:
                 motor.kp = motor.kd = motor.feed = 0.0
-            self.world.step(dt / steps)
+            self.world.step(part)
         self.world.measure()
         self.time += dt
         if sense:
@@ -116,21 +123,21 @@ class SimDog:
             for frame in self._wires.to_dog(bus, (), self.time):
                 self._deliver(bus, frame)
             for frame in self._wires.from_dog(bus, (), self.time):
-                self._heard(bus, frame)
+                self._heard[bus](frame)
 
     def _deliver(self, bus: str, frame: Frame) -> None:
-        for drive in self._listeners.get((bus, frame.id), ()):
-            drive.take(frame)
+        for hears in self._listeners[bus].get(frame.id, ()):
+            hears(frame)
 
     def _sender(self, bus: str) -> Callable[[Frame], None]:
         """Return what puts a frame of the dog on a bus."""
-        heard, wires = self._heard, self._wires
+        heard, wires = self._heard[bus], self._wires
 
         def send(frame: Frame) -> None:
             if not wires.faults:
-                heard(bus, frame)
+                heard(frame)
                 return
             for arrived in wires.from_dog(bus, [frame], self.time):
-                heard(bus, arrived)
+                heard(arrived)
 
         return send

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.robot.description import Joint
 
 STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
 COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
 
 
+Hears = Callable[[Frame], None]
+
+
 class AnyDrive(Protocol):
     """One simulated drive; ``voltage`` is what its supply has, V."""
 
+    joint: Joint
     voltage: float
 
     @property
-    def hears(self) -> frozenset[int]:
-        """Identifiers of the frames that mean something to the drive."""
-
-    def take(self, frame: Frame) -> None:
-        """Take a frame from the bus."""
+    def hears(self) -> Mapping[int, Hears]:
+        """What takes the frames that the drive understands, by their identifiers; none when it is mute."""
 
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, at most a hundredth or so."""

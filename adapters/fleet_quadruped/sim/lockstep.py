@@ -79,7 +79,8 @@ def lockstep(
     """Return a simulated dog and its buses; ``real`` is how it is built when ``dog`` is wrong."""
     buses = {name: SimBus(name) for name in dog.buses}
     built = real or dog
-    sim = SimDog(built, world or KinematicWorld(built), lambda bus, frame: buses[bus].arrive(frame), seed)
+    heard = {name: bus.arrive for name, bus in buses.items()}
+    sim = SimDog(built, world or KinematicWorld(built), heard, seed)
     for bus in buses.values():
         bus.connect(sim)
     return sim, buses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from fleet_quadruped.bodies import AnyBody
@@ -29,7 +29,7 @@ class Simulated(Protocol):
         """Let time pass."""
 
 
-def simulated(body: AnyBody, world: str, heard: Callable[[str, Frame], None]) -> Simulated:
+def simulated(body: AnyBody, world: str, heard: Mapping[str, Callable[[Frame], None]]) -> Simulated:
     """Return the machine; one that walks by itself has no physics, whatever the world."""
     if isinstance(body, Description):
         return SimDog(body, make_world(world, body), heard)
@@ -39,7 +39,7 @@ def simulated(body: AnyBody, world: str, heard: Callable[[str, Frame], None]) ->
 def on_buses(body: AnyBody, world: str) -> tuple[Simulated, dict[str, SimBus]]:
     """Return the machine and its buses in this process."""
     buses = {name: SimBus(name) for name in body.buses}
-    machine = simulated(body, world, lambda bus, frame: buses[bus].arrive(frame))
+    machine = simulated(body, world, {name: bus.arrive for name, bus in buses.items()})
     for bus in buses.values():
         bus.connect(machine)
     return machine, buses

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.mit import frames as wire
-from fleet_quadruped.drives.mit.frames import MitCommand, MitReply
+from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
@@ -39,10 +39,9 @@ class SimMitDrive:
         self._registers[wire.TIMEOUT_REGISTER] = bytes(4)
         self._registers[wire.MASTER_REGISTER] = struct.pack("<I", wire.MASTER + joint.id)
         self.status = 0
-        self._command = MitCommand()
-        self._done: tuple[int, MitCommand] | None = None
+        self._command: Command = MitCommand()
         self._temperature, self._warming = COOL, 0.0
-        self._muted = self._terse = False
+        self._terse = False
         self._refusing = False
         self._jump = 0.0
         self._stuck: float | None = None  # rad that the encoder says for ever
@@ -50,11 +49,10 @@ class SimMitDrive:
         self.voltage = FULL  # of which its frames say nothing
         self._silence = 0.0
         self._timeout = math.inf  # s of silence after which it lets go
-
-    @property
-    def hears(self) -> frozenset[int]:
-        """Its own id, and the register's."""
-        return frozenset({self.joint.id, wire.REGISTERS})
+        self._place = (wire.MASTER + joint.id) if self._profile.damiao else 0  # where it answers
+        self.hears: Mapping[int, Hears] = {joint.id: self._obey}
+        if self._profile.damiao:
+            self.hears = {**self.hears, wire.REGISTERS: self._register}
 
     def boot(self) -> None:
         """Start as after power-on: disabled, registers as they were stored."""
@@ -64,7 +62,7 @@ class SimMitDrive:
 
     def mute(self) -> None:
         """Say and hear nothing any more."""
-        self._muted = True
+        self.hears = {}
 
     def fail(self, why: str) -> None:
         """Go into fault; it is told in the next reply."""
@@ -81,11 +79,10 @@ class SimMitDrive:
     def shift(self, angle: float) -> None:
         """Let the encoder be off by an angle, rad."""
         self._jump += angle
-        self._done = None
 
     def stick(self) -> None:
         """Let the encoder say the same for ever."""
-        self._stuck = self._measured()
+        self._stuck = self.motor.angle + self._jump
 
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""
@@ -99,34 +96,14 @@ class SimMitDrive:
         """Keep the watchdog's register as it is."""
         self._refusing = True
 
-    def take(self, frame: Frame) -> None:
-        """Take a frame from the bus."""
-        if self._muted:
-            return
-        if frame.id == wire.REGISTERS and self._profile.damiao:
-            self._register(frame.data)
-        elif frame.id == self.joint.id and len(frame.data) == 8:
-            self._obey(frame.data)
-            self._reply()
-
     def control(self, dt: float) -> None:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
         self._temperature += self._warming * dt
         if self._stuck is not None:
-            self._jump, self._done = self._stuck - self.motor.angle, None
+            self._jump = self._stuck - self.motor.angle
         if self.status == wire.ENABLED and self._silence > self._timeout:
             self.status = _LOST
-        if (self.status, self._command) != self._done:
-            self._done = self.status, self._command
-            self._apply()
-
-    def _measured(self) -> float:
-        """Return what the encoder says, rad of the joint."""
-        return self.motor.angle + self._jump if self._stuck is None else self._stuck
-
-    def _apply(self) -> None:
-        """Do what was commanded last, or nothing when not enabled."""
         motor = self.motor
         if self.status != wire.ENABLED:
             motor.kp = motor.kd = motor.feed = motor.target_speed = 0.0
@@ -136,10 +113,15 @@ class SimMitDrive:
         target, motor.target_speed, motor.feed = self._units.joint(angle, speed, torque)
         motor.target = target - self._jump
 
-    def _obey(self, data: bytes) -> None:
-        """Take a special frame or a command."""
+    def _obey(self, frame: Frame) -> None:
+        """Take a special frame or a command, and answer."""
+        data = frame.data
+        if len(data) != 8:
+            return
         self._silence = 0.0
-        if data == wire.ENABLE:
+        if data not in wire.SPECIAL:
+            self._command = self._layout.unpack_command(data) or self._command
+        elif data == wire.ENABLE:
             self._command = MitCommand()
             if self._dozing:
                 self._dozing -= 1
@@ -147,22 +129,22 @@ class SimMitDrive:
                 self.status = wire.ENABLED
         elif data == wire.DISABLE:
             self.status = 0 if self.status == wire.ENABLED else self.status
-        elif data == wire.CLEAR:
-            self.status = 0
         else:
-            self._command = self._layout.unpack_command(data) or self._command
+            self.status = 0
+        self._reply()
 
     def _reply(self) -> None:
         """Tell where the motor is."""
-        joint, motor = self.joint, self.motor
-        angle, speed, torque = self._units.motor(self._measured(), motor.speed, motor.torque)
-        reply = MitReply(joint.id, angle, speed, torque, self.status, self._temperature)
-        identifier = wire.MASTER + joint.id if self._profile.damiao else 0
+        motor = self.motor
+        measured = motor.angle + self._jump if self._stuck is None else self._stuck
+        angle, speed, torque = self._units.motor(measured, motor.speed, motor.torque)
+        reply = (self.joint.id, angle, speed, torque, self.status, self._temperature)
         data = self._layout.pack_reply(reply)
-        self._send(Frame(identifier, data[:2] if self._terse else data))
+        self._send(Frame(self._place, data[:2] if self._terse else data))
 
-    def _register(self, data: bytes) -> None:
+    def _register(self, frame: Frame) -> None:
         """Answer a question for a register, or a change of one."""
+        data = frame.data
         told = wire.unpack_register(data)
         if told is None or told[0] != self.joint.id or told[1] not in self._registers:
             return

@@ -33,12 +33,11 @@ class SdoServer:
         self.objects = {place: Entry(size, value) for place, (size, value) in objects.items()}
         self.refusals: dict[tuple[int, int], int] = {}
         self.unmappable: frozenset[int] = frozenset()  # values that a mapping must not have
-        self.silent = False
         self.changed = True  # since the owner looked last
 
     def take(self, frame: Frame) -> None:
         """Take a frame; anything but a request to this node is ignored."""
-        if frame.id != REQUEST + self._node or len(frame.data) != 8 or self.silent:
+        if frame.id != REQUEST + self._node or len(frame.data) != 8:
             return
         command = frame.data[0]
         place = struct.unpack_from("<HB", frame.data, 1)

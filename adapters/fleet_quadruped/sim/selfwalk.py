@@ -58,9 +58,11 @@ _ALIKE: Mapping[Mode, Mode] = MappingProxyType(
 
 
 class SimWalker:
-    """The machine. ``heard`` is called with (bus, frame) for each frame that it sends."""
+    """The machine. ``heard`` takes the frames that it sends on a bus, by its name."""
 
-    def __init__(self, walker: SelfWalker, heard: Callable[[str, Frame], None], seed: int = 1) -> None:
+    def __init__(
+        self, walker: SelfWalker, heard: Mapping[str, Callable[[Frame], None]], seed: int = 1
+    ) -> None:
         self.walker = walker
         self.time = 0.0
         self.mode = Mode.OFF
@@ -68,7 +70,7 @@ class SimWalker:
         self.place = (0.0, 0.0, 0.0)  # m, m, rad
         self.height = walker.height
         self.percent, self._error, self._tilt = 80.0, 0, 0.0
-        self._heard = heard
+        self._heard = heard[walker.bus]
         self._wires = BadBuses(walker.buses, seed)
         self._wire = walker.wire
         self._velocity = Decoder(self._wire.velocity)
@@ -116,7 +118,7 @@ class SimWalker:
                 self._next_slow = self.time + _SLOW
                 self._tell(self._wire.slow)
         for frame in self._wires.from_dog(self.walker.bus, (), self.time):
-            self._heard(self.walker.bus, frame)
+            self._heard(frame)
 
     def _deliver(self, frame: Frame) -> None:
         """Obey a frame."""
@@ -205,7 +207,7 @@ class SimWalker:
     def _say(self, frame: Frame) -> None:
         """Put a frame on the bus."""
         for arrived in () if self._muted else self._wires.from_dog(self.walker.bus, [frame], self.time):
-            self._heard(self.walker.bus, arrived)
+            self._heard(arrived)
 
     # -- as a CANopen node ---------------------------------------------------------------------------
 

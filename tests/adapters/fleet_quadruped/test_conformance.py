@@ -23,7 +23,7 @@ def angles(rig):
 
 
 def powers(rig):
-    return {joint.power for joint in rig.controller.drives.feedback(rig.sim.time)}
+    return set(rig.controller.drives.feedback(rig.sim.time).powers)
 
 
 def test_configuring_twice_changes_nothing(rig):
@@ -276,7 +276,7 @@ class Written:
             assert abs(targets.speeds[number]) <= joint.kind.velocity
             assert abs(targets.torques[number]) <= joint.kind.torque
             if joint.low + safety.margin < angle < joint.high - safety.margin:
-                assert abs(angle - told[number].angle) <= safety.following + 1e-9, joint.name
+                assert abs(angle - told.angles[number]) <= safety.following + 1e-9, joint.name
         self._write(targets)
 
     def wire(self):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.cia402.commission import commission, limit_drive
 from fleet_quadruped.drives.cia402.frames import (
     BOOT_UP,
@@ -17,18 +19,21 @@ from fleet_quadruped.drives.cia402.frames import (
     MASTER,
     OPERATIONAL,
     RPDO1,
+    SHORT,
     SYNC,
     TPDO1,
     TPDO2,
+    Rpdos,
     Units,
     meaning,
     unpack_emergency,
     unpack_slow,
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
-from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_word, state_of
+from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_words, state_of
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Drive
 
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
@@ -40,6 +45,7 @@ class _Node:
 
     joint: Joint
     units: Units
+    status: int = 0  # 6041h
     state: State = State.NOT_READY
     follows: bool = True
     angle: float = 0.0
@@ -47,12 +53,15 @@ class _Node:
     torque: float = 0.0
     temperature: float | None = None
     voltage: float | None = None
-    told_at: float | None = None
-    beat_at: float | None = None
+    told_at: float = NEVER
+    beat_at: float = math.inf
     answers: Answers = field(default_factory=Answers)
     fault: str = ""
     feeds: bool = True  # it takes a torque besides the target
     restarted: bool = False  # it is not trusted until it is configured again
+
+
+_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
 
 
 class Cia402Drives:
@@ -62,6 +71,10 @@ class Cia402Drives:
         self._dog = dog
         self._buses = buses
         self._nodes = [_Node(joint, Units(joint)) for joint in joints]
+        self._places = [(buses[joint.bus], RPDO1 + joint.id) for joint in joints]
+        self._rpdos = Rpdos(joints)
+        self._nothing = (0.0,) * len(joints)
+        self._silence = _SILENT * dog.drive.heartbeat
         self._full: dict[str, int] = {}  # joints to the torque limits they had
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
@@ -93,7 +106,7 @@ class Cia402Drives:
             if joints:
                 missing |= commission(bus, joints, self._dog.drive)
         for node in self._nodes:
-            node.told_at = node.beat_at = None
+            node.told_at, node.beat_at = NEVER, math.inf
             node.fault, node.restarted = "", False
             node.feeds = TORQUE_OFFSET not in missing.get(node.joint.name, ())
 
@@ -133,19 +146,22 @@ class Cia402Drives:
         """Return True when each drive has sent its TPDO since SYNC."""
         return all(node.answers.complete for node in self._nodes)
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
-        return tuple(self._feedback(node, now) for node in self._nodes)
+        angles, speeds, torques, told, temperatures, voltages, restarted = zip(
+            *map(_VALUES, self._nodes), strict=True
+        )
+        powers, faults = zip(*[self._power(node, now) for node in self._nodes], strict=True)
+        ages = tuple([now - at for at in told])
+        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)
 
     def enable(self) -> None:
         """Walk one step towards operation enabled, with the measured place as the target."""
-        for node in self._nodes:
-            self._send(node, Goal.ENABLE, node.angle, 0.0)
+        self._stay(Goal.ENABLE)
 
     def write(self, targets: Targets) -> None:
         """Send targets to the drives that are enabled."""
-        for node, angle, torque in zip(self._nodes, targets.angles, targets.torques, strict=True):
-            self._send(node, Goal.ENABLE if node.state is State.ENABLED else Goal.OFF, angle, torque)
+        self._send(Goal.HOLD, targets.angles, targets.torques)
 
     def damp(self, kd: float) -> None:  # noqa: ARG002 - the drive's own quick stop has its own damping
         """Quick stop: with 605Ah = 6 the drives brake and stay so."""
@@ -153,71 +169,64 @@ class Cia402Drives:
 
     def quick_stop(self) -> None:
         """Brake all joints."""
-        for node in self._nodes:
-            self._send(node, Goal.STOP, node.angle, 0.0)
+        self._stay(Goal.STOP)
 
     def disable(self) -> None:
         """Take the torque off."""
-        for node in self._nodes:
-            self._send(node, Goal.OFF, node.angle, 0.0)
+        self._stay(Goal.OFF)
 
     def reset_fault(self) -> None:
         """Acknowledge faults: a rising edge, because all other control words have the bit at zero."""
         for node in self._nodes:
             node.fault = ""
-            self._send(node, Goal.RESET, node.angle, 0.0)
+        self._stay(Goal.RESET)
 
     def _send_all(self, frame: Frame) -> None:
         for bus in self._buses.values():
             bus.send(frame)
 
-    def _send(self, node: _Node, goal: Goal, angle: float, torque: float) -> None:
-        joint, word = node.joint, control_word(goal, node.state)
-        data = node.units.pack(word, angle, torque if node.feeds else None)
-        self._buses[joint.bus].send(Frame(RPDO1 + joint.id, data))
+    def _stay(self, goal: Goal) -> None:
+        """Send a goal, with the measured place as the target."""
+        self._send(goal, tuple(node.angle for node in self._nodes), self._nothing)
 
-    def _feedback(self, node: _Node, now: float) -> JointFeedback:
-        if node.told_at is None:
-            return JointFeedback()
-        power, fault = POWER[node.state], node.fault
-        distrust = self._distrust(node, now)
-        if distrust:
-            power, fault = Power.FAULT, (node.restarted and distrust) or fault or distrust
-        elif not node.follows:
-            power, fault = Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
-        return JointFeedback(
-            node.angle,
-            node.speed,
-            node.torque,
-            power,
-            now - node.told_at,
-            node.temperature,
-            fault,
-            node.voltage,
-            node.restarted,
-        )
+    def _send(self, goal: Goal, angles: Twelve, torques: Twelve) -> None:
+        words = control_words(goal, [node.state for node in self._nodes])
+        frames = self._rpdos.pack(words, angles, torques)
+        for node, (bus, identifier), data in zip(self._nodes, self._places, frames, strict=True):
+            bus.send(Frame(identifier, data if node.feeds else data[:SHORT]))
+
+    def _power(self, node: _Node, now: float) -> tuple[Power, str]:
+        """Return what a drive is doing, and its fault."""
+        if node.told_at == NEVER:
+            return Power.ABSENT, ""
+        if node.restarted or node.answers.doubled or now - node.beat_at > self._silence:
+            distrust = self._distrust(node, now)
+            return Power.FAULT, (node.restarted and distrust) or node.fault or distrust
+        if not node.follows:
+            return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
+        return POWER[node.state], node.fault
 
     def _distrust(self, node: _Node, now: float) -> str:
-        """Return why a drive is not to be trusted whatever its status word says, empty when it is."""
+        """Return why a drive is not to be trusted whatever its status word says."""
         number = node.joint.id
         if node.restarted:
             return f"id {number} has restarted (boot-up, 700h); it is configured again after a reset"
         if node.answers.doubled:
             return f"two drives answer as id {number} on bus {node.joint.bus}: give each its own"
-        if node.beat_at is not None and now - node.beat_at > _SILENT * self._dog.drive.heartbeat:
-            return f"no heartbeat (700h) from id {number} for {now - node.beat_at:.2f} s"
-        return ""
+        return f"no heartbeat (700h) from id {number} for {now - node.beat_at:.2f} s"
 
     def _told(self, node: _Node, data: bytes, now: float) -> None:
         told = node.units.unpack(data)
         if told is None:
             return
-        status, angle, torque = told
-        if node.told_at is not None and now - node.told_at > 1e-4:
-            node.speed = (angle - node.angle) / (now - node.told_at)
-        node.state = state = state_of(status)
-        node.angle, node.told_at, node.torque = angle, now, torque
-        node.follows = state is not State.ENABLED or status & FOLLOWS != 0
+        status, angle, node.torque = told
+        passed = now - node.told_at
+        if passed > 1e-4:
+            node.speed = (angle - node.angle) / passed
+        node.angle, node.told_at = angle, now
+        if status != node.status:
+            node.status, node.state = status, state_of(status)
+            node.follows = node.state is not State.ENABLED or status & FOLLOWS != 0
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:
@@ -237,6 +246,6 @@ class Cia402Drives:
 
     def _beat(self, node: _Node, data: bytes, now: float) -> None:
         state = data[0] & 0x7F if data else None
-        if state == BOOT_UP and node.beat_at is not None:
+        if state == BOOT_UP and node.beat_at < math.inf:
             node.restarted = True
         node.beat_at = now

@@ -8,7 +8,7 @@ the maker's object for the temperature, where the description names one.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ BOOT_UP = 0x00
 
 _CYCLIC = struct.Struct("<Hih")
 _WITHOUT_TORQUE = struct.Struct("<Hi")
+SHORT = _WITHOUT_TORQUE.size  # bytes of a PDO without a torque
 _SLOW = struct.Struct("<IH")
 _TEMPERATURE = struct.Struct("<h")
 _EMERGENCY = struct.Struct("<HB")
@@ -121,8 +122,8 @@ class Units:
 
     def pack(self, word: int, angle: float, torque: float | None) -> bytes:
         """Return RPDO1 or TPDO1 for an angle and a torque of the joint; see ``pack_target``."""
-        extra = None if torque is None else self.per_mille(torque)
-        return pack_target(word, round(self._zero + self._counts * angle), extra)
+        counts = round(self._zero + self._counts * angle)
+        return pack_target(word, counts, None if torque is None else round(self._per_mille * torque))
 
     def unpack(self, data: bytes) -> tuple[int, float, float] | None:
         """Return the word, the angle and the torque of the joint; see ``unpack_told``."""
@@ -135,6 +136,34 @@ class Units:
     def per_mille(self, torque: float) -> int:
         """Return a torque in per mille of the rated one."""
         return round(self._per_mille * torque)
+
+    @property
+    def factors(self) -> tuple[float, float, float]:
+        """Counts at zero, counts of one rad, per mille of one N m."""
+        return self._zero, self._counts, self._per_mille
+
+
+class Rpdos:
+    """RPDO1 of several joints, packed at once because each cycle needs them all."""
+
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self._units = [Units(joint) for joint in joints]
+        self._factors = [units.factors for units in self._units]
+        self._layout = struct.Struct("<" + _CYCLIC.format.lstrip("<") * len(joints))
+
+    def pack(self, words: Sequence[int], angles: Sequence[float], torques: Sequence[float]) -> list[bytes]:
+        """Return each joint's RPDO1; the first ``SHORT`` bytes are one without a torque."""
+        numbers: list[int] = []
+        for word, angle, torque, (zero, counts, per_mille) in zip(
+            words, angles, torques, self._factors, strict=True
+        ):
+            numbers += word, round(zero + counts * angle), round(per_mille * torque)
+        try:
+            whole = self._layout.pack(*numbers)
+        except struct.error:  # one is out of range
+            told = zip(self._units, words, angles, torques, strict=True)
+            return [units.pack(word, angle, torque) for units, word, angle, torque in told]
+        return [whole[at : at + _CYCLIC.size] for at in range(0, len(whole), _CYCLIC.size)]
 
 
 _EXACT: Mapping[int, str] = MappingProxyType(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from fleet_quadruped.drives.base import Power
@@ -27,6 +27,7 @@ class Goal(enum.StrEnum):
 
     OFF = "off"
     ENABLE = "enable"
+    HOLD = "hold"  # enabled where it is so already
     STOP = "stop"
     RESET = "reset"
 
@@ -59,15 +60,17 @@ _TOWARDS: Mapping[Goal, Mapping[State, int]] = MappingProxyType(
                 State.ENABLED: ENABLE,
             }
         ),
+        Goal.HOLD: MappingProxyType({State.ENABLED: ENABLE}),
         Goal.STOP: MappingProxyType({State.ENABLED: QUICK_STOP, State.QUICK_STOP: QUICK_STOP}),
         Goal.RESET: MappingProxyType({State.FAULT: RESET}),
     }
 )
 
 
-def control_word(goal: Goal, state: State) -> int:
-    """Return the control word (6040h) for the next step; without a step the voltage is disabled."""
-    return _TOWARDS[goal].get(state, DISABLE_VOLTAGE)
+def control_words(goal: Goal, states: Iterable[State]) -> list[int]:
+    """Return the control words (6040h) for the next step; without a step the voltage is disabled."""
+    towards = _TOWARDS[goal]
+    return [towards.get(state, DISABLE_VOLTAGE) for state in states]
 
 
 POWER: Mapping[State, Power] = MappingProxyType(

@@ -7,12 +7,13 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
@@ -33,13 +34,16 @@ class _Motor:
     """One motor as it was last heard."""
 
     joint: Joint
+    bus: CanBus
+    id: int
     units: wire.Units
+    gains: int  # those of the description, as they are in a command
     angle: float = 0.0
     speed: float = 0.0
     torque: float = 0.0
     status: int | None = None
     temperature: float | None = None
-    told_at: float | None = None
+    told_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
     enabled: bool = False  # we asked for it and it answered since
     held: bool = False  # a Damiao motor that said it is enabled, since we wanted it
@@ -50,6 +54,9 @@ Question = Callable[[_Motor], tuple[int, bytes]]
 Answered = Callable[[_Motor], bool]
 
 
+_VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "restarted")
+
+
 class MitDrives:
     """All motors of a dog, on the buses by their names."""
 
@@ -58,11 +65,17 @@ class MitDrives:
         self._buses = buses
         self._profile = PROFILES[dog.drive.profile]
         self._layout = wire.Layout(self._profile)
-        self._motors = [_Motor(joint, wire.Units(joint)) for joint in joints]
+        self._motors = [self._motor(joint) for joint in joints]
+        self._damiao = self._profile.damiao
         self._by_id = {(motor.joint.bus, motor.joint.id): motor for motor in self._motors}
         self._registers: dict[tuple[str, int, int], bytes] = {}
         self._wanted = Power.DISABLED
         self._most: float | None = None  # N m
+
+    def _motor(self, joint: Joint) -> _Motor:
+        kind = joint.kind
+        gains = self._layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
+        return _Motor(joint, self._buses[joint.bus], joint.id, wire.Units(joint), gains)
 
     @staticmethod
     def problem(drive: Drive) -> str:
@@ -80,14 +93,12 @@ class MitDrives:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
         for motor in self._motors:
             motor.restarted = False
-        if not self._profile.damiao:
+        if not self._damiao:
             log.warning(
                 "%s has no watchdog that can be set over CAN: check it in the maker's tool",
                 self._dog.drive.profile,
             )
-            self._ask_all(
-                lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at is not None
-            )
+            self._ask_all(lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at > NEVER)
             return
         for register in wire.RANGE_REGISTERS:
             self._read(register)
@@ -115,29 +126,31 @@ class MitDrives:
 
     def take(self, bus: str, frame: Frame, now: float) -> None:
         """Take a received frame."""
-        motor = self._sender(bus, frame)
+        identifier, data = frame.id, frame.data
+        number = identifier - wire.MASTER if self._damiao else data[0] if identifier == 0 and data else 0
+        motor = self._by_id.get((bus, number))
         if motor is None:
             return
-        told = wire.unpack_register(frame.data) if self._profile.damiao else None
-        if told is not None and told[0] == motor.joint.id:
+        if self._damiao and (told := wire.unpack_register(data)) and told[0] == motor.joint.id:
             self._registers[bus, told[0], told[1]] = told[2]
             return
-        reply = self._layout.unpack_reply(frame.data)
+        reply = self._layout.unpack_reply(data)
         if reply is None:
             return
         _, angle, speed, torque, motor.status, motor.temperature = reply
         motor.angle, motor.speed, motor.torque = motor.units.joint(angle, speed, torque)
         motor.told_at = now
-        motor.answers.take(frame.data)
+        motor.answers.take(data)
         self._note_hold(motor)
 
     def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
         """Return which joint a command sends where; one without stiffness sends it nowhere."""
         motor = self._by_id.get((bus, frame.id))
         command = self._layout.unpack_command(frame.data)
-        if motor is None or command is None or frame.data in wire.SPECIAL or command.kp == 0:
+        if motor is None or command is None or frame.data in wire.SPECIAL:
             return None
-        return motor.joint, motor.joint.angle(command.angle)
+        angle, _, kp, *_ = command
+        return (motor.joint, motor.joint.angle(angle)) if kp else None
 
     def _note_hold(self, motor: _Motor) -> None:
         """Notice a motor that lets go although nobody told it to."""
@@ -157,9 +170,13 @@ class MitDrives:
         """Return True when each motor has answered."""
         return all(motor.answers.complete for motor in self._motors)
 
-    def feedback(self, now: float) -> tuple[JointFeedback, ...]:
+    def feedback(self, now: float) -> Joints:
         """Return what is known of the joints."""
-        return tuple(self._feedback(motor, now) for motor in self._motors)
+        angles, speeds, torques, told, temperatures, restarted = zip(*map(_VALUES, self._motors), strict=True)
+        powers, faults = zip(*map(self._power, self._motors), strict=True)
+        ages = tuple([now - at for at in told])
+        voltages = (None,) * len(ages)
+        return Joints(angles, speeds, torques, powers, ages, temperatures, faults, voltages, restarted)
 
     def enable(self) -> None:
         """Enable what is not enabled yet; what is, is held without force, so that nothing kicks."""
@@ -170,15 +187,15 @@ class MitDrives:
                 self._send(motor, self._layout.pack_command(here))
             else:
                 motor.enabled = True
-                motor.told_at = motor.told_at if self._profile.damiao else None
+                motor.told_at = motor.told_at if self._damiao else NEVER
                 self._send(motor, wire.ENABLE)
 
     def write(self, targets: Targets) -> None:
         """Send targets with the gains of the description."""
+        pack, most = self._layout.pack_target, self._most
         for motor, angle, speed, torque in zip(self._motors, *targets, strict=True):
-            near = angle if self._most is None else self._near(motor, angle, self._most)
-            moved, turning, pushed = motor.units.motor(near, speed, torque)
-            self._send(motor, self._layout.pack_command((moved, turning, *motor.units.gains, pushed)))
+            near = angle if most is None else self._near(motor, angle, most)
+            self._send(motor, pack(*motor.units.motor(near, speed, torque), motor.gains))
 
     def _near(self, motor: _Motor, angle: float, most: float) -> float:
         """Return a target that a limit of torque (N m) allows."""
@@ -209,41 +226,31 @@ class MitDrives:
     def reset_fault(self) -> None:
         """Clear errors, where the motor has such a frame."""
         for motor in self._motors:
-            self._send(motor, wire.CLEAR if self._profile.damiao else wire.DISABLE)
+            self._send(motor, wire.CLEAR if self._damiao else wire.DISABLE)
 
-    def _feedback(self, motor: _Motor, now: float) -> JointFeedback:
-        if motor.told_at is None:
-            return JointFeedback()
-        fault, joint = "", motor.joint
-        power = _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED
-        if self._profile.damiao and motor.status is not None and motor.status in wire.STATUS:
-            power, fault = Power.FAULT, f"{wire.STATUS[motor.status]} (status {motor.status:X}h)"
-        elif self._profile.error_at is not None and motor.status:
-            power, fault = Power.FAULT, f"error {motor.status} of the motor"
-        elif motor.answers.doubled:
-            power = Power.FAULT
-            fault = f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
-        elif motor.restarted:
-            power = Power.FAULT
-            fault = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
-        age, warm = now - motor.told_at, motor.temperature
-        return JointFeedback(
-            motor.angle, motor.speed, motor.torque, power, age, warm, fault, None, motor.restarted
-        )
+    def _power(self, motor: _Motor) -> tuple[Power, str]:
+        """Return what a motor is doing, and its fault."""
+        joint, status = motor.joint, motor.status
+        if motor.told_at == NEVER:
+            return Power.ABSENT, ""
+        if self._damiao and status is not None and status in wire.STATUS:
+            return Power.FAULT, f"{wire.STATUS[status]} (status {status:X}h)"
+        if self._profile.error_at is not None and status:
+            return Power.FAULT, f"error {status} of the motor"
+        if motor.answers.doubled:
+            return Power.FAULT, f"two motors answer as id {joint.id} on bus {joint.bus}: give each its own"
+        if motor.restarted:
+            why = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
+            return Power.FAULT, why
+        return _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED, ""
 
     def _is_enabled(self, motor: _Motor) -> bool:
-        if self._profile.damiao:
+        if self._damiao:
             return motor.status == wire.ENABLED
-        return motor.enabled and motor.told_at is not None
-
-    def _sender(self, bus: str, frame: Frame) -> _Motor | None:
-        """Return the motor that a frame is from."""
-        if self._profile.damiao:
-            return self._by_id.get((bus, frame.id - wire.MASTER))
-        return self._by_id.get((bus, frame.data[0])) if frame.id == 0 and frame.data else None
+        return motor.enabled and motor.told_at > NEVER
 
     def _send(self, motor: _Motor, data: bytes) -> None:
-        self._buses[motor.joint.bus].send(Frame(motor.joint.id, data))
+        motor.bus.send(Frame(motor.id, data))
 
     def _register(self, motor: _Motor, register: int) -> bytes | None:
         return self._registers.get((motor.joint.bus, motor.joint.id, register))
@@ -260,7 +267,7 @@ class MitDrives:
         for _ in range(_TRIES):
             for motor in self._motors:
                 if not answered(motor):
-                    self._buses[motor.joint.bus].send(Frame(*question(motor)))
+                    motor.bus.send(Frame(*question(motor)))
             for _ in range(_LISTENS):
                 if all(map(answered, self._motors)) or not self._listen():
                     break

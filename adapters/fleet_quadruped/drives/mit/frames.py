@@ -23,7 +23,9 @@ TIMEOUT_REGISTER = 9  # in units of 50 us; 0: no watchdog
 MASTER_REGISTER = 7
 RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
-_FULL = (1 << 64) - 1
+_COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
+_REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
+_LAST = 7  # byte of a reply of eight
 
 STATUS: Mapping[int, str] = MappingProxyType(
     {
@@ -39,10 +41,6 @@ STATUS: Mapping[int, str] = MappingProxyType(
     }
 )
 DISABLED, ENABLED = 0x0, 0x1
-
-
-Command = tuple[float, float, float, float, float]
-"""The numbers of a ``MitCommand``, in its order."""
 
 
 class MitCommand(NamedTuple):
@@ -66,16 +64,20 @@ class MitReply(NamedTuple):
     temperature: float | None
 
 
-class Units:
-    """Between a joint and its motor. ``gains`` are those of the description (kp and kd), the motor's."""
+Command = tuple[float, float, float, float, float]
+Reply = tuple[int, float, float, float, int | None, float | None]
+"""The numbers of a ``MitCommand`` and a ``MitReply`` in their order: dozens are made in each cycle."""
 
-    __slots__ = ("_ratio", "_zero", "gains")
+
+class Units:
+    """Between a joint and its motor."""
+
+    __slots__ = ("_ratio", "_zero")
 
     def __init__(self, joint: Joint) -> None:
         ratio = joint.kind.ratio
         self._zero = joint.offset * ratio
         self._ratio = joint.sign * ratio
-        self.gains = joint.kind.kp / ratio**2, joint.kind.kd / ratio**2
 
     def motor(self, angle: float, speed: float, torque: float) -> tuple[float, float, float]:
         """Return angle, speed and torque of the motor for those of its joint."""
@@ -92,77 +94,91 @@ class Layout:
     """The frames of one kind of motor, both sides; made once, because each cycle packs dozens of numbers."""
 
     def __init__(self, profile: Profile) -> None:
+        self._ranges = profile.angle, profile.speed, profile.torque
         self._angle = 0xFFFF / (2 * profile.angle)  # steps of one rad, and so on
         self._speed = 0xFFF / (2 * profile.speed)
         self._kp, self._kd = 0xFFF / profile.kp, 0xFFF / profile.kd
         self._torque = 0xFFF / (2 * profile.torque)
         self._profile = profile
+        self._damiao = profile.damiao
+        self._warm_at, self._error_at = profile.temperature_at, profile.error_at
 
     def pack_command(self, command: Command) -> bytes:
-        """Return a command's eight bytes: clamped, and never all ones (those are special frames).
+        """Return a command's eight bytes; see ``pack_target``."""
+        angle, speed, kp, kd, torque = command
+        return self.pack_target(angle, speed, torque, self.pack_gains(kp, kd))
+
+    def pack_gains(self, kp: float, kd: float) -> int:
+        """Return stiffness and damping as they are in a command, clamped.
 
         Raises ValueError for what is no number.
         """
-        angle, speed, kp, kd, torque = command
         profile = self._profile
-        if not (0.0 <= kp <= profile.kp and 0.0 <= kd <= profile.kd):
-            kp, kd = _within(kp, 0.0, profile.kp), _within(kd, 0.0, profile.kd)
-        gains = round(kp * self._kp) << 12 | round(kd * self._kd)
-        moved, turning, pushed = self._raw(angle, speed, torque)
-        whole = moved << 48 | turning << 36 | gains << 12 | pushed
-        if whole >> 8 == _FULL >> 8:
-            whole -= 1 << 12  # one step less of kd: not one of the special frames
-        return whole.to_bytes(8, "big")
+        kp, kd = _within(kp, 0.0, profile.kp), _within(kd, 0.0, profile.kd)
+        return round(kp * self._kp) << 12 | round(kd * self._kd)
 
-    def unpack_command(self, data: bytes) -> MitCommand | None:
+    def pack_target(self, angle: float, speed: float, torque: float, gains: int) -> bytes:
+        """Return a command's eight bytes: clamped, and never all ones (those are special frames).
+
+        ``gains`` are from ``pack_gains``. Raises ValueError for what is no number.
+        """
+        moved, turning, pushed = self._raw(angle, speed, torque)
+        second, third = turning << 4 | gains >> 20, gains >> 4 & 0xFFFF
+        if moved & second & third == 0xFFFF and gains & 0xF == 0xF and pushed >> 8 == 0xF:
+            gains -= 1  # one step less of kd: not one of the special frames
+        return _COMMAND.pack(moved, second, third, (gains & 0xF) << 12 | pushed)
+
+    def unpack_command(self, data: bytes) -> Command | None:
         """Return what a command says (the motor's side); None for one of another length."""
         if len(data) != 8:
             return None
-        profile, whole = self._profile, int.from_bytes(data, "big")
-        return MitCommand(
-            (whole >> 48) / self._angle - profile.angle,
-            (whole >> 36 & 0xFFF) / self._speed - profile.speed,
-            (whole >> 24 & 0xFFF) / self._kp,
-            (whole >> 12 & 0xFFF) / self._kd,
-            (whole & 0xFFF) / self._torque - profile.torque,
+        angle, speed, torque = self._ranges
+        moved, second, third, last = _COMMAND.unpack(data)
+        return (
+            moved / self._angle - angle,
+            (second >> 4) / self._speed - speed,
+            ((second & 0xF) << 8 | third >> 8) / self._kp,
+            ((third & 0xFF) << 4 | last >> 12) / self._kd,
+            (last & 0xFFF) / self._torque - torque,
         )
 
-    def pack_reply(self, reply: MitReply) -> bytes:
+    def pack_reply(self, reply: Reply) -> bytes:
         """Return a reply (the motor's side)."""
         number, angle, speed, torque, status, temperature = reply
-        profile = self._profile
-        first = (status or 0) << 4 | number & 0xF if profile.damiao else number
+        first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        data = bytearray((first << 40 | moved << 24 | turning << 12 | pushed).to_bytes(6, "big"))
-        if profile.damiao or profile.temperature_at is not None:
-            data += b"\x00\x00"
-            data[profile.temperature_at or 7] = max(0, min(255, round(temperature or 0)))
-        if profile.error_at is not None:
-            data[profile.error_at] = status or 0
-        return bytes(data)
+        data = _REPLY.pack(first, moved, turning << 4 | pushed >> 8, pushed & 0xFF)
+        if self._warm_at is None:
+            return data
+        warm = max(0, min(255, round(temperature or 0)))
+        if self._warm_at == _LAST:
+            return data + bytes((0, warm))
+        return data + bytes((warm, (status or 0) if self._error_at == _LAST else 0))
 
-    def unpack_reply(self, data: bytes) -> MitReply | None:
+    def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
-        if len(data) < 6:
+        size, warm_at, error_at = len(data), self._warm_at, self._error_at
+        if size < 6:
             return None
-        profile, first = self._profile, data[0]
-        status: int | None = first >> 4 if profile.damiao else None
-        if profile.error_at is not None and len(data) > profile.error_at:
-            status = data[profile.error_at]
-        at, whole = profile.temperature_at, int.from_bytes(data[1:6], "big")
-        return MitReply(
-            first & 0xF if profile.damiao else first,
-            (whole >> 24) / self._angle - profile.angle,
-            (whole >> 12 & 0xFFF) / self._speed - profile.speed,
-            (whole & 0xFFF) / self._torque - profile.torque,
+        angle, speed, torque = self._ranges
+        number, moved, second, last = _REPLY.unpack_from(data)
+        status: int | None = None
+        if self._damiao:
+            number, status = number & 0xF, number >> 4
+        elif error_at is not None and size > error_at:
+            status = data[error_at]
+        return (
+            number,
+            moved / self._angle - angle,
+            (second >> 4) / self._speed - speed,
+            ((second & 0xF) << 8 | last) / self._torque - torque,
             status,
-            float(data[at]) if at is not None and len(data) > at else None,
+            float(data[warm_at]) if warm_at is not None and size > warm_at else None,
         )
 
     def _raw(self, angle: float, speed: float, torque: float) -> tuple[int, int, int]:
         """Return what commands and replies have in common as they are in a frame, clamped."""
-        profile = self._profile
-        most_angle, most_speed, most_torque = profile.angle, profile.speed, profile.torque
+        most_angle, most_speed, most_torque = self._ranges
         if not (
             -most_angle <= angle <= most_angle
             and -most_speed <= speed <= most_speed

@@ -106,3 +106,18 @@ def test_a_drive_without_torque_objects_has_short_frames():
     assert data == bytes.fromhex("0f00feffffff")
     assert wire.unpack_told(data) == (0x0F, -2, 0)
     assert wire.unpack_told(data[:5]) is None
+
+
+words = st.lists(st.integers(0, 0xFFFF), min_size=12, max_size=12)
+numbers = st.lists(st.floats(-1e9, 1e9), min_size=12, max_size=12)
+
+
+@given(words, numbers, numbers)
+def test_frames_made_at_once_are_those_made_one_by_one(control, angles, torques):
+    told = zip(DOG.all_joints, control, angles, torques, strict=True)
+    single = [wire.Units(joint).pack(word, angle, torque) for joint, word, angle, torque in told]
+    assert wire.Rpdos(DOG.all_joints).pack(control, angles, torques) == single
+    assert [data[: wire.SHORT] for data in single] == [
+        wire.Units(joint).pack(word, angle, None)
+        for joint, word, angle in zip(DOG.all_joints, control, angles, strict=True)
+    ]

@@ -1,7 +1,7 @@
 import pytest
 
 from fleet_quadruped.drives.base import Power
-from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_word, state_of
+from fleet_quadruped.drives.cia402.states import POWER, Goal, State, control_words, state_of
 
 
 @pytest.mark.parametrize(
@@ -25,22 +25,22 @@ def test_a_status_word_is_one_state(status, state):
 
 def test_the_walk_to_enabled_takes_three_steps():
     walk = [State.SWITCH_ON_DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED]
-    assert [control_word(Goal.ENABLE, state) for state in walk] == [0x06, 0x07, 0x0F, 0x0F]
+    assert control_words(Goal.ENABLE, walk) == [0x06, 0x07, 0x0F, 0x0F]
 
 
-@pytest.mark.parametrize("goal", [Goal.OFF, Goal.ENABLE, Goal.STOP])
+@pytest.mark.parametrize("goal", [Goal.OFF, Goal.ENABLE, Goal.HOLD, Goal.STOP])
 @pytest.mark.parametrize("state", State)
 def test_a_fault_is_never_acknowledged_without_being_asked(goal, state):
-    assert not control_word(goal, state) & 0x80
+    assert not control_words(goal, [state])[0] & 0x80
 
 
 def test_a_quick_stop_is_not_left_towards_enabled():
-    assert control_word(Goal.ENABLE, State.QUICK_STOP) == 0x00
+    assert control_words(Goal.ENABLE, [State.QUICK_STOP]) == [0x00]
 
 
 @pytest.mark.parametrize("state", State)
 def test_off_takes_the_voltage_away(state):
-    assert control_word(Goal.OFF, state) == 0x00
+    assert control_words(Goal.OFF, [state]) == [0x00]
 
 
 def test_every_state_means_something_for_the_dog():

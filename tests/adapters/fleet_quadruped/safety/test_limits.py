@@ -5,18 +5,19 @@ from hypothesis import strategies as st
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.robot.description import EXAMPLE, load_description
-from fleet_quadruped.safety.limits import limit
+from fleet_quadruped.safety.limits import Limits
 
 DOG = load_description(EXAMPLE)
 JOINTS, SAFETY, DT = DOG.all_joints, DOG.safety, DOG.dt
+LIMITS = Limits(JOINTS, SAFETY)
 anything = st.tuples(*[st.floats()] * 12)
 somewhere = st.tuples(*[st.floats(-4, 4)] * 12)
 inside = st.tuples(*[st.floats(joint.low + 0.035, joint.high - 0.035) for joint in JOINTS])
 
 
-@given(anything, anything, anything, somewhere, somewhere)
+@given(anything, anything, anything, somewhere, anything)
 def test_no_target_is_ever_outside_the_limits(angles, speeds, torques, last, measured):
-    safe = limit(Targets(angles, speeds, torques), last, measured, JOINTS, SAFETY, dt=DT).targets
+    safe = LIMITS.limit(Targets(angles, speeds, torques), last, measured, DT).targets
     for number, joint in enumerate(JOINTS):
         assert joint.low < safe.angles[number] < joint.high
         assert abs(safe.speeds[number]) <= joint.kind.velocity
@@ -26,7 +27,7 @@ def test_no_target_is_ever_outside_the_limits(angles, speeds, torques, last, mea
 @given(anything, inside, inside)
 def test_no_target_moves_farther_than_one_step(angles, last, measured):
     close = tuple(max(a - 0.3, min(a + 0.3, b)) for a, b in zip(last, measured, strict=True))
-    safe = limit(Targets(angles, angles, angles), last, close, JOINTS, SAFETY, dt=DT).targets
+    safe = LIMITS.limit(Targets(angles, angles, angles), last, close, DT).targets
     for before, now, actual in zip(last, safe.angles, close, strict=True):
         assert abs(now - before) <= SAFETY.step + 1e-9
         assert abs(now - actual) <= SAFETY.following + 1e-9
@@ -35,12 +36,12 @@ def test_no_target_moves_farther_than_one_step(angles, last, measured):
 @given(inside)
 def test_what_is_safe_is_not_changed(posture):
     wanted = Targets(posture, (0.0,) * 12, (0.0,) * 12)
-    assert limit(wanted, posture, posture, JOINTS, SAFETY, dt=DT) == (wanted, 0)
+    assert LIMITS.limit(wanted, posture, posture, DT) == (wanted, 0)
 
 
 def test_not_a_number_keeps_the_last_target():
     stance = DOG.stance(0.27)
     bad = Targets((math.nan,) * 12, (math.nan,) * 12, (math.inf,) * 12)
-    safe = limit(bad, stance, stance, JOINTS, SAFETY, dt=DT)
+    safe = LIMITS.limit(bad, stance, stance, DT)
     assert safe.targets == (stance, (0.0,) * 12, (0.0,) * 12)
     assert safe.clamped == 12

@@ -3,7 +3,7 @@ import pytest
 from fleet import Quaternion, Vector3
 from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.sense import Imu
-from fleet_quadruped.drives.base import JointFeedback, Power
+from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import Mode, Stage
@@ -21,7 +21,7 @@ def look(dog):
         number = JOINTS.index(joint)
         told[number] = told[number]._replace(**(change or {}))
         plain = {"imu": LEVEL, "targets": stance, "imu_age": 0.0, "battery": 80.0, "mode": Mode.WALKING}
-        seen = Observed(joints=tuple(told), dt=0.01, **(plain | changes))
+        seen = Observed(joints=Joints.of(told), dt=0.01, **(plain | changes))
         return [monitor.check(seen) for _ in range(cycles)][-1]
 
     return check
@@ -115,6 +115,6 @@ def test_a_dog_that_is_off_needs_no_feedback(look):
 
 def test_a_warm_joint_slows_the_dog_down(dog):
     joints = [JointFeedback(temperature=40.0)] * 11
-    share = Monitor(dog).speed_share((*joints, JointFeedback(temperature=79.0)))
+    share = Monitor(dog).speed_share(Joints.of([*joints, JointFeedback(temperature=79.0)]))
     assert share == pytest.approx(0.4)
-    assert Monitor(dog).speed_share((*joints, JointFeedback(temperature=60.0))) == 1.0
+    assert Monitor(dog).speed_share(Joints.of([*joints, JointFeedback(temperature=60.0)])) == 1.0
