@@ -130,7 +130,7 @@ def commands(cloud, notes):
 
 def stop_all(edge, notes):
     """Return the seconds from ``fleet stop --all`` to the hold at the last aircraft."""
-    os.environ["FLEET_RUNTIME_DIR"] = edge.folder
+    os.environ["FLEET_RUNTIME_DIR"] = edge.runtime
     with Edges.reach(None) as edges:
         edges.states()  # the way is open
         notes.forget()

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
+import threading
 from collections.abc import Callable, Coroutine
-from typing import Any, TypeVar
+from concurrent.futures import Future
+from types import TracebackType
+from typing import Any, Self, TypeVar
 
 import uvloop
 
@@ -73,7 +76,48 @@ def _make_task(
     return OwnedTask(work, loop=loop, context=context, **options)
 
 
-def run(main: Coroutine[Any, Any, ResultT]) -> ResultT:
+def run(
+    main: Coroutine[Any, Any, ResultT], make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop
+) -> ResultT:
     """Run a program's main coroutine on a fresh loop, as ``asyncio.run`` does."""
-    with asyncio.Runner(loop_factory=FleetLoop) as runner:
+    with asyncio.Runner(loop_factory=make) as runner:
         return runner.run(main)
+
+
+class BackgroundLoop:
+    """A loop on a thread of its own for as long as a ``with`` block lasts, for who has none to spare."""
+
+    def __init__(self, name: str, make: Callable[[], asyncio.AbstractEventLoop] = FleetLoop) -> None:
+        self._started: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+        self._thread = threading.Thread(target=lambda: run(self._turn(), make), name=name, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._started.result()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        loop, ended = self._started.result()
+        loop.call_soon_threadsafe(ended.set)
+        self._thread.join()
+
+    def call(self, function: Callable[..., ResultT], *arguments: object) -> ResultT:
+        """Call a function on the loop, wait for it, and return its result or raise its error."""
+
+        async def call() -> ResultT:
+            return function(*arguments)
+
+        return self.complete(call())
+
+    def complete(self, work: Coroutine[Any, Any, ResultT]) -> ResultT:
+        """Run a coroutine on the loop to its end, and return its result or raise its error."""
+        loop, _ = self._started.result()
+        return asyncio.run_coroutine_threadsafe(work, loop).result()
+
+    async def _turn(self) -> None:
+        """Turn until the block ends."""
+        ended = asyncio.Event()
+        self._started.set_result((asyncio.get_running_loop(), ended))
+        await ended.wait()

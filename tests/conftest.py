@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from fleet.event_loop import FleetLoop
+from fleet.event_loop import BackgroundLoop, FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -27,6 +27,13 @@ MOSQUITTO = (
     "log_type error",
     "log_type information",
 )
+
+
+@pytest.fixture(scope="session")
+def background_loop():
+    """Turn a loop for what needs one in tests that have none: ``background_loop.call(start)``."""
+    with BackgroundLoop("background") as loop:
+        yield loop
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -70,20 +70,20 @@ class Driver:
 
         Raises NotReady or Refused when the vehicle cannot be driven, LinkLost.
         """
-        if velocity.is_zero and self.phase is Phase.IDLE:
+        moves = not velocity.is_zero
+        if not moves and self.phase is Phase.IDLE:
             return
-        if not velocity.is_zero:
+        if moves:
             self._require(velocity)
-            self._since = self._now()
-        elif not self._wanted.is_zero:
+        if moves or not self._wanted.is_zero:
             self._since = self._now()
         self._wanted = velocity
-        if self.phase is Phase.IDLE or (self.phase is Phase.BRAKING and not velocity.is_zero):
+        if self.phase is Phase.IDLE or (self.phase is Phase.BRAKING and moves):
             # After a brake the shown mode may be old: the hold may have been entered since.
             self._must_ask = self.phase is Phase.BRAKING
             self._again_at = -math.inf if self._refusal is None else self._again_at
             self._to(Phase.STARTING)
-        if self.phase is not Phase.BRAKING and self._is_ours():
+        if self.phase is not Phase.BRAKING and (moves or self._is_ours()):
             self._stream()
 
     def rest(self) -> bool:

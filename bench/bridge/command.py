@@ -1,11 +1,14 @@
-"""From a command in the cloud to the adapter, while 5,000 messages a second flow out."""
+"""From a command in the cloud to the adapter, while 5,000 messages a second flow out.
+
+The broker and who sends the commands have the processors first.
+"""
 
 import contextlib
 import json
 import time
 
 from bench.bridge.sides import SIDES, side, source
-from bench.common import line, mosquitto, quantiles
+from bench.common import at_once, line, listener, mosquitto, quantiles
 from fleet.testing.mqtt import Mqtt
 
 COMMANDS = 500
@@ -23,6 +26,8 @@ def measure(name):
             stack.enter_context(source(running, OUT))
         sender = stack.enter_context(Mqtt(port, "sender"))
         time.sleep(2)
+        at_once()
+        at_once(listener(port).pid)
         sent = {}
         for number in range(1, COMMANDS + 1):
             message = {"command": "poke", "source_type": "tele", "data": {"number": number}}

@@ -100,7 +100,7 @@ def ours(stops, *, loaded):
             stack.enter_context(process(sys.executable, "-m", "bench.bridge.stop", "slow", str(port)))
             time.sleep(3)
             stack.enter_context(frozen(broker))
-        operator = Operator(join_control(BusSettings(edge="bench"), Path(edge.folder)))
+        operator = Operator(join_control(BusSettings(edge="bench"), Path(edge.runtime)))
         stack.callback(operator.lane.close)
         names = [robot["name"] for robot in robots]
         time.sleep(1)

@@ -51,7 +51,7 @@ class Rules(msgspec.Struct, frozen=True):
 class Bridge:
     """Everything between the bus and one broker.
 
-    ``soon`` runs a call on the event loop, from any thread. ``alive`` tells whether a robot answers. ``put``
+    ``alive`` tells whether a robot answers. ``put``
     publishes on the bus. ``claimed`` hears twin and edge when the cloud shows another edge that has the twin,
     with an empty name when it has let go. ``spool`` keeps what is durable; it is closed with the bridge.
     ``said`` counts what the edge says itself: answers, heartbeats, who came and went.
@@ -66,7 +66,6 @@ class Bridge:
         edge: str,
         rules: Rules,
         put: Put,
-        soon: Callable[[Callable[[], None]], None],
         alive: Callable[[str], bool],
         claimed: Callable[[str, str], None],
         clock: Clock,
@@ -78,19 +77,10 @@ class Bridge:
         self._clock = clock
         self._alive = alive
         self._queued = False
-        self._soon = soon
         self._began = clock.monotonic()
         self._next_ping = self._began
         session = settings.client_id or client_id("fleet", simulated=False)
         self._session = session
-        self.client = CloudClient(
-            msgspec.structs.replace(settings, client_id=session, will=self._will()),
-            subscriptions(topics, rules),
-            on_message=self._arrived,
-            on_state=self._state_changed,
-            clock=clock,
-            spool=spool,
-        )
         self.refusals = Tally(log, clock)
         self.said = ClassCounts()
         self._held: dict[str, str] = {}
@@ -121,9 +111,17 @@ class Bridge:
                 "ping:request": self._heard_ping,
                 "pong:response": self._heard_pong,
             },
-            soon=soon,
             refusals=self.refusals,
             clock=clock,
+        )
+        self.client = CloudClient(
+            msgspec.structs.replace(settings, client_id=session, will=self._will()),
+            subscriptions(topics, rules),
+            on_message=self.downlink.arrived,
+            on_read=self.downlink.take,
+            on_state=self._state_changed,
+            clock=clock,
+            spool=spool,
         )
         self._pings = any("pong:response" in book.inward for book in rules.twins.values())
 
@@ -229,7 +227,7 @@ class Bridge:
         return taken
 
     def _flush(self) -> None:
-        """Wake the cloud's thread when something was queued: that costs more than a message."""
+        """Have what was queued written; from another thread that costs more than a message."""
         if self._queued:
             self._queued = False
             self.client.flush()
@@ -288,19 +286,15 @@ class Bridge:
             traffic=Traffic.REPLY,
         )
 
-    def _arrived(self, messages: list[Message]) -> None:
-        """Take messages; on the cloud's thread."""
-        self.downlink.arrived(messages)
-
     def _state_changed(self, state: CloudState, cause: str) -> None:
-        """Tell how the connection stands; on the cloud's thread."""
+        """Tell how the connection stands, and a broker that is back how everything is now."""
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
         level = logging.WARNING if fallen else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
-            self._soon(self._say_newest)
+            self._say_newest()
             if self.client.stats.connects > 1:
-                self._soon(self._say_connected)
+                self._say_connected()
 
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""

@@ -1,7 +1,7 @@
 """From the cloud to the robots and to programs on the bus.
 
-``arrived`` runs on the cloud's thread: it reads the messages while the loop wakes up to take them, and an
-emergency stop is made there and then. Commands wait for nothing that goes outward.
+``arrived`` reads the messages, and makes an emergency stop there and then: on the loop, or on another thread
+while that is stuck. ``take`` obeys, on the loop. Commands wait for nothing that goes outward.
 """
 
 from __future__ import annotations
@@ -35,11 +35,19 @@ MOST_WAITING = 10_000
 """Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
 
 
-class Arrived(msgspec.Struct, frozen=True, gc=False):
-    """A message on its way to the loop; ``take`` is what a robot made of it, None where it asks nothing."""
+class Route(msgspec.Struct, frozen=True):
+    """Whom a topic's messages are for, and by which rule; ``port``: the robot that is asked, if one is."""
 
     topic: Topic
     rule: Inward
+    kind: Kind
+    port: Port | None = None
+
+
+class Arrived(msgspec.Struct, frozen=True, gc=False):
+    """A message on its way; ``take`` is what a robot made of it, None where it asks nothing."""
+
+    route: Route
     message: Message
     at: float
     take: Take | None
@@ -64,7 +72,6 @@ class Downlink:
         send: Send,
         put: Put,
         own: Mapping[str, Handler],
-        soon: Callable[[Callable[[], None]], None],
         refusals: Tally,
         clock: Clock,
     ) -> None:
@@ -74,13 +81,11 @@ class Downlink:
         self._any_run = any_run
         self._session = f'"{session}"'.encode()
         self._own = own
-        self._soon = soon
         self._clock = clock
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
-        self._called = False
-        self._known: dict[str, tuple[Topic, Inward]] = {}  # of our own twins, by topic: there are not many
+        self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
         self.received: Counter[str] = Counter()
@@ -88,45 +93,48 @@ class Downlink:
         self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
 
     def arrived(self, messages: list[Message]) -> None:
-        """Take what one read brought; on the cloud's thread."""
+        """Read what has come; from one thread at a time."""
         now = self._clock.monotonic()
         for message in messages:
-            found = self._rule_of(message)
-            if found is None or not self._fresh(message):
+            route = self._known.get(message.topic) or self._find(message)
+            if route is None or not self._fresh(message):
                 continue
-            self._wake()
-            topic, rule = found
-            take = self._read(self._ports[topic.twin], rule, message) if rule.taker.asks else None
+            take = self._read(route, route.port, message) if route.port else None
             if len(self._inbox) < MOST_WAITING:
-                self._inbox.append(Arrived(topic, rule, message, now, take))
+                self._inbox.append(Arrived(route, message, now, take))
             else:
                 self.refusals.add("too many", "a message on %s finds too many before it", message.topic)
-        if self._inbox:
-            self._wake()
 
-    def _wake(self) -> None:
-        """Have the loop take what has arrived; it wakes while this thread still reads."""
-        if not self._called:
-            self._called = True
-            self._soon(self._take)
+    def take(self) -> None:
+        """Hand what has arrived to whom it is for; on the loop."""
+        while self._inbox:
+            one = self._inbox.popleft()
+            try:
+                self._hand_over(one)
+            except Exception:  # what follows must not wait for the next message: it would be late
+                log.exception("a message on %s could not be taken", one.message.topic)
 
-    def _read(self, port: Port, rule: Inward, message: Message) -> Take | None:
+    def _read(self, route: Route, port: Port, message: Message) -> Take | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
-        kind = cast("Kind", rule.taker.value)
         request_id = message.correlation.hex() if message.correlation else ""
         try:
-            return port.read(kind, message.payload, way=Way.CLOUD, request_id=request_id)
+            return port.read(route.kind, message.payload, way=Way.CLOUD, request_id=request_id)
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
-            refusal = Reply(kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
+            refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
             return lambda answer: answer(refusal)
 
-    def _rule_of(self, message: Message) -> tuple[Topic, Inward] | None:
-        """Return whom a message is for and by which rule; None for what is nobody's here."""
-        found = self._known.get(message.topic)
-        if found is None and (found := self._find_rule(message)) and found[0].twin in self._ports:
-            self._known[message.topic] = found
-        return found
+    def _find(self, message: Message) -> Route | None:
+        """Find whom a message is for, None for what is nobody's here; a twin's topic is found once."""
+        found = self._find_rule(message)
+        if found is None:
+            return None
+        topic, rule = found
+        kind = cast("Kind", rule.taker.value)
+        route = Route(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
+        if topic.twin in self._ports:
+            self._known[message.topic] = route
+        return route
 
     def _find_rule(self, message: Message) -> tuple[Topic, Inward] | None:
         """Find whom a message is for and by which rule."""
@@ -155,39 +163,28 @@ class Downlink:
             self.refusals.add("retained", line, message.topic)
         return not message.retain
 
-    def _take(self) -> None:
-        """Hand what has arrived to whom it is for; on the loop."""
-        self._called = False  # first, so that what arrives from now on wakes the loop again
-        while self._inbox:
-            one = self._inbox.popleft()
-            try:
-                self._hand_over(one)
-            except Exception:  # what follows must not wait for the next message: it would be late
-                log.exception("a message on %s could not be taken", one.message.topic)
-
     def _hand_over(self, one: Arrived) -> None:
         """Hand one message to whom it is for."""
-        self.received[one.rule.taker.value] += 1
-        if one.take is not None:
-            self._ask(one, one.take)
-        elif one.rule.taker is Taker.RELAY:
-            self._relay.take(one.topic, one.rule, one.message)
-        elif not one.rule.taker.asks:
-            self._do(one.topic, one.message, self._own[one.rule.leaf])
+        route = one.route
+        self.received[route.kind] += 1
+        if route.port and one.take:
+            self._ask(one, route.port, one.take)
+        elif route.rule.taker is Taker.RELAY:
+            self._relay.take(route.topic, route.rule, one.message)
+        elif route.port is None:
+            self._do(route.topic, one.message, self._own[route.rule.leaf])
 
-    def _ask(self, one: Arrived, take: Take) -> None:
+    def _ask(self, one: Arrived, port: Port, take: Take) -> None:
         """Ask a robot; what is larger than its rule is refused, and answered like anything else."""
-        topic, rule, message = one.topic, one.rule, one.message
-        if topic.twin in self.held:
+        route, message = one.route, one.message
+        if route.topic.twin in self.held:
             self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
             return
-        port = self._ports[topic.twin]
-        kind = cast("Kind", rule.taker.value)
-        answer = partial(self._answer, port, self._answers.to(port, message, kind), one.at)
-        if len(message.payload) > rule.size:
-            reason = f"{len(message.payload)} bytes are more than the {rule.size} that are read"
+        answer = partial(self._answer, port, self._answers.to(port, message, route.kind), one.at)
+        if len(message.payload) > route.rule.size:
+            reason = f"{len(message.payload)} bytes are more than the {route.rule.size} that are read"
             self.refusals.add("too large", "%s: %s", message.topic, reason)
-            answer(Reply(kind, ReplyStatus.REJECTED, reason))
+            answer(Reply(route.kind, ReplyStatus.REJECTED, reason))
             return
         take(answer)
 

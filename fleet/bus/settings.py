@@ -49,8 +49,15 @@ class BusSettings(msgspec.Struct, frozen=True):
     scouting: bool = False
 
 
+MEMORY = Path("/dev/shm")  # noqa: S108 - whose directory it is, is looked at
+"""Where Linux keeps files in memory: what is begun is written there first, and must not wait for a disk."""
+
+
 def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
-    """Return the directory of the edges' sockets, for this user alone: who can reach them can command."""
+    """Return the directory of the edges' sockets, for this user alone: who can reach them can command.
+
+    FLEET_RUNTIME_DIR, or within XDG_RUNTIME_DIR, or in memory where the system has that, or a temporary one.
+    """
     path = _runtime_path(environ)
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -69,7 +76,8 @@ def _runtime_path(environ: Mapping[str, str]) -> Path:
         return Path(given)
     if given := environ.get("XDG_RUNTIME_DIR"):
         return Path(given) / "fleet"
-    return Path(tempfile.gettempdir()) / f"fleet-{os.getuid()}"
+    place = MEMORY if MEMORY.is_dir() else Path(tempfile.gettempdir())
+    return place / f"fleet-{os.getuid()}"
 
 
 def socket_path(edge: str, lane: str, directory: Path) -> str:

@@ -1,10 +1,14 @@
-"""The connection to the cloud: one thread that keeps a session alive and hands messages over."""
+"""The connection to the cloud: keeps a session alive and hands messages over.
+
+It lives on the event loop: a command is read, and obeyed, without waiting for another thread. A thread stands
+by that reads, and pings, while the loop is stuck.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
+import socket
 import threading
 from collections.abc import Callable, Mapping
 
@@ -14,10 +18,10 @@ from fleet.cloud.backoff import Backoff
 from fleet.cloud.connection import Connection
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.session import Session, SessionRefused
+from fleet.cloud.standby import Standby
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
 from fleet.errors import CloudError
-from fleet.event_loop import run as run_loop
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -31,8 +35,9 @@ class CloudClient:
 
     ``subscriptions`` maps filters to QoS; they are asked for again after every reconnect.
     What the client publishes does not come back to it (MQTT 5; 3.1.1 cannot ask for that).
-    ``on_message`` gets everything that one read brought, in order. All callbacks run on the cloud thread and
-    must only hand over: while one runs, nothing is read, written or acknowledged.
+    ``on_message`` gets everything that one read brought, in order, and must only hand over: it runs on the
+    loop, or on the thread that stands by while the loop is stuck, and nothing else is read meanwhile. After
+    it the loop calls ``on_read``. The other callbacks run on the loop.
     ``spool`` keeps what is durable (left out: one in memory alone); it is closed with the client.
     Raises ValueError for filters that overlap, CloudError for settings that are not safe or not usable.
     """
@@ -43,6 +48,7 @@ class CloudClient:
         subscriptions: Mapping[str, int],
         *,
         on_message: Callable[[list[Message]], None],
+        on_read: Callable[[], None],
         on_state: Callable[[CloudState, str], None],
         clock: Clock,
         spool: Spool | None = None,
@@ -55,6 +61,7 @@ class CloudClient:
         self._tls = endpoint.tls_context(settings)
         self._subscriptions = dict(subscriptions)
         self._on_message = on_message
+        self._on_read = on_read
         self._on_state = on_state
         self._clock = clock
         self.spool = spool or Spool(SpoolSettings(), clock)
@@ -62,28 +69,33 @@ class CloudClient:
         self._outbox = Outbox(self.spool, settings.queue_messages, settings.queue_bytes, self.stats)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
-        self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
+        self._standby = Standby(self._stand_in)
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = 0  # the loop's
+        self._work: asyncio.Task[None] | None = None
         self._stopping = asyncio.Event()
-        self._closing = False
+        self._closed = threading.Event()
         self._patience = 0.0
         self._connection: Connection | None = None
         self._flushing = False
 
     def start(self) -> None:
-        """Begin to connect, in the background. A client is started once."""
-        self._thread.start()
+        """Begin to connect, on the loop that runs. A client is started once."""
+        self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
+        self._work = self._loop.create_task(self._main(), name="cloud")
+        self._standby.start()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Send what waits, as far as ``timeout`` seconds allow, say goodbye (no will) and end the thread."""
+        """Send what waits, as far as ``timeout`` seconds allow, say goodbye (no will) and end.
+
+        On another thread than the loop's, which does it meanwhile.
+        """
         self._patience = timeout
-        self._closing = True
-        if not self._thread.is_alive():
+        if self._work is None:
             self._outbox.close()
-            return
-        self._soon(self._stopping.set)
-        if threading.current_thread() is not self._thread:
-            self._thread.join(timeout + 1.0)
+        elif self._soon(self._stopping.set):
+            self._closed.wait(timeout + 1.0)
+        self._standby.stop()
 
     def publish(
         self,
@@ -126,13 +138,16 @@ class CloudClient:
             self._flushing = True
             self._soon(self._flush_now)
 
-    def _soon(self, call: Callable[[], object]) -> None:
-        """Run a call on the cloud thread; before the start and after the close there is nothing to run."""
-        if self._loop is None:
+    def _soon(self, call: Callable[[], object]) -> bool:
+        """Have the loop make a call; False before the start and after the loop's end."""
+        if self._loop is None or self._loop.is_closed():
             self._flushing = False
-            return
-        with contextlib.suppress(RuntimeError):
+            return False
+        if threading.get_ident() == self._thread:
+            self._loop.call_soon(call)
+        else:
             self._loop.call_soon_threadsafe(call)
+        return True
 
     def _flush_now(self) -> None:
         """Write. The mark falls first, so that a message queued from now on wakes the thread again."""
@@ -145,24 +160,25 @@ class CloudClient:
             self._connection.flush()
         self._settle(self._outbox.take_dropped())
 
-    def _run(self) -> None:
-        """Be the cloud thread."""
-        run_loop(self._main())
+    def _stand_in(self) -> None:
+        """Do what the loop should have done; on the thread that stands by."""
+        if connection := self._connection:
+            connection.stand_in()
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""
-        self._loop = asyncio.get_running_loop()
-        if self._closing:
-            self._stopping.set()
         work = [asyncio.create_task(self._keep_connected()), asyncio.create_task(self._watch())]
-        await self._stopping.wait()
-        await self._leave()
-        for task in work:
-            task.cancel()
-        await asyncio.gather(*work, return_exceptions=True)
-        self._outbox.close()
-        self._write()
-        self._set_state(CloudState.CLOSED, "closed")
+        try:
+            await self._stopping.wait()
+            await self._leave()
+        finally:
+            for task in work:
+                task.cancel()
+            await asyncio.gather(*work, return_exceptions=True)
+            self._outbox.close()
+            self._write()
+            self._set_state(CloudState.CLOSED, "closed")
+            self._closed.set()
 
     async def _leave(self) -> None:
         """Wait a little for what is under way, then say goodbye."""
@@ -195,20 +211,28 @@ class CloudClient:
     async def _serve(self) -> CloudError:
         """Carry one connection from its beginning to its end; return why it ended."""
         session = Session(self._settings, self._subscriptions, self._outbox, self.stats)
-
-        def make() -> Connection:
-            return Connection(session, self._settings, self._clock, self._deliver, self._settle)
-
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
-                connection = await endpoint.open_connection(self._settings, self._tls, make)
-                self._connection = connection
+                opened = await endpoint.open_socket(self._settings, self._tls)
+                self._connection = connection = self._connect(opened, session)
                 await connection.answered()
             return await self._serve_ready(connection, session)
         except TimeoutError:
             return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s")
         finally:
             self._finish(session)
+
+    def _connect(self, opened: socket.socket, session: Session) -> Connection:
+        """Begin the session on an open socket."""
+        return Connection(
+            opened,
+            session,
+            self._settings,
+            self._clock,
+            deliver=self._deliver,
+            take=self._taken,
+            settle=self._settle,
+        )
 
     async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
         """Be connected until the connection ends; return why, or raise SessionRefused."""
@@ -251,6 +275,13 @@ class CloudClient:
             self._on_message(messages)
         except Exception:
             logger.exception("handing over %d messages failed", len(messages))
+
+    def _taken(self) -> None:
+        """Have what was handed over taken; an error there must not end the connection."""
+        try:
+            self._on_read()
+        except Exception:
+            logger.exception("taking what was handed over failed")
 
     def _settle(self, outcomes: list[tuple[Outgoing, Outcome]]) -> None:
         """Tell senders what became of their messages."""

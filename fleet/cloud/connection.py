@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import struct
+import threading
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import mqtt5
 
@@ -14,70 +14,123 @@ from fleet.clock import Clock
 from fleet.cloud.keepalive import Due, Keepalive
 from fleet.cloud.packets import Decoder, encode
 from fleet.cloud.session import Session, SessionEnded
+from fleet.cloud.stream import Stream
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
 from fleet.spool.message import Outcome, Outgoing
-
-AT_ONCE = struct.pack("ii", 1, 0)  # SO_LINGER: a close is a reset
 
 Deliver = Callable[[list[Message]], None]
 Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
 
 
-class Connection(asyncio.Protocol):
-    """Feeds the session with what arrives and writes what it answers; all on the cloud thread.
+class Connection:
+    """Feeds the session with what arrives and writes what it answers; on the loop.
+
+    Only ``stand_in`` is called on another thread, when the loop does not read what has arrived. What one read
+    brings is handed over by ``deliver`` there and then, in order, and the loop calls ``take`` afterwards.
 
     ``ready`` is done when the broker has answered CONNECT and every subscription; ``ended`` holds the reason
     (SessionRefused, SessionEnded or CloudError) once the connection is of no more use.
     """
 
     def __init__(
-        self, session: Session, settings: CloudSettings, clock: Clock, deliver: Deliver, settle: Settle
+        self,
+        opened: socket.socket,
+        session: Session,
+        settings: CloudSettings,
+        clock: Clock,
+        *,
+        deliver: Deliver,
+        take: Callable[[], None],
+        settle: Settle,
     ) -> None:
-        loop = asyncio.get_running_loop()
-        self.ready: asyncio.Future[None] = loop.create_future()
-        self.ended: asyncio.Future[CloudError] = loop.create_future()
-        self.gone: asyncio.Future[None] = loop.create_future()
+        self._loop = asyncio.get_running_loop()
+        self.ready: asyncio.Future[None] = self._loop.create_future()
+        self.ended: asyncio.Future[CloudError] = self._loop.create_future()
+        self.gone: asyncio.Future[None] = self._loop.create_future()
         self._session = session
         self._protocol = settings.protocol
         self._clock = clock
         self._deliver = deliver
+        self._take = take
         self._settle = settle
         self._decoder = Decoder(settings.protocol, PAYLOAD_LIMIT)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
-        self._transport: asyncio.Transport | None = None
-        self._paused = False
+        self._lock = threading.Lock()  # of everything that reading and writing share
+        self._failure: CloudError | None = None
+        self._reads = 0
+        self._seen = -1
         self._going_on = False
+        self._stream = Stream(opened, self._readable, self._writable)
+        self._write(session.connect())
 
     @property
     def patience(self) -> float:
         """Return how often, in seconds, ``watch`` wants to be called."""
         return min(1.0, self._keepalive.interval / 20 or 1.0)
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Say CONNECT. asyncio has set TCP_NODELAY: without it replies wait 40 ms for one another's ack."""
-        self._transport = cast("asyncio.Transport", transport)
-        self._write(self._session.connect())
+    def stand_in(self) -> None:
+        """Read what the loop has left since the last look, and ping; on another thread.
 
-    def data_received(self, data: bytes) -> None:
-        """Take what one read brought: all its messages are delivered at once, all answers written at once."""
+        What it means for the connection is done by the loop, once it goes on.
+        """
+        with self._lock:
+            waiting = self._failure is None and self._stream.waiting()
+            neglected = waiting and self._seen == self._reads
+            self._seen = self._reads if waiting else -1
+            if neglected:
+                self._receive()
+            self._ping()
+        if neglected:
+            self._loop.call_soon_threadsafe(self._conclude)
+
+    def _readable(self) -> None:
+        """Take what has arrived; on the loop."""
+        with self._lock:
+            self._receive()
+        self._conclude()
+
+    def _writable(self) -> None:
+        """Write what had to wait, and go on where the socket stopped."""
+        with self._lock:
+            self._stream.write_rest()
+        self.flush()
+
+    def _receive(self) -> None:
+        """Read, and hand over the messages; a failure waits for the loop."""
+        if self._stream.closed:
+            return
         now = self._clock.monotonic()
-        self._keepalive.received(now)
-        error: CloudError | None = None
+        self._reads += 1
         try:
-            for packet in self._decoder.feed(bytes(data)):
+            data = self._stream.read()
+            if self.ended.done():
+                return  # after a goodbye nothing counts but the end
+            self._keepalive.received(now)
+            for packet in self._decoder.feed(data):
                 self._session.receive(packet, now)
-        except WireError as broken:
-            error = SessionEnded(f"the broker sent {broken}", mqtt5.DisconnectReasonCode.MALFORMED_PACKET)
-        except CloudError as ended:
-            error = ended
+        except OSError as error:
+            self._failure = CloudError(f"the connection to the broker fell: {error}")
+        except WireError as error:
+            code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
+            self._failure = SessionEnded(f"the broker sent {error}", code)
+        except CloudError as error:
+            self._failure = error
         if messages := self._session.take_messages():
             self._deliver(messages)
-        if error is None and self.ready.done() and not self._session.answers:
-            return  # a message that asks no answer: who it was handed to wants the interpreter now
-        self._write(self._session.take_replies())
-        if error:
-            self.give_up(error)
+
+    def _conclude(self) -> None:
+        """Do what follows from what was read: the messages first, then what the broker is answered."""
+        self._take()
+        if self.ended.done():
+            self._note_gone()
+            return
+        if self._failure is None and self.ready.done() and not self._session.answers:
+            return
+        with self._lock:
+            self._write(self._session.take_replies())
+        if self._failure is not None:
+            self.give_up(self._failure)
         self._note_ready()
         self.flush()
 
@@ -86,14 +139,16 @@ class Connection(asyncio.Protocol):
 
         What arrives has its turn in between: a command does not wait until a burst of states is written.
         """
-        if self._paused or self.ended.done():
+        if self.ended.done() or self._stream.full:
             return
-        data = self._session.send(self._clock.monotonic())
-        self._write(data)
-        self._settle(self._session.take_outcomes())
+        with self._lock:
+            data = self._session.send(self._clock.monotonic())
+            self._write(data)
+            outcomes = self._session.take_outcomes()
+        self._settle(outcomes)
         if data and not self._going_on:
             self._going_on = True
-            asyncio.get_running_loop().call_soon(self._go_on)
+            self._loop.call_soon(self._go_on)
 
     def _go_on(self) -> None:
         """Write the rest."""
@@ -111,46 +166,43 @@ class Connection(asyncio.Protocol):
 
     def watch(self) -> None:
         """Ping a quiet link and give up a dead one."""
-        due = self._keepalive.due(self._clock.monotonic())
-        if due is Due.PING and self._session.connected:
-            self._write(encode(mqtt5.PingReqPacket(), self._protocol))
-        elif due is Due.GIVE_UP:
+        with self._lock:
+            dead = self._ping() is Due.GIVE_UP
+        if dead:
             self.give_up(CloudError(f"the broker has been silent for {self._keepalive.limit:.1f} s"))
 
     def give_up(self, reason: CloudError) -> None:
         """End the connection; the broker is told why where the reason has a code for it."""
         code = reason.code if isinstance(reason, SessionEnded) and self._protocol == 5 else None
-        if code is not None:
-            self._write(encode(mqtt5.DisconnectPacket(reason_code=code), self._protocol))
-        self._end(reason)
-        if self._transport and code is None:
-            _reset(self._transport)
-        elif self._transport:
-            self._transport.close()
+        with self._lock:
+            if code is not None:
+                self._write(encode(mqtt5.DisconnectPacket(reason_code=code), self._protocol))
+            self._end(reason)
+            # What the kernel still holds of states from before a network fell silent would else arrive as
+            # news when that comes back.
+            self._stream.close(reset=code is None)
 
     async def leave(self, patience: float) -> None:
         """Say goodbye, so that the broker keeps the will to itself, and close within ``patience`` seconds."""
-        self._write(encode(mqtt5.DisconnectPacket(), self._protocol))
-        self._end(CloudError("closed"))
-        if self._transport is None:
-            return
-        self._transport.close()
+        with self._lock:
+            self._write(encode(mqtt5.DisconnectPacket(), self._protocol))
+            self._end(CloudError("closed"))
+            self._stream.shut()
         await asyncio.wait([self.gone], timeout=patience)
-        self._transport.abort()
+        with self._lock:
+            self._stream.close(reset=True)
 
-    def pause_writing(self) -> None:
-        """Let the outbox keep what the socket does not take."""
-        self._paused = True
+    def _ping(self) -> Due:
+        """Ping when that is due; return what is."""
+        due = self._keepalive.due(self._clock.monotonic())
+        if due is Due.PING and self._session.connected:
+            self._write(encode(mqtt5.PingReqPacket(), self._protocol))
+        return due
 
-    def resume_writing(self) -> None:
-        """Go on where the socket stopped."""
-        self._paused = False
-        self.flush()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Note that the connection is gone."""
-        self._end(CloudError(f"the connection to the broker fell: {exc or 'closed by the other side'}"))
-        self.gone.set_result(None)
+    def _note_gone(self) -> None:
+        """Note that the broker has closed its side, too, after a goodbye."""
+        if self._failure is not None and not self.gone.done():
+            self.gone.set_result(None)
 
     def _note_ready(self) -> None:
         """Tell who waits that messages can flow; from then on the broker's own keepalive counts."""
@@ -166,18 +218,6 @@ class Connection(asyncio.Protocol):
 
     def _write(self, data: bytes) -> None:
         """Hand bytes to the socket."""
-        if data and self._transport and not self.ended.done() and not self._transport.is_closing():
-            self._transport.write(data)
+        if data and not self.ended.done() and not self._stream.closed:
+            self._stream.write(data)
             self._keepalive.sent(self._clock.monotonic())
-
-
-def _reset(transport: asyncio.Transport) -> None:
-    """End a connection with nothing left of it, unless it is ending already.
-
-    What the kernel still holds of states from before a network fell silent would else arrive as news when
-    that comes back.
-    """
-    if not transport.is_closing():
-        opened = transport.get_extra_info("socket")
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
-    transport.abort()

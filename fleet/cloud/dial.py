@@ -1,4 +1,4 @@
-"""Opening a TCP connection through a network that swallows what is sent, until it is back."""
+"""Opening a connection through a network that swallows what is sent, until it is back; and TLS on it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import errno
 import itertools
 import os
 import socket
+import ssl
+from collections.abc import Callable
 from typing import Any
 
 AGAIN = 1.0
@@ -59,15 +61,42 @@ async def _finish(opened: socket.socket, number: int) -> None:
     uvloop's ``sock_connect`` would look the address up once more, on threads that a dead name server holds.
     """
     if number == errno.EINPROGRESS:
-        loop, ready = asyncio.get_running_loop(), asyncio.Event()
-        loop.add_writer(opened, ready.set)
-        try:
-            await ready.wait()
-        finally:
-            loop.remove_writer(opened)
+        loop = asyncio.get_running_loop()
+        await _turn_of(opened, loop.add_writer, loop.remove_writer)
         number = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
     if number:
         raise OSError(number, os.strerror(number))
+
+
+async def secure(opened: socket.socket, tls: ssl.SSLContext, host: str) -> ssl.SSLSocket:
+    """Return the socket with TLS on it, which takes it over; raises ssl.SSLError, OSError."""
+    loop = asyncio.get_running_loop()
+    secured = tls.wrap_socket(opened, server_hostname=host, do_handshake_on_connect=False)
+    try:
+        while True:
+            try:
+                secured.do_handshake()
+            except ssl.SSLWantReadError:
+                await _turn_of(secured, loop.add_reader, loop.remove_reader)
+            except ssl.SSLWantWriteError:
+                await _turn_of(secured, loop.add_writer, loop.remove_writer)
+            else:
+                return secured
+    except BaseException:
+        secured.close()
+        raise
+
+
+async def _turn_of(
+    opened: socket.socket, add: Callable[[int, Callable[[], None]], object], remove: Callable[[int], object]
+) -> None:
+    """Wait until a socket can be read or written: ``add`` and ``remove`` are the loop's."""
+    ready, number = asyncio.Event(), opened.fileno()
+    add(number, ready.set)
+    try:
+        await ready.wait()
+    finally:
+        remove(number)
 
 
 def _discard(late: asyncio.Task[socket.socket]) -> None:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import ipaddress
 import socket
 import ssl
-from collections.abc import Callable
 
-from fleet.cloud.connection import Connection
-from fleet.cloud.dial import dial
+from fleet.cloud.dial import dial, secure
 from fleet.cloud.session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
@@ -34,15 +31,12 @@ def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
         raise CloudError(f"the certificate file {settings.ca_file} cannot be used: {error}") from None
 
 
-async def open_connection(
-    settings: CloudSettings, tls: ssl.SSLContext | None, make: Callable[[], Connection]
-) -> Connection:
-    """Open the network connection; raise CloudError, or SessionRefused for an untrusted certificate."""
-    loop, place = asyncio.get_running_loop(), f"{settings.host}:{settings.port}"
+async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> socket.socket:
+    """Open the way to the broker; raise CloudError, or SessionRefused for an untrusted certificate."""
+    place = f"{settings.host}:{settings.port}"
     try:
         opened = await dial(settings.host, settings.port)
-        name = settings.host if tls else None
-        _, connection = await loop.create_connection(make, sock=opened, ssl=tls, server_hostname=name)
+        return await secure(opened, tls, settings.host) if tls else opened
     except ssl.SSLCertVerificationError as error:
         raise SessionRefused(
             f"the certificate of {place} is not trusted: {error.verify_message}; "
@@ -55,7 +49,6 @@ async def open_connection(
     except OSError as error:
         why = error.strerror or str(error) or "it ended the TLS handshake"
         raise CloudError(f"{place} cannot be reached: {why}") from None
-    return connection
 
 
 def _is_local(host: str) -> bool:

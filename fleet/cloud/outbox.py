@@ -16,7 +16,7 @@ from fleet.spool.spool import Spool
 
 
 class Outbox:
-    """The queue between any thread that publishes and the cloud thread that writes.
+    """The queue between any thread that publishes and the loop that writes.
 
     ``messages`` and ``size`` (bytes) bound the light lane.
     """

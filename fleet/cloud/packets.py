@@ -67,7 +67,7 @@ class Decoder:
             data = bytes(self._rest)
             self._rest.clear()
         start = 0
-        while (end := self._end(data, start)) is not None:
+        while start < len(data) and (end := self._end(data, start)) is not None:
             yield self._read(data, start, end)
             start = end
         self._rest += data[start:]

@@ -88,7 +88,7 @@ class Queued(msgspec.Struct, frozen=True):
 
 
 class CloudStats:
-    """Counters since the start; read from any thread, written by the cloud thread.
+    """Counters since the start; read from any thread, written on the loop.
 
     ``rtt`` is the last measured round trip to the broker in seconds, None before the first. ``outbox``
     tells what waits when it is asked.

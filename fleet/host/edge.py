@@ -226,7 +226,6 @@ class Edge:
             edge=self._config.edge.id,
             rules=bridge_rules(cloud, robots),
             put=self.bus.reports.put,
-            soon=self._soon,
             alive=self._alive,
             claimed=self._held_in_the_cloud,
             clock=self._clock,

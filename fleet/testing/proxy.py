@@ -9,11 +9,11 @@ import asyncio
 import contextlib
 import socket
 import struct
-import threading
 from collections.abc import Awaitable, Callable
-from concurrent.futures import Future
 from types import TracebackType
 from typing import Any, Self
+
+from fleet.event_loop import BackgroundLoop
 
 PIECE = 65_536  # bytes of one read
 LINGER_NONE = struct.pack("ii", 1, 0)  # a close with this is a reset
@@ -34,68 +34,53 @@ class TcpProxy:
         self.refuse = False
         self.accepted = 0
         self.port = 0
-        self._started: Future[None] = Future()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._ended: asyncio.Event | None = None
+        self._server: asyncio.Server | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
         self._writers: set[asyncio.StreamWriter] = set()
-        self._thread = threading.Thread(target=self._run, name="fleet-proxy", daemon=True)
+        self._loop = BackgroundLoop("fleet-proxy", asyncio.new_event_loop)
 
     def __enter__(self) -> Self:
-        self._thread.start()
-        self._started.result()
+        self._loop.__enter__()
+        self._loop.complete(self._listen())
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        assert self._ended is not None
-        self._call(self._ended.set)
-        self._thread.join()
+        self._loop.complete(self._end())
+        self._loop.__exit__(kind, error, trace)
 
     def cut(self) -> None:
         """End every connection in an orderly way, as a broker that is stopped does."""
-        self._call(lambda: self._end_all(_close))
+        self._loop.call(self._end_all, _close)
 
     def reset(self) -> None:
         """End every connection with a reset, as a network that changes its address does."""
-        self._call(lambda: self._end_all(_reset))
-
-    def _call(self, function: Callable[[], Any]) -> None:
-        """Run a function on the proxy's thread, and wait for it."""
-        assert self._loop is not None
-
-        async def run() -> None:
-            function()
-
-        asyncio.run_coroutine_threadsafe(run(), self._loop).result()
+        self._loop.call(self._end_all, _reset)
 
     def _end_all(self, end: Callable[[asyncio.StreamWriter], None]) -> None:
         """End both sides of every connection."""
         for writer in list(self._writers):
             end(writer)
 
-    def _run(self) -> None:
-        """Be the proxy's thread."""
-        asyncio.run(self._serve())
+    async def _listen(self) -> None:
+        """Begin to listen."""
+        self._server = await asyncio.start_server(self._accept, "127.0.0.1", 0, limit=PIECE)
+        self.port = self._server.sockets[0].getsockname()[1]
 
-    async def _serve(self) -> None:
-        """Listen until told to stop, then end what is open and wait for it."""
-        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        tasks: set[asyncio.Task[None]] = set()
+    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Carry a connection from now on."""
+        task = asyncio.ensure_future(self._join(reader, writer))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
-        def join(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            task = asyncio.ensure_future(self._join(reader, writer))
-            tasks.add(task)
-            task.add_done_callback(tasks.discard)
-
-        server = await asyncio.start_server(join, "127.0.0.1", 0, limit=PIECE)
-        self.port = server.sockets[0].getsockname()[1]
-        self._started.set_result(None)
-        await self._ended.wait()
-        server.close()
-        for task in tasks:
+    async def _end(self) -> None:
+        """Listen no more, end what is open and wait for it."""
+        assert self._server is not None
+        self._server.close()
+        for task in self._tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _join(self, reader: asyncio.StreamReader, near: asyncio.StreamWriter) -> None:
         """Carry one connection both ways until either side ends."""

@@ -216,11 +216,10 @@ def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
 
 def _signed(members: Mapping[str, Any], where: str) -> Velocity:
     """Return the velocity of flat signed fields, of which one at least must be there."""
-    given = {field: optional_number(members, field, where) for field in VELOCITY_FIELDS}
-    if all(value is None for value in given.values()):
+    x, y, z, yaw_rate = (optional_number(members, field, where) for field in VELOCITY_FIELDS)
+    if (x, y, z, yaw_rate) == (None, None, None, None):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
-    x, y, z, yaw_rate = (given[field] or 0.0 for field in VELOCITY_FIELDS)
-    return Velocity(Vector3(x, y, z), yaw_rate)
+    return Velocity(Vector3(x or 0.0, y or 0.0, z or 0.0), yaw_rate or 0.0)
 
 
 def _twist(message: Mapping[str, Any]) -> Velocity:

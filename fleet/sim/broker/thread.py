@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 from collections.abc import Callable
-from concurrent.futures import Future
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from fleet.event_loop import BackgroundLoop
 from fleet.sim.broker.server import Broker
 
 T = TypeVar("T")
@@ -19,10 +18,7 @@ class BrokerThread:
 
     def __init__(self, **arguments: Any) -> None:
         self.broker = Broker(**arguments)
-        self._started: Future[None] = Future()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._stop: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._run, name="fleet-broker", daemon=True)
+        self._loop = BackgroundLoop("fleet-broker", asyncio.new_event_loop)
 
     @property
     def port(self) -> int:
@@ -30,38 +26,20 @@ class BrokerThread:
         return self.broker.port
 
     def __enter__(self) -> Self:
-        self._thread.start()
-        self._started.result()
+        self._loop.__enter__()
+        try:
+            self._loop.complete(self.broker.__aenter__())
+        except BaseException as error:
+            self._loop.__exit__(type(error), error, error.__traceback__)
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        assert self._stop
-        self.call(self._stop.set)
-        self._thread.join()
+        self._loop.complete(self.broker.__aexit__(kind, error, trace))
+        self._loop.__exit__(kind, error, trace)
 
     def call(self, function: Callable[..., T], *arguments: object) -> T:
         """Run a function on the broker's thread and return its result: ``call(broker.half_open, "a")``."""
-        assert self._loop
-
-        async def run() -> T:
-            return function(*arguments)
-
-        return asyncio.run_coroutine_threadsafe(run(), self._loop).result()
-
-    def _run(self) -> None:
-        """Be the broker's thread."""
-        asyncio.run(self._serve())
-
-    async def _serve(self) -> None:
-        """Listen until told to stop."""
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        try:
-            async with self.broker:
-                self._started.set_result(None)
-                await self._stop.wait()
-        except Exception as error:
-            if self._started.done():
-                raise
-            self._started.set_exception(error)
+        return self._loop.call(function, *arguments)

@@ -29,16 +29,17 @@ def settings(port, name=""):
 class Listener:
     """A client that hears all there is, and can speak."""
 
-    def __init__(self, port):
+    def __init__(self, loop, port):
         self.heard = []
         self.client = CloudClient(
             settings(port, "listener"),
             {"cyberwave/#": 1},
             on_message=self._take,
+            on_read=lambda: None,
             on_state=lambda *_: None,
             clock=SystemClock(),
         )
-        self.client.start()
+        loop.call(self.client.start)
         wait_until("the listener is in", lambda: self.client.state is CloudState.CONNECTED)
 
     def _take(self, messages):
@@ -56,15 +57,15 @@ def port(request):
 
 
 @pytest.fixture
-def listener(port):
-    listener = Listener(port)
+def listener(background_loop, port):
+    listener = Listener(background_loop, port)
     yield listener
     listener.client.close()
 
 
 @pytest.fixture
-def make_bridge(topics, ports):
-    """Build bridges whose loop is whatever thread calls; close what is still open."""
+def make_bridge(background_loop, topics, ports):
+    """Build bridges, and close what is still open."""
     made = []
 
     def make_bridge(port, edge="yard-1", *, rules=None, clock=None):
@@ -76,14 +77,13 @@ def make_bridge(topics, ports):
             edge=edge,
             rules=rules or Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
             put=lambda key, _sample: put.append(key),
-            soon=lambda call: call(),
             alive=lambda _name: True,
             claimed=lambda twin, holder: claims.append((twin, holder)),
             clock=clock or SystemClock(),
         )
         bridge.claims, bridge.put = claims, put
         made.append(bridge)
-        bridge.start()
+        background_loop.call(bridge.start)
         wait_until("the bridge is in", lambda: bridge.client.state is CloudState.CONNECTED)
         return bridge
 
@@ -105,7 +105,7 @@ def test_reports_cross_with_the_next_turn(bridge, listener, pose):
     assert position["session_id"].startswith("fleet_live_")
 
 
-def test_an_event_on_the_bus_crosses_without_a_turn_and_many_wake_the_cloud_s_thread_once(
+def test_an_event_on_the_bus_crosses_without_a_turn_and_many_are_written_together(
     bridge, listener, monkeypatch
 ):
     report = TelemetryReport(1.0, "authority_lost")
@@ -117,7 +117,7 @@ def test_an_event_on_the_bus_crosses_without_a_turn_and_many_wake_the_cloud_s_th
 
 
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
-    monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the cloud's thread"))
+    monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the loop"))
     list(bridge.turn())
 
 
@@ -181,8 +181,10 @@ def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     assert len(rex.received) == 1
 
 
-def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_there(broker, make_bridge):
-    listener = Listener(broker.port)
+def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_there(
+    background_loop, broker, make_bridge
+):
+    listener = Listener(background_loop, broker.port)
     try:
         make_bridge(broker.port)
         (us,) = [name for name in broker.call(lambda: broker.broker.clients) if name != "listener"]
@@ -214,8 +216,8 @@ class Cloud(Listener):
                 self.client.publish(topic, b'{"type": "pong", "timestamp": 1.0}')
 
 
-def test_the_round_trip_to_the_cloud_is_measured(bridge, port):
-    cloud = Cloud(port)
+def test_the_round_trip_to_the_cloud_is_measured(background_loop, bridge, port):
+    cloud = Cloud(background_loop, port)
     try:
         bridge.beat({})
         wait_until("the pong is there", lambda: bridge.round_trip.seconds is not None)

@@ -22,11 +22,10 @@ RUN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c60"
 
 
 class Bench:
-    """A downlink whose loop turns when the test says so."""
+    """A downlink whose messages are taken when the test says so."""
 
     def __init__(self, topics, ports, clock):
         self.sent = []
-        self.later = []
         self.clock = clock
         self.put = []
         self.own = []
@@ -41,7 +40,6 @@ class Bench:
             send=self._send,
             put=lambda key, sample: self.put.append((key, json.loads(json_payload(sample)))),
             own={"edge_health": handle, "ping:request": handle, "pong:response": self._refuse},
-            soon=self.later.append,
             refusals=Tally(logging.getLogger("fleet.bridge"), clock),
             clock=clock,
         )
@@ -53,13 +51,9 @@ class Bench:
         self.sent.append((topic, json.loads(payload), correlation))
 
     def arrive(self, *messages):
-        """Let messages come on the cloud's thread, then turn the loop."""
+        """Let messages come in one read, and take them."""
         self.downlink.arrived(list(messages))
-        self.turn()
-
-    def turn(self):
-        while self.later:
-            self.later.pop(0)()
+        self.downlink.take()
 
 
 @pytest.fixture
@@ -97,10 +91,10 @@ def test_each_topic_reaches_the_robot_as_its_kind(bench, rex, leaf, kind):
     assert rex.received == [(kind, b"{}", "01ff")]
 
 
-def test_one_read_is_handed_to_the_loop_once_and_in_order(bench, rex):
-    bench.downlink.arrived([Message(f"{T}/command", str(n).encode()) for n in range(5)])
-    assert len(bench.later) == 1
-    bench.turn()
+def test_what_several_reads_bring_is_taken_in_order(bench, rex):
+    for start in (0, 2):
+        bench.downlink.arrived([Message(f"{T}/command", str(n).encode()) for n in range(start, start + 2)])
+    bench.arrive(Message(f"{T}/command", b"4"))
     assert [payload for _, payload, _ in rex.received] == [b"0", b"1", b"2", b"3", b"4"]
 
 
@@ -220,7 +214,7 @@ def test_an_emergency_stop_is_seen_before_the_loop_runs(bench, rex):
     bench.downlink.arrived([command("emergency_stop")])
     assert len(rex.emergencies) == 1
     assert rex.received == []
-    bench.turn()
+    bench.downlink.take()
     assert len(rex.received) == 1
 
 
@@ -272,7 +266,7 @@ def test_a_mission_reaches_the_robot_whose_reports_tell_its_status(bench, rex):
 def test_how_long_a_command_took_is_noted(bench, accepting, clock):
     bench.downlink.arrived([command("land")])
     clock.advance(0.03)
-    bench.turn()
+    bench.downlink.take()
     latencies = bench.downlink.latencies["rex"]
     assert (latencies.count, latencies.total) == (1, pytest.approx(0.03))
     assert bench.downlink.answered == {"accepted": 1}

@@ -28,7 +28,7 @@ def settings(port, name):
 
 
 @pytest.fixture
-def heard(broker):
+def heard(background_loop, broker):
     """Hear all there is, as (leaf, message)."""
     heard = []
 
@@ -39,17 +39,18 @@ def heard(broker):
         settings(broker.port, "listener"),
         {"cyberwave/#": 1},
         on_message=take,
+        on_read=lambda: None,
         on_state=lambda *_: None,
         clock=SystemClock(),
     )
-    client.start()
+    background_loop.call(client.start)
     wait_until("the listener is in", lambda: client.state is CloudState.CONNECTED)
     yield heard
     client.close()
 
 
 @pytest.fixture
-def make_bridge(broker, topics, ports):
+def make_bridge(background_loop, broker, topics, ports):
     """Build bridges with a spool, and close what is still open."""
     made = []
 
@@ -62,13 +63,12 @@ def make_bridge(broker, topics, ports):
             rules=Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
             put=lambda _key, _sample: None,
             claimed=lambda _twin, _holder: None,
-            soon=lambda call: call(),
             alive=lambda _name: True,
             clock=SystemClock(),
             spool=Spool(SpoolSettings(**spool), SystemClock()),
         )
         made.append(bridge)
-        bridge.start()
+        background_loop.call(bridge.start)
         return bridge
 
     yield make_bridge

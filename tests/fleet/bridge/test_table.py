@@ -102,7 +102,6 @@ class World:
             edge="yard-1",
             rules=Rules({TWIN: of_a_twin(book)}, {PLACE: of_an_environment(book)}, of_any_run(book)),
             put=lambda key, _sample: self.put.append(key),
-            soon=lambda call: call(),
             alive=lambda _name: True,
             claimed=lambda *claim: self.claims.append(claim),
             clock=clock,
@@ -118,6 +117,7 @@ class World:
         uuid = PLACE if leaf == ENVIRONMENT else TWIN
         topic = self.topics.twin(uuid, leaf.replace("+", "twin_added"))
         self.bridge.downlink.arrived([Message(topic, json.dumps(message).encode(), **properties)])
+        self.bridge.downlink.take()
 
     def tell(self, channel, sample):
         uuid = PLACE if channel.startswith("environment") else TWIN

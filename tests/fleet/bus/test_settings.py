@@ -23,10 +23,15 @@ def test_the_sockets_are_in_a_directory_of_the_users_own(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
-def test_without_a_runtime_directory_it_is_below_the_temporary_one(tmp_path, monkeypatch):
+@pytest.mark.parametrize("memory", [True, False])
+def test_without_a_runtime_directory_it_is_in_memory_or_else_below_the_temporary_one(
+    tmp_path, monkeypatch, memory
+):
+    (tmp_path / "memory").mkdir()
+    monkeypatch.setattr("fleet.bus.settings.MEMORY", tmp_path / ("memory" if memory else "none"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     path = runtime_dir({})
-    assert path == tmp_path / f"fleet-{os.getuid()}"
+    assert path == tmp_path / ("memory" if memory else "") / f"fleet-{os.getuid()}"
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 

@@ -16,7 +16,8 @@ WITHIN = 30.0  # s
 class Watched:
     """A cloud client whose callbacks a test can wait for."""
 
-    def __init__(self, port, name="edge", subscriptions=None, spool=None, **settings):
+    def __init__(self, loop, port, name="edge", subscriptions=None, spool=None, **settings):
+        self.loop = loop
         self.states = []
         self.messages = []
         self.outcomes = []
@@ -27,13 +28,14 @@ class Watched:
             CloudSettings(**chosen),
             subscriptions or {},
             on_message=self._on_message,
+            on_read=lambda: None,
             on_state=lambda state, cause: self._note(self.states, (state, cause)),
             clock=SystemClock(),
             spool=spool,
         )
 
     def start(self):
-        self.client.start()
+        self.loop.call(self.client.start)
         return self
 
     def connected(self):
@@ -72,12 +74,12 @@ class Watched:
 
 
 @pytest.fixture
-def watched():
+def watched(background_loop):
     """Make cloud clients: ``watched(port, name, {filter: qos}, **settings)``; closed when the test ends."""
     made = []
 
     def make(port, *arguments, **settings):
-        made.append(Watched(port, *arguments, **settings))
+        made.append(Watched(background_loop, port, *arguments, **settings))
         return made[-1]
 
     yield make

@@ -13,6 +13,7 @@ from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
+WITHIN = 20.0  # s
 CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED
 REFUSED, CLOSED = CloudState.REFUSED, CloudState.CLOSED
 CONNACK = mqtt5.ConnAckPacket().write()
@@ -327,6 +328,33 @@ def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
         hears.payloads(number + 1)
     assert "the one who takes messages is broken" in caplog.text
     assert hears.client.stats.connects == 1
+
+
+@pytest.mark.parametrize("tls", [False, True])
+def test_messages_are_handed_over_in_order_while_the_loop_is_stuck(
+    run_mosquitto, watched, certificate, background_loop, tls
+):
+    cert, key = certificate
+    port = run_mosquitto(*[f"certfile {cert}", f"keyfile {key}"] * tls).port
+    secure = {"host": "localhost", "tls": True, "ca_file": str(cert)} if tls else {}
+    hears = watched(port, "hears", {"t": 1}, keepalive=1, **secure).connected()
+    stuck, goes_on = threading.Event(), threading.Event()
+
+    def block():
+        stuck.set()
+        assert goes_on.wait(WITHIN)
+
+    blocked = threading.Thread(target=background_loop.call, args=(block,))
+    blocked.start()
+    assert stuck.wait(WITHIN)
+    tls_of_paho = {"ca_certs": str(cert)} if tls else None
+    for number in range(3):
+        paho.mqtt.publish.single("t", f"{number}", 1, hostname="localhost", port=port, tls=tls_of_paho)
+        assert hears.payloads(number + 1)[-1] == b"%d" % number
+    goes_on.set()
+    blocked.join()
+    hears.publish("none")
+    assert (hears.client.state, hears.client.stats.connects) == (CONNECTED, 1)
 
 
 def test_tls_lets_in_a_broker_whose_certificate_is_trusted(run_mosquitto, watched, certificate, protocol):

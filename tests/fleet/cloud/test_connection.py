@@ -1,16 +1,21 @@
-"""How long one connection goes on that the network has silently cut."""
+"""One connection: how long a silent cut goes unnoticed, and who reads while the loop is stuck."""
+
+import asyncio
+import socket
 
 import mqtt5
 import pytest
 
 from fleet.cloud.connection import Connection
 from fleet.cloud.outbox import Outbox
+from fleet.cloud.packets import Decoder
 from fleet.cloud.session import Session
 from fleet.cloud.values import CloudSettings, CloudStats
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 
 SILENCE = 8.5  # s; the longest that a cut may go unnoticed
+WITHIN = 20.0  # s
 SETTINGS = CloudSettings(host="h", client_id="me")
 
 
@@ -20,20 +25,62 @@ def clock():
 
 
 @pytest.fixture
-async def connection(clock):
+def ends():
+    """Return both ends of a TCP connection, ours first."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        ours = socket.create_connection(server.getsockname())
+        theirs, _ = server.accept()
+    ours.setblocking(False)
+    theirs.settimeout(WITHIN)
+    with ours, theirs:
+        yield ours, theirs
+
+
+class Broker:
+    """The other end of a connection, in the test's hands; ``handed`` is what the connection hands over."""
+
+    def __init__(self, end):
+        self.end = end
+        self.handed = []
+        self.taken = asyncio.Event()
+        self._decoder = Decoder(None, 10_000)
+
+    async def is_taken(self):
+        await asyncio.wait_for(self.taken.wait(), WITHIN)
+        self.taken.clear()
+
+    def say(self, *packets):
+        self.end.sendall(b"".join(packet.write() for packet in packets))
+
+    def hear(self):
+        return [type(packet) for packet in self._decoder.feed(self.end.recv(4096))]
+
+
+@pytest.fixture
+async def broker(ends):
+    return Broker(ends[1])
+
+
+@pytest.fixture
+async def connection(ends, broker, clock):
     """Be connected, with the settings that an edge has by itself."""
     box = Outbox(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats())
     session = Session(SETTINGS, {}, box, CloudStats())
-    one = Connection(session, SETTINGS, clock, deliver=list, settle=list)
-    one.data_received(mqtt5.ConnAckPacket().write())
-    assert one.ready.done()
+    one = Connection(
+        ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.taken.set, settle=list
+    )
+    broker.say(mqtt5.ConnAckPacket())
+    await asyncio.wait_for(one.ready, WITHIN)
+    broker.taken.clear()
+    assert broker.hear() == [mqtt5.ConnectPacket]
     return one
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.01, 0.1, 0.24])
-async def test_a_silent_cut_is_noticed_whenever_it_comes_between_two_looks(connection, clock, phase):
+async def test_a_silent_cut_is_noticed_whenever_it_comes_between_two_looks(connection, broker, clock, phase):
     clock.advance(connection.patience - phase)
-    connection.data_received(mqtt5.PingRespPacket().write())  # the last that gets through
+    broker.say(mqtt5.PublishPacket("t", b"the last that gets through"))
+    await broker.is_taken()
     clock.advance(phase)
     silent = phase
     while connection.watch() or not connection.ended.done():
@@ -41,3 +88,55 @@ async def test_a_silent_cut_is_noticed_whenever_it_comes_between_two_looks(conne
         silent += connection.patience
     assert silent <= SILENCE
     assert "silent" in str(connection.ended.result())
+
+
+def arrived(connection):
+    """Wait, on a loop that is stuck meanwhile, until something can be read."""
+    while not connection._stream.waiting():
+        pass
+
+
+async def test_what_the_loop_leaves_unread_is_read_by_who_stands_in(connection, broker):
+    broker.say(mqtt5.PublishPacket("t", b"stop"))
+    arrived(connection)
+    connection.stand_in()
+    assert broker.handed == []  # the loop may be about to read it
+    connection.stand_in()
+    assert [message.payload for message in broker.handed] == [b"stop"]
+    assert not broker.taken.is_set()
+    await broker.is_taken()
+
+
+async def test_who_stands_in_leaves_what_is_answered_to_the_loop(connection, broker):
+    broker.say(mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS.AT_LEAST_ONCE, packet_id=7))
+    arrived(connection)
+    for _ in range(5):
+        connection.stand_in()
+    assert len(broker.handed) == 1
+    assert await asyncio.to_thread(broker.hear) == [mqtt5.PubAckPacket]
+
+
+async def test_who_stands_in_does_nothing_while_the_loop_reads(connection, broker):
+    for number in range(5):
+        broker.say(mqtt5.PublishPacket("t", b"%d" % number))
+        arrived(connection)
+        connection.stand_in()
+        await broker.is_taken()
+    assert [message.payload for message in broker.handed] == [b"0", b"1", b"2", b"3", b"4"]
+
+
+async def test_a_broker_that_ends_while_the_loop_is_stuck_is_left_to_the_loop(connection, broker):
+    broker.say(mqtt5.PublishPacket("t", b"x"))
+    broker.end.close()
+    arrived(connection)
+    for _ in range(5):
+        connection.stand_in()
+    assert not connection.ended.done()
+    assert "fell" in str(await asyncio.wait_for(connection.ended, WITHIN))
+    assert len(broker.handed) == 1
+
+
+async def test_a_link_is_kept_alive_while_the_loop_is_stuck(connection, broker, clock):
+    clock.advance(SETTINGS.keepalive)
+    connection.stand_in()
+    assert broker.hear() == [mqtt5.PingReqPacket]

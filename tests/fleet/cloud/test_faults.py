@@ -64,5 +64,5 @@ def test_what_arrives_twice_is_handed_over_twice(broker, watched):
 
 def test_small_packets_do_not_wait_for_one_another(broker, watched):
     edge = watched(broker.port).connected()
-    carried = edge.client._connection._transport.get_extra_info("socket")
+    carried = edge.client._connection._stream._socket
     assert carried.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)

@@ -38,7 +38,6 @@ class FakeEdge:
             edge="yard-1",
             rules=Rules({TWIN: of_a_twin(rulebook())}),
             put=lambda *_: None,
-            soon=lambda call: call(),
             alive=lambda _name: True,
             claimed=lambda *_: None,
             clock=SystemClock(),
@@ -49,6 +48,7 @@ class FakeEdge:
         list(self.bridge.turn())
         topic = f"cyberwave/twin/{TWIN}/command"
         self.bridge.downlink.arrived([Message(topic, b"{}"), Message(topic, b"{}", retain=True)])
+        self.bridge.downlink.take()
 
     def state(self):
         return EdgeState("yard-1", "0", 1.0, 5.0, threads=7)
