@@ -19,6 +19,8 @@ _FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
 _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
 _REST_CYCLES = 2.0
 _WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
+_WALK_START = 0.97  # of a cycle: the body is aside before the first foot leaves the ground
+_SWAY_IN, _SWAY_OUT = 8.0, 2.0  # shares of the sway that come into effect in a cycle, and out of it
 _FLAT = 1.6  # how early the body is aside: 1 is a plain sine
 
 
@@ -62,7 +64,7 @@ def walk(gait: Gait) -> Pattern:
     lifts = (0.26, 0.76, 0.08, 0.58)
     front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
     phases = (front_left, front_right, rear_left, rear_right)
-    return Pattern(gait.walk.period, _WALK_DUTY, phases, 0.0, gait.walk.sway)
+    return Pattern(gait.walk.period, _WALK_DUTY, phases, _WALK_START, gait.walk.sway)
 
 
 class Steps:
@@ -126,8 +128,8 @@ class Steps:
     def _sway(self, dt: float) -> None:
         """Bring the sway into effect while it walks, and out of it in its last cycle."""
         goal = 1.0 if self._rest < _REST_CYCLES - 1.0 else 0.0
-        most = 2.0 * dt / self._pattern.period
-        self._swaying += max(-most, min(most, goal - self._swaying))
+        share = dt / self._pattern.period
+        self._swaying += max(-_SWAY_OUT * share, min(_SWAY_IN * share, goal - self._swaying))
 
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""

@@ -5,6 +5,7 @@ from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.mit.drive import MitDrives
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.sim.lockstep import SimBus
 
 
 def refused(path):
@@ -116,4 +117,4 @@ def test_a_protocol_is_a_class_and_its_row(dog, monkeypatch, write_dog):
     monkeypatch.setattr("fleet_quadruped.drives.PROTOCOLS", {"quiet": Quiet})
     quiet = load_description(write_dog(("protocol: cia402", "protocol: quiet\n  profile: damiao-8006")))
     assert 0.012 < quiet.loads["a"] < 0.1
-    assert isinstance(drives_of(quiet, {}), Quiet)
+    assert isinstance(drives_of(quiet, {"a": SimBus("a")}), Quiet)
