@@ -88,7 +88,10 @@ def source(side, rate, pad=0):
         with process(*command, stdout=told):
             yield said
         told.seek(0)
-        said.total = int(told.read() or 0)
+        total = told.read()
+        if not total:
+            sys.exit("the source was killed before it told how much it has said")
+        said.total = int(total)
 
 
 class Ears:
