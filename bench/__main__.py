@@ -1,6 +1,7 @@
 """``python -m bench [NAME[:ROW,...] ...]``; only some benchmarks have rows."""
 
 import importlib
+import signal
 import sys
 
 NAMES = (
@@ -19,6 +20,8 @@ AT_ONCE = NAMES[:-2]  # a soak takes as long as it is told to, and the picture i
 
 
 def main():
+    # A shell has its background jobs ignore interrupts, and so would the programs that are ended by one.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     for asked in sys.argv[1:] or AT_ONCE:
         name, _, rows = asked.partition(":")
         if name not in NAMES:
