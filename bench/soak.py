@@ -61,7 +61,8 @@ def soak(minutes):
         events = [*asker.events(), *executed(running.journal, asker.asks)]
         grown, opened = edge.memory_info().rss - memory, edge.num_fds() - files
     asked = [str(ask.number) for ask in asker.asks.values() if ask.sent > 1 or not ask.answered]
-    lines = broken([event for event in events if event.ask not in driven(asker)], PROMISES)
+    velocities = driven(asker)
+    lines = broken([event for event in events if event.ask not in velocities], PROMISES)
     what = f"{minutes:g} min, {len(asker.asks)} asks, {len(asked)} of them again: unanswered"
     line(what, str(len(asker.unanswered())), "aim: 0")
     line("broken promises", str(len(lines)), "aim: 0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import threading
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from fleet.cloud.stream import Stream
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
 from fleet.spool.message import Outcome, Outgoing
+
+logger = logging.getLogger(__name__)
 
 Deliver = Callable[[list[Message]], None]
 Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
@@ -116,6 +119,9 @@ class Connection:
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:
             self._failure = error
+        except Exception as error:
+            logger.exception("reading what the broker sent failed in a way that was not foreseen")
+            self._failure = CloudError(f"{type(error).__name__}: {error}")
         if messages := self._session.take_messages():
             self._deliver(messages)
 

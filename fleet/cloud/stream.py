@@ -15,7 +15,7 @@ import struct
 from collections.abc import Callable
 
 AT_ONCE = struct.pack("ii", 1, 0)  # SO_LINGER: a close is a reset
-MOST = 65536  # bytes of one read; more than a TLS record, so that TLS keeps none of it to itself
+MOST = 16384  # bytes of one read: a whole TLS record, of which TLS must keep nothing to itself
 
 LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 """What a socket raises that has nothing to give or no room now."""

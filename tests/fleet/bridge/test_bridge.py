@@ -3,6 +3,7 @@
 import json
 import threading
 
+import paho.mqtt.publish
 import pytest
 from cyberwave.mqtt import CyberwaveMQTTClient
 
@@ -119,6 +120,19 @@ def test_an_event_on_the_bus_crosses_without_a_turn_and_many_are_written_togethe
 def test_a_turn_without_anything_to_say_wakes_nobody(bridge, monkeypatch):
     monkeypatch.setattr(bridge.client, "flush", lambda: pytest.fail("woke the loop"))
     list(bridge.turn())
+
+
+def test_an_emergency_stop_is_made_while_the_loop_is_stuck(bridge, background_loop, port, rex):
+    stopped = threading.Event()
+    blocked = threading.Thread(target=background_loop.call, args=(stopped.wait, 20))
+    blocked.start()
+    stop = json.dumps({"command": "emergency_stop"})
+    paho.mqtt.publish.single(f"{T}command", stop, 1, hostname="127.0.0.1", port=port)
+    wait_until("the robot is stopped", lambda: rex.emergencies)
+    assert blocked.is_alive()
+    assert rex.received == []  # the orderly part is the loop's
+    stopped.set()
+    wait_until("the loop goes on with it", lambda: rex.received)
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):

@@ -140,3 +140,10 @@ async def test_a_link_is_kept_alive_while_the_loop_is_stuck(connection, broker, 
     clock.advance(SETTINGS.keepalive)
     connection.stand_in()
     assert broker.hear() == [mqtt5.PingReqPacket]
+
+
+async def test_a_failure_that_nobody_foresaw_ends_the_connection(connection, broker, monkeypatch, caplog):
+    monkeypatch.setattr(connection._session, "receive", lambda *_: 1 / 0)
+    broker.say(mqtt5.PublishPacket("t", b"x"))
+    assert "ZeroDivisionError" in str(await asyncio.wait_for(connection.ended, WITHIN))
+    assert "not foreseen" in caplog.text
