@@ -9,8 +9,10 @@ places.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
+
+import msgspec
 
 from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.robot.parts import Gait
@@ -24,12 +26,15 @@ _SWAY_IN, _SWAY_OUT = 8.0, 2.0  # shares of the sway that come into effect in a 
 _FLAT = 1.6  # how early the body is aside: 1 is a plain sine
 
 
-class Twist(NamedTuple):
+class Twist(msgspec.Struct, frozen=True, gc=False):
     """Velocity in the body frame: m/s forward, m/s left, rad/s counter-clockwise."""
 
     x: float = 0.0
     y: float = 0.0
     turn: float = 0.0
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.x, self.y, self.turn))
 
     @property
     def zero(self) -> bool:
@@ -145,8 +150,8 @@ class Steps:
         x, y, _ = self.feet[number]
         if phase < self._pattern.duty:
             self.stance[number] = True
-            along, aside, turn = wanted
-            self.feet[number] = (x - (along - turn * y) * dt, y - (aside + turn * x) * dt, 0.0)
+            turn = wanted.turn
+            self.feet[number] = (x - (wanted.x - turn * y) * dt, y - (wanted.y + turn * x) * dt, 0.0)
             return
         if self.stance[number]:
             self.stance[number] = False

@@ -5,7 +5,9 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable, Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
+
+import msgspec
 
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.motion import Motion, folding, rising, rolling, sitting
@@ -41,7 +43,7 @@ class Wish(enum.Enum):
     RESET = "reset"
 
 
-class Wanted(NamedTuple):
+class Wanted(msgspec.Struct, frozen=True, gc=False):
     """The outcome of one cycle."""
 
     wish: Wish

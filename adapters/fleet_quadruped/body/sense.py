@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import msgspec
+
 from fleet import Quaternion, Vector3
 from fleet_quadruped.robot.names import Twelve
 
@@ -34,7 +36,7 @@ class Imu(NamedTuple):
         return 1 - 2 * (self.rotation.x**2 + self.rotation.y**2)
 
 
-class Sense(NamedTuple):
+class Sense(msgspec.Struct, frozen=True, gc=False):
     """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh."""
 
     angles: Twelve

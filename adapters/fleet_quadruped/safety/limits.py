@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+
+import msgspec
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.robot.description import Joint
@@ -14,7 +15,7 @@ from fleet_quadruped.robot.parts import Safety
 _SAME = 1e-9  # rad
 
 
-class Limited(NamedTuple):
+class Limited(msgspec.Struct, frozen=True, gc=False):
     """Targets that are safe to write, and how many numbers had to be changed."""
 
     targets: Targets

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from operator import ge, le
-from typing import NamedTuple
+
+import msgspec
 
 from fleet_quadruped.body.sense import Imu
 from fleet_quadruped.drives.base import Joints, Power
@@ -23,7 +24,7 @@ _FROZEN = 0.3  # s in which an IMU on a walking dog cannot say the same, to the 
 _LASTS = 1.5  # s that a supply must be low: one odd value, or a moment under load, is not
 
 
-class Observed(NamedTuple):
+class Observed(msgspec.Struct, frozen=True, gc=False):
     """One cycle: ``targets`` are the angles last written, ages in seconds, ``voltage`` is the battery's."""
 
     mode: Mode

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.robot.description import EXAMPLE, load_description
-from fleet_quadruped.safety.limits import Limits
+from fleet_quadruped.safety.limits import Limited, Limits
 
 DOG = load_description(EXAMPLE)
 JOINTS, SAFETY, DT = DOG.all_joints, DOG.safety, DOG.dt
@@ -36,7 +36,7 @@ def test_no_target_moves_farther_than_one_step(angles, last, measured):
 @given(inside)
 def test_what_is_safe_is_not_changed(posture):
     wanted = Targets(posture, (0.0,) * 12, (0.0,) * 12)
-    assert LIMITS.limit(wanted, posture, posture, DT) == (wanted, 0)
+    assert LIMITS.limit(wanted, posture, posture, DT) == Limited(wanted, 0)
 
 
 def test_not_a_number_keeps_the_last_target():
