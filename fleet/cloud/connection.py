@@ -100,8 +100,8 @@ class Connection:
         self.flush()
 
     def _receive(self) -> None:
-        """Read, and hand over the messages; a failure waits for the loop."""
-        if self._stream.closed:
+        """Read, and hand over the messages; a failure waits for the loop, and nothing is believed after it."""
+        if self._stream.closed or self._failure is not None:
             return
         now = self._clock.monotonic()
         self._reads += 1

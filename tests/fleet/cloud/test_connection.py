@@ -136,6 +136,17 @@ async def test_a_broker_that_ends_while_the_loop_is_stuck_is_left_to_the_loop(co
     assert len(broker.handed) == 1
 
 
+async def test_after_nonsense_nothing_is_believed_any_more(connection, broker):
+    broker.end.sendall(b"\x00\x00")
+    arrived(connection)
+    for _ in range(2):
+        connection.stand_in()
+    broker.say(mqtt5.PublishPacket("t", b"x"))
+    arrived(connection)
+    assert "not an MQTT packet" in str(await asyncio.wait_for(connection.ended, WITHIN))
+    assert broker.handed == []
+
+
 async def test_a_link_is_kept_alive_while_the_loop_is_stuck(connection, broker, clock):
     clock.advance(SETTINGS.keepalive)
     connection.stand_in()
