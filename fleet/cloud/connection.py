@@ -100,7 +100,7 @@ class Connection:
         self.flush()
 
     def _receive(self) -> None:
-        """Read, and hand over the messages; a failure waits for the loop, and nothing is believed after it."""
+        """Read, and hand over the messages; a failure waits for the loop, nothing is believed after it."""
         if self._stream.closed or self._failure is not None:
             return
         now = self._clock.monotonic()

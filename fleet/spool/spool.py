@@ -281,7 +281,8 @@ class Spool:
         """Change the file, within its budget."""
         size = sum(len(message.payload) + 100 for message in work.rows)
         if work.rows and not store.room(size):
-            self._tell_removed(store.evict(size), Reason.ROOM)
+            for removed in store.evict(size):
+                self._tell_removed(removed, Reason.ROOM)
         store.change(work.rows, work.done, losses)
 
     def _fetch(self, store: Store) -> None:

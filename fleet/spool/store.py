@@ -125,16 +125,17 @@ class Store:
         """Tell whether ``size`` more bytes stay within the budget."""
         return self._used() + size / PAGE < FULL_AT * self._pages
 
-    def evict(self, size: int) -> list[tuple[str, int]]:
-        """Remove the oldest of what matters least until ``size`` bytes fit; return topics and numbers."""
-        evicted: list[tuple[str, int]] = []
-        with self._transaction():
-            while self._used() + size / PAGE > ROOM_AT * self._pages:
-                oldest = self._oldest()
-                if not oldest:
-                    break
-                evicted += self._remove(oldest)
-        return evicted
+    def evict(self, size: int) -> Iterator[list[tuple[str, int]]]:
+        """Remove the oldest of what matters least until ``size`` bytes fit; yield topics and numbers.
+
+        It is done in parts: what all of it would take in memory grows with the file.
+        """
+        while self._used() + size / PAGE > ROOM_AT * self._pages:
+            with self._transaction():
+                removed = self._remove(self._oldest())
+            if not removed:
+                break
+            yield removed
 
     def expire(self, wall: float) -> list[tuple[str, int]]:
         """Remove what is too old, a part at a time; return topics and numbers."""

@@ -1,5 +1,6 @@
 """The spool on a real disk: violent deaths, full disks, damaged files, two edges; and what is told."""
 
+import contextlib
 import os
 import signal
 import sqlite3
@@ -227,3 +228,20 @@ def test_making_room_does_not_read_all_that_waits(tmp_path):
         assert [seq for seq, _ in store._oldest()] == list(range(1, LEAST_EVICTED + 1))
         store.close()
     assert len(steps[8000]) < 2 * len(steps[1000])
+
+
+def test_room_is_made_in_parts_however_large_the_file_is(tmp_path):
+    store = Store(tmp_path / "spool", 4 * 1024 * 1024)
+    seqs = range(1, 4001)
+    with contextlib.closing(store):
+        for start in range(0, 4000, 100):
+            rows = [
+                Outgoing("t", bytes(800), 1, Traffic.EVENT, expires=9e9, seq=seq)
+                for seq in seqs[start : start + 100]
+            ]
+            store.change(rows, [])
+        parts = list(store.evict(300_000))
+        assert store.room(300_000)
+    assert len(parts) > 1
+    assert max(map(len, parts)) <= LEAST_EVICTED
+    assert [seq for part in parts for _, seq in part] == list(seqs[: sum(map(len, parts))])
