@@ -14,16 +14,16 @@ from typing import NamedTuple
 
 import msgspec
 
+from fleet_quadruped.body.balance import Balance, loads
 from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.robot.parts import Gait
 
 _FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
 _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
-_REST_CYCLES = 2.0
+_REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle
 _WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
-_WALK_START = 0.97  # of a cycle: the body is aside before the first foot leaves the ground
-_SWAY_IN, _SWAY_OUT = 8.0, 2.0  # shares of the sway that come into effect in a cycle, and out of it
-_FLAT = 1.6  # how early the body is aside: 1 is a plain sine
+_MIDDLE = (0.0, 0.0)
+_WALK_START = 0.75  # of a cycle: the body is aside before the first foot leaves the ground
 
 
 class Twist(msgspec.Struct, frozen=True, gc=False):
@@ -45,7 +45,8 @@ class Twist(msgspec.Struct, frozen=True, gc=False):
 class Pattern(NamedTuple):
     """When the feet of FL, FR, RL, RR are lifted: each at the share ``duty`` of its own cycle.
 
-    ``start``: where in the cycle it begins. ``sway``: how far the body goes aside, m.
+    ``start``: where in the cycle it begins, with all feet on the ground until the cycle is over or half over.
+    ``sway``: how far it presses to the side of the standing feet, m: right in the first half of a cycle.
     """
 
     period: float
@@ -53,15 +54,12 @@ class Pattern(NamedTuple):
     phases: tuple[float, float, float, float]
     start: float
     sway: float = 0.0
-
-    def shift(self, phase: float) -> float:
-        """Return how far the body is to the left, as a share of the sway."""
-        return -max(-1.0, min(1.0, _FLAT * math.sin(math.tau * phase))) if self.sway else 0.0
+    reach: float = 0.0
 
 
 def trot(gait: Gait) -> Pattern:
     """Return the trot: fast, two feet on the ground."""
-    return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), gait.duty)
+    return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), 0.5)
 
 
 def walk(gait: Gait) -> Pattern:
@@ -69,7 +67,7 @@ def walk(gait: Gait) -> Pattern:
     lifts = (0.26, 0.76, 0.08, 0.58)
     front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
     phases = (front_left, front_right, rear_left, rear_right)
-    return Pattern(gait.walk.period, _WALK_DUTY, phases, _WALK_START, gait.walk.sway)
+    return Pattern(gait.walk.period, _WALK_DUTY, phases, _WALK_START, gait.walk.sway, gait.walk.reach)
 
 
 class Steps:
@@ -81,16 +79,14 @@ class Steps:
         self._radius = foot_radius
         self._pattern = trot(gait)
         self._phase = 0.0
-        self._swaying = 0.0  # share of the sway that is in effect
-        self._rest = _REST_CYCLES
+        self._rest = 0.0  # cycles since it had a velocity
+        self._lifts = False  # feet leave the ground
+        self._last = False  # this half of a cycle is its last one
+        self.walking = False
+        self.balance = Balance()
         self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
-
-    @property
-    def walking(self) -> bool:
-        """True while feet are lifted."""
-        return self._rest < _REST_CYCLES
 
     def choose(self, pattern: Pattern) -> bool:
         """Take a pattern from now on; False while the feet still move in another: stand first."""
@@ -102,39 +98,98 @@ class Steps:
     def stand(self) -> None:
         """Put all feet in their neutral places at once (the dog has just stood up)."""
         self.feet = [(x, y, 0.0) for x, y in self._neutral]
-        self._phase, self._rest, self.stance = 0.0, _REST_CYCLES, [True] * 4
+        self._phase, self.walking, self.stance = 0.0, False, [True] * 4
+        self.balance = Balance()
+
+    def bearable(self, wanted: Twist) -> float:
+        """Return the share of a velocity that leaves no standing foot behind before it is lifted again."""
+        most = self._pattern.reach
+        if not most:
+            return 1.0
+        share = 1.0
+        for number in range(4):
+            x, y, _ = self.feet[number]
+            left = self._left(number)
+            at_x, at_y = x - self._neutral[number][0], y - self._neutral[number][1]
+            go_x, go_y = -(wanted.x - wanted.turn * y) * left, -(wanted.y + wanted.turn * x) * left
+            far = math.hypot(at_x + go_x, at_y + go_y)
+            if far > most and left > 0.0:
+                share = min(share, _until(at_x, at_y, go_x, go_y, most))
+        return share
+
+    def _left(self, number: int) -> float:
+        """Return the seconds for which a foot stays on the ground, 0 for one in the air."""
+        pattern = self._pattern
+        left = pattern.duty - (self._phase + pattern.phases[number]) % 1.0
+        if not self.walking:
+            return 0.0
+        if not self._lifts:
+            wait = 1.0 - self._phase if self._phase >= 0.5 else 0.5 - self._phase
+            left = left if left > wait else left + 1.0
+        return max(0.0, left) * pattern.period
 
     def step(
-        self, dt: float, wanted: Twist, error: Twist, height: float, tilt: tuple[float, float]
+        self,
+        dt: float,
+        wanted: Twist,
+        error: Twist,
+        height: float,
+        tilt: tuple[float, float],
+        pull: tuple[float, float] = (0.0, 0.0),
     ) -> list[Point]:
         """Return the feet after ``dt`` seconds.
 
-        ``error`` is measured less wanted velocity; ``tilt`` is (roll, pitch), rad.
+        ``error`` is measured less wanted velocity; ``tilt`` is (roll, pitch), rad; ``pull`` the acceleration
+        that is wanted, m/s2.
         """
         roll, pitch = tilt
-        if not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE:
-            self._rest = 0.0 if self.walking else self._start()
-        elif self.walking:
-            self._rest += dt / self._pattern.period
-        self._sway(dt)
+        moving = not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE
+        self._rest = 0.0 if moving else self._rest + dt / self._pattern.period
         if self.walking:
-            self._phase = (self._phase + dt / self._pattern.period) % 1.0
+            self._advance(dt / self._pattern.period)
+        elif moving:
+            self._start()
+        self._sway(dt, height, pull)
+        if self.walking:
             for number in range(4):
                 self._move(number, dt, wanted, error)
         else:
             self._settle(dt)
         return self._levelled(height, roll, pitch)
 
-    def _start(self) -> float:
-        """Begin a cycle."""
-        self._phase = self._pattern.start
-        return 0.0
+    def loads(self) -> list[float]:
+        """Return the share of the weight that each foot bears."""
+        return loads(self.feet, self.stance, self.balance.place)
 
-    def _sway(self, dt: float) -> None:
-        """Bring the sway into effect while it walks, and out of it in its last cycle."""
-        goal = 1.0 if self._rest < _REST_CYCLES - 1.0 else 0.0
-        share = dt / self._pattern.period
-        self._swaying += max(-_SWAY_OUT * share, min(_SWAY_IN * share, goal - self._swaying))
+    def _start(self) -> None:
+        """Begin a cycle."""
+        self._phase, self._lifts, self._last = self._pattern.start, not self._pattern.sway, False
+        self.walking = True
+
+    def _advance(self, share: float) -> None:
+        """Move on by a share of a cycle; where a half of it ends, all feet are down, and it may stand."""
+        half = self._phase < 0.5
+        self._phase = (self._phase + share) % 1.0
+        if (self._phase < 0.5) is half:
+            return
+        self._lifts = True
+        self.walking = not self._last
+        self._last = self._rest >= _REST_CYCLES
+
+    def _sway(self, dt: float, height: float, pull: tuple[float, float]) -> None:
+        """Bring the body over the feet that stand in this half of a cycle, and on its way to the others."""
+        pattern, place, goal = self._pattern, _MIDDLE, _MIDDLE
+        if self.walking and pattern.sway:
+            near, far = (1, 0) if self._phase < 0.5 else (0, 1)
+            place = self._amid(near) if self._lifts else _MIDDLE
+            goal = _MIDDLE if self._last else self._amid(far)
+        self.balance.step(dt, height, place, goal, (0.5 - self._phase % 0.5) * pattern.period, pull)
+
+    def _amid(self, front: int) -> tuple[float, float]:
+        """Return where the body presses to stand on the feet of one side while one of the other is lifted."""
+        (x, y, _), (rear_x, rear_y, _) = self.feet[front], self.feet[front + 2]
+        neutral = self._neutral[front][1]
+        return (x + rear_x) / 2, (y + rear_y) / 2 - neutral + math.copysign(self._pattern.sway, neutral)
 
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""
@@ -148,7 +203,7 @@ class Steps:
         """Move one foot: with the ground, or through the air to its next place."""
         phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
-        if phase < self._pattern.duty:
+        if phase < self._pattern.duty or not self._lifts:
             self.stance[number] = True
             turn = wanted.turn
             self.feet[number] = (x - (wanted.x - turn * y) * dt, y - (wanted.y + turn * x) * dt, 0.0)
@@ -178,10 +233,19 @@ class Steps:
 
     def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
         """Return the feet at their height; those on the ground also level the body."""
-        pattern, posture, ground = self._pattern, self._gait.posture, -(height - self._radius)
-        aside = pattern.sway * pattern.shift(self._phase) * self._swaying
+        posture, ground, ahead, aside = self._gait.posture, self._radius - height, self.balance.x, self.balance.y
         feet: list[Point] = []
         for (x, y, lift), stands in zip(self.feet, self.stance, strict=True):
             level = posture * (roll * y - pitch * x) if stands else 0.0
-            feet.append((x, y - aside, ground + lift + max(-0.05, min(0.05, level))))
+            feet.append((x - ahead, y - aside, ground + lift + max(-0.05, min(0.05, level))))
         return feet
+
+
+def _until(at_x: float, at_y: float, go_x: float, go_y: float, most: float) -> float:
+    """Return the share of a way after which a point is ``most`` from the middle, 0 for none of it."""
+    square = go_x * go_x + go_y * go_y
+    along = at_x * go_x + at_y * go_y
+    under = along * along - square * (at_x * at_x + at_y * at_y - most * most)
+    if under <= 0.0:
+        return 0.0
+    return max(0.0, (math.sqrt(under) - along) / square)

@@ -60,16 +60,21 @@ class Walker:
         pattern, pace = self._patterns[self.gait]
         if not self._steps.choose(pattern):
             wanted = Twist()
-        self.odometry.update(dt, sense, self._steps.stance)
-        self._ramped = ramped(self._ramped, limited(wanted, pace, self.speed_share), pace, dt)
+        self.odometry.update(dt, sense, self._steps.stance, self._steps.balance)
+        before = self._ramped
+        goal = limited(wanted, pace, self.speed_share)
+        share = self._steps.bearable(goal)
+        self._ramped = ramped(before, Twist(goal.x * share, goal.y * share, goal.turn * share), pace, dt)
+        now = self._ramped
+        pull = ((now.x - before.x) / dt - now.turn * now.y, (now.y - before.y) / dt + now.turn * now.x)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
-        now, added, seen = self._ramped, self._added, self.odometry.twist
+        added, seen = self._added, self.odometry.twist
         given = Twist(now.x + added.x, now.y + added.y, now.turn + added.turn)
         error = Twist(seen.x - now.x, seen.y - now.y)
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
-        return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt), sense)
+        return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt, pull), sense)
 
     def _correct(self, dt: float) -> None:
         """Integrate what is missing of the velocity while it walks; forget it when it stops."""
@@ -96,13 +101,14 @@ class Walker:
 
     def _carrying(self, sense: Sense) -> Twelve:
         """Return the torques that hold the weight on the standing feet."""
-        standing = sum(self._steps.stance) or 1
-        weight = self._dog.robot.mass * GRAVITY / standing
-        torques: list[float] = []
-        for number, leg in enumerate(self._dog.legs):
-            if self._steps.stance[number]:
-                abad, hip, knee = leg.jacobian(leg_angles(sense.angles, number))
-                torques += (-weight * abad[2], -weight * hip[2], -weight * knee[2])
-            else:
+        weight, torques, balance = self._dog.robot.mass * GRAVITY, [], self._steps.balance
+        ahead, aside = balance.push(self.height)
+        for number, share in enumerate(self._steps.loads()):
+            if not share:
                 torques += (0.0, 0.0, 0.0)
+                continue
+            down = -weight * share
+            x, y = down * ahead, down * aside
+            for column in self._dog.legs[number].jacobian(leg_angles(sense.angles, number)):
+                torques.append(x * column[0] + y * column[1] + down * column[2])
         return tuple(torques)
