@@ -66,7 +66,7 @@ class Walker:
         share = self._steps.bearable(goal)
         self._ramped = ramped(before, Twist(goal.x * share, goal.y * share, goal.turn * share), pace, dt)
         now = self._ramped
-        pull = ((now.x - before.x) / dt - now.turn * now.y, (now.y - before.y) / dt + now.turn * now.x)
+        pull = (0.5 * (now.x - before.x) / dt - now.turn * now.y, 0.5 * (now.y - before.y) / dt + now.turn * now.x)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
