@@ -15,6 +15,9 @@ from fleet_quadruped.body.legs import Point
 GRAVITY = 9.81  # m/s2
 _LEAN_TIME = 0.1  # s in which the body leans into an acceleration
 _SHIFT_TIME = 0.04  # s in which the weight goes from foot to foot
+_MARGIN = 0.045  # m from the line between two feet to where it presses
+_AMID = 0.35
+_SHORT = 0.01  # m: feet so near each other have no line between them
 _THIN = 1e-4  # m2: feet in a line bear nothing beside it
 _MOST = 0.05  # m that it leans
 
@@ -65,6 +68,21 @@ class Balance:
 def _within(value: float) -> float:
     """Return how far it leans."""
     return max(-_MOST, min(_MOST, value))
+
+
+def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
+    """Return a place that is well on the third foot's side of the line between two others."""
+    line_x, line_y = end[0] - start[0], end[1] - start[1]
+    long = math.hypot(line_x, line_y)
+    if long < _SHORT:
+        return place
+    out_x, out_y = -line_y / long, line_x / long
+    high = (third[0] - start[0]) * out_x + (third[1] - start[1]) * out_y
+    if high < 0:
+        out_x, out_y, high = -out_x, -out_y, -high
+    margin = min(_MARGIN, high * _AMID)
+    missing = margin - (place[0] - start[0]) * out_x - (place[1] - start[1]) * out_y
+    return (place[0] + out_x * missing, place[1] + out_y * missing) if missing > 0 else place
 
 
 def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[float]:

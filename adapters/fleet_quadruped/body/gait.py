@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from fleet_quadruped.body.balance import Balance, loads
+from fleet_quadruped.body.balance import Balance, Place, inside, loads
 from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.robot.parts import Gait
 
@@ -23,6 +23,7 @@ _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
 _REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle
 _WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
 _MIDDLE = (0.0, 0.0)
+_WALK_REACH = 1.2
 _WALK_START = 0.75  # of a cycle: the body is aside before the first foot leaves the ground
 
 
@@ -54,7 +55,7 @@ class Pattern(NamedTuple):
     phases: tuple[float, float, float, float]
     start: float
     sway: float = 0.0
-    reach: float = 0.0
+    reach: tuple[float, float] | None = None
 
 
 def trot(gait: Gait) -> Pattern:
@@ -67,7 +68,9 @@ def walk(gait: Gait) -> Pattern:
     lifts = (0.26, 0.76, 0.08, 0.58)
     front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
     phases = (front_left, front_right, rear_left, rear_right)
-    return Pattern(gait.walk.period, _WALK_DUTY, phases, _WALK_START, gait.walk.sway, gait.walk.reach)
+    pace, most = gait.walk, _WALK_REACH * gait.walk.period * _WALK_DUTY / 2
+    reach = pace.speed * most, max(pace.strafe, pace.turn * 0.19) * most
+    return Pattern(pace.period, _WALK_DUTY, phases, _WALK_START, pace.sway, reach)
 
 
 class Steps:
@@ -103,18 +106,16 @@ class Steps:
 
     def bearable(self, wanted: Twist) -> float:
         """Return the share of a velocity that leaves no standing foot behind before it is lifted again."""
-        most = self._pattern.reach
-        if not most:
+        if not self._pattern.reach:
             return 1.0
-        share = 1.0
-        for number in range(4):
-            x, y, _ = self.feet[number]
-            left = self._left(number)
-            at_x, at_y = x - self._neutral[number][0], y - self._neutral[number][1]
-            go_x, go_y = -(wanted.x - wanted.turn * y) * left, -(wanted.y + wanted.turn * x) * left
-            far = math.hypot(at_x + go_x, at_y + go_y)
-            if far > most and left > 0.0:
-                share = min(share, _until(at_x, at_y, go_x, go_y, most))
+        share, (wide, deep) = 1.0, self._pattern.reach
+        for number, (x, y, _) in enumerate(self.feet):
+            left, neutral = self._left(number), self._neutral[number]
+            at_x, at_y = (x - neutral[0]) / wide, (y - neutral[1]) / deep
+            go_x = -(wanted.x - wanted.turn * y) * left / wide
+            go_y = -(wanted.y + wanted.turn * x) * left / deep
+            if left > 0.0 and math.hypot(at_x + go_x, at_y + go_y) > 1.0:
+                share = min(share, _until(at_x, at_y, go_x, go_y))
         return share
 
     def _left(self, number: int) -> float:
@@ -180,16 +181,21 @@ class Steps:
         """Bring the body over the feet that stand in this half of a cycle, and on its way to the others."""
         pattern, place, goal = self._pattern, _MIDDLE, _MIDDLE
         if self.walking and pattern.sway:
-            near, far = (1, 0) if self._phase < 0.5 else (0, 1)
-            place = self._amid(near) if self._lifts else _MIDDLE
-            goal = _MIDDLE if self._last else self._amid(far)
+            side = 1 if self._phase < 0.5 else 0
+            place = self._amid(side, rear=self._phase % 0.5 < 0.25) if self._lifts else _MIDDLE
+            goal = _MIDDLE if self._last else self._amid(1 - side, rear=True)
         self.balance.step(dt, height, place, goal, (0.5 - self._phase % 0.5) * pattern.period, pull)
 
-    def _amid(self, front: int) -> tuple[float, float]:
-        """Return where the body presses to stand on the feet of one side while one of the other is lifted."""
-        (x, y, _), (rear_x, rear_y, _) = self.feet[front], self.feet[front + 2]
-        neutral = self._neutral[front][1]
-        return (x + rear_x) / 2, (y + rear_y) / 2 - neutral + math.copysign(self._pattern.sway, neutral)
+    def _amid(self, side: int, *, rear: bool) -> Place:
+        """Return where the body presses to stand on the feet of a side (0 left) and one of the other.
+
+        ``rear``: its rear foot is the one that is lifted, else its front foot.
+        """
+        front, back, away = self.feet[side], self.feet[side + 2], self.feet[(1 if rear else 3) - side]
+        neutral = self._neutral[side][1]
+        y = (front[1] + back[1]) / 2 - neutral + math.copysign(self._pattern.sway, neutral)
+        place = ((front[0] + back[0]) / 2, y)
+        return inside(place, back, away, front) if rear else inside(place, front, away, back)
 
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""
@@ -241,11 +247,8 @@ class Steps:
         return feet
 
 
-def _until(at_x: float, at_y: float, go_x: float, go_y: float, most: float) -> float:
-    """Return the share of a way after which a point is ``most`` from the middle, 0 for none of it."""
-    square = go_x * go_x + go_y * go_y
-    along = at_x * go_x + at_y * go_y
-    under = along * along - square * (at_x * at_x + at_y * at_y - most * most)
-    if under <= 0.0:
-        return 0.0
-    return max(0.0, (math.sqrt(under) - along) / square)
+def _until(at_x: float, at_y: float, go_x: float, go_y: float) -> float:
+    """Return the share of a way after which a point is 1 from the middle, 0 for none of it."""
+    square, along = go_x * go_x + go_y * go_y, at_x * go_x + at_y * go_y
+    under = along * along - square * (at_x * at_x + at_y * at_y - 1.0)
+    return max(0.0, (math.sqrt(under) - along) / square) if under > 0.0 else 0.0

@@ -125,7 +125,6 @@ class Walk(Pace):
     turn: Positive = Field(0.35, description="Highest turning speed, rad/s.")
     acceleration: Positive = Field(0.2, description="m/s2.")
     turn_acceleration: Positive = Field(0.5, description="rad/s2.")
-    reach: Positive = Field(0.11, description="Farthest a foot is left behind, m.")
     period: float = Field(1.4, gt=0.5, le=5, description="Seconds for one full cycle of four steps.")
     sway: Positive = Field(0.06, description="How far it presses to the side of the standing feet, m.")
 
