@@ -23,7 +23,7 @@ _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
 _REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle
 _WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
 _MIDDLE = (0.0, 0.0)
-_WALK_REACH = 1.2
+_WALK_REACH = 1.3
 _WALK_START = 0.75  # of a cycle: the body is aside before the first foot leaves the ground
 
 
@@ -90,6 +90,7 @@ class Steps:
         self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
+        self.loads = [0.25] * 4  # the share of the weight that each foot bears
 
     def choose(self, pattern: Pattern) -> bool:
         """Take a pattern from now on; False while the feet still move in another: stand first."""
@@ -156,11 +157,8 @@ class Steps:
                 self._move(number, dt, wanted, error)
         else:
             self._settle(dt)
+        self.loads = loads(self.feet, self.stance, self.balance.place)
         return self._levelled(height, roll, pitch)
-
-    def loads(self) -> list[float]:
-        """Return the share of the weight that each foot bears."""
-        return loads(self.feet, self.stance, self.balance.place)
 
     def _start(self) -> None:
         """Begin a cycle."""

@@ -34,13 +34,13 @@ class Odometry:
         """Note that the dog does not walk: it moves nowhere."""
         self.twist = Twist()
 
-    def update(self, dt: float, sense: Sense, stance: Sequence[bool], own: Balance | None = None) -> None:
+    def update(self, dt: float, sense: Sense, loads: Sequence[float], own: Balance | None = None) -> None:
         """Move on by what the standing feet say; ``stance`` tells which of the four stand."""
         gyro = sense.imu.gyro if sense.imu else None
-        standing = [self._motion(number, sense, gyro) for number in range(4) if stance[number]]
+        standing = [self._motion(number, sense, gyro) for number in range(4) if loads[number]]
         if not standing:
             return
-        seen = body_twist(standing, None if gyro is None else gyro.z)
+        seen = body_twist(standing, None if gyro is None else gyro.z, [load for load in loads if load])
         share = min(1.0, dt / self._smooth)
         old = self.twist
         self.twist = Twist(
@@ -80,15 +80,19 @@ class Odometry:
         return leg.x + x, leg.y + y, moved_x - self._radius * about_y, moved_y + self._radius * about_x
 
 
-def body_twist(feet: Sequence[Planar], turn: float | None) -> Twist:
-    """Return the body's velocity for which all standing feet rest; least squares without a known turn."""
+def body_twist(feet: Sequence[Planar], turn: float | None, loads: Sequence[float] = ()) -> Twist:
+    """Return the body's velocity for which all standing feet rest; least squares without a known turn.
+
+    A foot counts as much as it bears; without ``loads`` all count alike.
+    """
     if turn is None:
         turn = _turn_of(feet)
-    along = aside = 0.0
-    for x, y, moved_x, moved_y in feet:
-        along -= moved_x - turn * y
-        aside -= moved_y + turn * x
-    return Twist(along / len(feet), aside / len(feet), turn)
+    along = aside = whole = 0.0
+    for (x, y, moved_x, moved_y), load in zip(feet, loads or [1.0] * len(feet), strict=True):
+        along -= (moved_x - turn * y) * load
+        aside -= (moved_y + turn * x) * load
+        whole += load
+    return Twist(along / whole, aside / whole, turn)
 
 
 def _turn_of(feet: Sequence[Planar]) -> float:

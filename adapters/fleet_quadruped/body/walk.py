@@ -60,7 +60,7 @@ class Walker:
         pattern, pace = self._patterns[self.gait]
         if not self._steps.choose(pattern):
             wanted = Twist()
-        self.odometry.update(dt, sense, self._steps.stance, self._steps.balance)
+        self.odometry.update(dt, sense, self._steps.loads, self._steps.balance)
         before = self._ramped
         goal = limited(wanted, pace, self.speed_share)
         share = self._steps.bearable(goal)
@@ -103,7 +103,7 @@ class Walker:
         """Return the torques that hold the weight on the standing feet."""
         weight, torques, balance = self._dog.robot.mass * GRAVITY, [], self._steps.balance
         ahead, aside = balance.push(self.height)
-        for number, share in enumerate(self._steps.loads()):
+        for number, share in enumerate(self._steps.loads):
             if not share:
                 torques += (0.0, 0.0, 0.0)
                 continue
