@@ -204,7 +204,7 @@ class Steps:
         self.stance = [True] * 4
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
-        """Move one foot: with the ground, or through the air to its next place."""
+        """Move one foot: with the ground, or through the air, where it leaves and meets the moving ground."""
         phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
         if phase < self._pattern.duty or not self._lifts:
@@ -219,9 +219,11 @@ class Steps:
         goal = self._goal(number, wanted, error)
         start = self._lifted[number]
         smooth = share * share * (3 - 2 * share)
+        near_x, near_y = self._neutral[number]
+        drift = ((1 - share) * smooth - share * (1 - smooth)) * (1.0 - self._pattern.duty) * self._pattern.period
         self.feet[number] = (
-            start[0] + (goal[0] - start[0]) * smooth,
-            start[1] + (goal[1] - start[1]) * smooth,
+            start[0] + (goal[0] - start[0]) * smooth + (wanted.x - wanted.turn * near_y) * drift,
+            start[1] + (goal[1] - start[1]) * smooth + (wanted.y + wanted.turn * near_x) * drift,
             self._gait.swing * math.sin(math.pi * share),
         )
 
