@@ -15,12 +15,13 @@ from fleet_quadruped.body.legs import Point
 GRAVITY = 9.81  # m/s2
 _LEAN_TIME = 0.1  # s in which the body leans into an acceleration
 _SHIFT_TIME = 0.04  # s in which the weight goes from foot to foot
-_MARGIN = 0.045  # m from the line between two feet to where it presses
-_AMID = 0.35
+_MARGIN, _AMID = (
+    0.045,
+    0.35,
+)  # m from the line between two feet to where it presses, or of the way to the third
 _SHORT = 0.01  # m: feet so near each other have no line between them
 _THIN = 1e-4  # m2: feet in a line bear nothing beside it
 _MOST = 0.05  # m that it leans
-
 
 Place = tuple[float, float]  # m ahead and to the left
 
@@ -28,27 +29,24 @@ Place = tuple[float, float]  # m ahead and to the left
 class Balance:
     """``x``, ``y``: how far (m) the body's centre is ahead and to the left of its place over the feet.
 
-    ``speed_x``, ``speed_y``: how fast (m/s) this changes.
+    ``speed``: how fast (m/s) this changes. ``place``: where it presses on the ground.
     """
 
     def __init__(self) -> None:
         self.x = self.y = 0.0
-        self.speed_x = self.speed_y = 0.0
+        self.speed = self.place = (0.0, 0.0)
         self._sway_x = self._sway_y = 0.0
         self._lean_x = self._lean_y = 0.0
-        self.place = (0.0, 0.0)
 
     def push(self, height: float) -> tuple[float, float]:
         """Return how the ground pushes it, ahead and to the left, as shares of its weight."""
         return (self._sway_x - self.place[0]) / height, (self._sway_y - self.place[1]) / height
 
-    def step(
-        self, dt: float, height: float, place: Place, goal: Place, left: float, pull: tuple[float, float]
-    ) -> None:
+    def step(self, dt: float, height: float, place: Place, goal: Place, *, left: float, pull: Place) -> None:
         """Move on by ``dt`` seconds.
 
-        The body presses on ``place`` for ``left`` seconds more, and is to arrive so that from then on it would
-        come to rest at ``goal``. ``pull``: its acceleration, m/s2.
+        The body presses on ``place`` for ``left`` seconds more, and is to move then as if it were to come to
+        rest at ``goal``. ``pull``: its acceleration, m/s2.
         """
         rate = math.sqrt(GRAVITY / height)
         near, share = 1.0 - math.exp(-rate * left), min(1.0, rate * dt)
@@ -61,7 +59,7 @@ class Balance:
         self._lean_x += (_within(pull[0] * reach) - self._lean_x) * share
         self._lean_y += (_within(pull[1] * reach) - self._lean_y) * share
         x, y = self._sway_x + self._lean_x, self._sway_y + self._lean_y
-        self.speed_x, self.speed_y = (x - self.x) / dt, (y - self.y) / dt
+        self.speed = (x - self.x) / dt, (y - self.y) / dt
         self.x, self.y = x, y
 
 
@@ -71,7 +69,7 @@ def _within(value: float) -> float:
 
 
 def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
-    """Return a place that is well on the third foot's side of the line between two others."""
+    """Return the place, or the nearest one that is well on the third foot's side of a line between two."""
     line_x, line_y = end[0] - start[0], end[1] - start[1]
     long = math.hypot(line_x, line_y)
     if long < _SHORT:
@@ -100,7 +98,9 @@ def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[f
     off_x, off_y = place[0] - mean_x, place[1] - mean_y
     under = xx * yy - xy * xy
     along, across = (off_x * yy - off_y * xy) / under, (off_y * xx - off_x * xy) / under
-    return [
+    shares = [
         max(0.0, 1 / count + along * (x - mean_x) + across * (y - mean_y)) if stands else 0.0
         for (x, y, _), stands in zip(feet, stance, strict=True)
     ]
+    whole = sum(shares)
+    return [share / whole for share in shares]

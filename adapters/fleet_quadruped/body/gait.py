@@ -1,30 +1,27 @@
 """Trot and walk: where the feet are to be, from a velocity, step by step of time.
 
 Feet are in the body frame (m). In the trot diagonal legs swing together. In the walk one leg swings at a
-time, each side's rear leg before its front leg, and the body sways to the other side first, so that it is
-always over the feet that stand. Zero velocity for two whole cycles ends either with all feet in their neutral
-places.
+time, each side's rear leg before its front leg, and the body sways to the other side first, so that it
+presses on the ground amid the feet that stand. Zero velocity ends either where a half of a cycle does, when
+each foot has been lifted once more and all are in their neutral places.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import msgspec
 
 from fleet_quadruped.body.balance import Balance, Place, inside, loads
 from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.pattern import Pattern, trot
 from fleet_quadruped.robot.parts import Gait
 
 _FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
 _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
-_REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle
-_WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
+_REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle: each foot is lifted once more
 _MIDDLE = (0.0, 0.0)
-_WALK_REACH = 1.3
-_WALK_START = 0.75  # of a cycle: the body is aside before the first foot leaves the ground
 
 
 class Twist(msgspec.Struct, frozen=True, gc=False):
@@ -43,38 +40,11 @@ class Twist(msgspec.Struct, frozen=True, gc=False):
         return abs(self.x) < 1e-4 and abs(self.y) < 1e-4 and abs(self.turn) < 1e-4
 
 
-class Pattern(NamedTuple):
-    """When the feet of FL, FR, RL, RR are lifted: each at the share ``duty`` of its own cycle.
-
-    ``start``: where in the cycle it begins, with all feet on the ground until the cycle is over or half over.
-    ``sway``: how far it presses to the side of the standing feet, m: right in the first half of a cycle.
-    """
-
-    period: float
-    duty: float
-    phases: tuple[float, float, float, float]
-    start: float
-    sway: float = 0.0
-    reach: tuple[float, float] | None = None
-
-
-def trot(gait: Gait) -> Pattern:
-    """Return the trot: fast, two feet on the ground."""
-    return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), 0.5)
-
-
-def walk(gait: Gait) -> Pattern:
-    """Return the walk: slow, three feet on the ground, statically stable."""
-    lifts = (0.26, 0.76, 0.08, 0.58)
-    front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
-    phases = (front_left, front_right, rear_left, rear_right)
-    pace, most = gait.walk, _WALK_REACH * gait.walk.period * _WALK_DUTY / 2
-    reach = pace.speed * most, max(pace.strafe, pace.turn * 0.19) * most
-    return Pattern(pace.period, _WALK_DUTY, phases, _WALK_START, pace.sway, reach)
-
-
 class Steps:
-    """The feet of a walking or standing dog."""
+    """The feet of a walking or standing dog, and how its body is over them.
+
+    ``loads``: the share of the weight that each foot bears.
+    """
 
     def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
         self._gait = gait
@@ -90,7 +60,7 @@ class Steps:
         self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
-        self.loads = [0.25] * 4  # the share of the weight that each foot bears
+        self.loads = [0.25] * 4
 
     def choose(self, pattern: Pattern) -> bool:
         """Take a pattern from now on; False while the feet still move in another: stand first."""
@@ -105,30 +75,33 @@ class Steps:
         self._phase, self.walking, self.stance = 0.0, False, [True] * 4
         self.balance = Balance()
 
-    def bearable(self, wanted: Twist) -> float:
-        """Return the share of a velocity that leaves no standing foot behind before it is lifted again."""
-        if not self._pattern.reach:
-            return 1.0
-        share, (wide, deep) = 1.0, self._pattern.reach
-        for number, (x, y, _) in enumerate(self.feet):
-            left, neutral = self._left(number), self._neutral[number]
-            at_x, at_y = (x - neutral[0]) / wide, (y - neutral[1]) / deep
-            go_x = -(wanted.x - wanted.turn * y) * left / wide
-            go_y = -(wanted.y + wanted.turn * x) * left / deep
+    def bearable(self, wanted: Twist) -> Twist:
+        """Return a velocity in the same direction that leaves no standing foot too far behind.
+
+        A foot that was put down for another velocity cannot follow before it is lifted again.
+        """
+        if self._pattern.reach is None or not self.walking:
+            return wanted
+        share, (long, wide) = 1.0, self._pattern.reach
+        for (x, y, _), (home_x, home_y), phase in zip(
+            self.feet, self._neutral, self._pattern.phases, strict=True
+        ):
+            left = self._left(phase)
+            at_x, at_y = (x - home_x) / long, (y - home_y) / wide
+            go_x, go_y = (
+                (wanted.turn * y - wanted.x) * left / long,
+                (-wanted.turn * x - wanted.y) * left / wide,
+            )
             if left > 0.0 and math.hypot(at_x + go_x, at_y + go_y) > 1.0:
                 share = min(share, _until(at_x, at_y, go_x, go_y))
-        return share
+        return Twist(wanted.x * share, wanted.y * share, wanted.turn * share)
 
-    def _left(self, number: int) -> float:
-        """Return the seconds for which a foot stays on the ground, 0 for one in the air."""
-        pattern = self._pattern
-        left = pattern.duty - (self._phase + pattern.phases[number]) % 1.0
-        if not self.walking:
-            return 0.0
-        if not self._lifts:
-            wait = 1.0 - self._phase if self._phase >= 0.5 else 0.5 - self._phase
-            left = left if left > wait else left + 1.0
-        return max(0.0, left) * pattern.period
+    def _left(self, phase: float) -> float:
+        """Return the seconds for which a foot with this phase stays on the ground, 0 for one in the air."""
+        left = self._pattern.duty - (self._phase + phase) % 1.0
+        if not self._lifts and left < 0.5 - self._phase % 0.5:
+            left += 1.0
+        return max(0.0, left) * self._pattern.period
 
     def step(
         self,
@@ -136,6 +109,7 @@ class Steps:
         wanted: Twist,
         error: Twist,
         height: float,
+        *,
         tilt: tuple[float, float],
         pull: tuple[float, float] = (0.0, 0.0),
     ) -> list[Point]:
@@ -182,7 +156,8 @@ class Steps:
             side = 1 if self._phase < 0.5 else 0
             place = self._amid(side, rear=self._phase % 0.5 < 0.25) if self._lifts else _MIDDLE
             goal = _MIDDLE if self._last else self._amid(1 - side, rear=True)
-        self.balance.step(dt, height, place, goal, (0.5 - self._phase % 0.5) * pattern.period, pull)
+        left = (0.5 - self._phase % 0.5) * pattern.period
+        self.balance.step(dt, height, place, goal, left=left, pull=pull)
 
     def _amid(self, side: int, *, rear: bool) -> Place:
         """Return where the body presses to stand on the feet of a side (0 left) and one of the other.
@@ -191,7 +166,7 @@ class Steps:
         """
         front, back, away = self.feet[side], self.feet[side + 2], self.feet[(1 if rear else 3) - side]
         neutral = self._neutral[side][1]
-        y = (front[1] + back[1]) / 2 - neutral + math.copysign(self._pattern.sway, neutral)
+        y = (front[1] + back[1]) / 2 - neutral * (1.0 - self._pattern.sway)
         place = ((front[0] + back[0]) / 2, y)
         return inside(place, back, away, front) if rear else inside(place, front, away, back)
 
@@ -204,7 +179,10 @@ class Steps:
         self.stance = [True] * 4
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
-        """Move one foot: with the ground, or through the air, where it leaves and meets the moving ground."""
+        """Move one foot: with the ground, or through the air to its next place.
+
+        It leaves the ground and meets it again as fast as the ground moves.
+        """
         phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
         if phase < self._pattern.duty or not self._lifts:
@@ -215,15 +193,18 @@ class Steps:
         if self.stance[number]:
             self.stance[number] = False
             self._lifted[number] = self.feet[number]
-        share = (phase - self._pattern.duty) / (1.0 - self._pattern.duty)
-        goal = self._goal(number, wanted, error)
-        start = self._lifted[number]
+        air = 1.0 - self._pattern.duty
+        share = (phase - self._pattern.duty) / air
+        goal, start, (home_x, home_y) = (
+            self._goal(number, wanted, error),
+            self._lifted[number],
+            self._neutral[number],
+        )
         smooth = share * share * (3 - 2 * share)
-        near_x, near_y = self._neutral[number]
-        drift = ((1 - share) * smooth - share * (1 - smooth)) * (1.0 - self._pattern.duty) * self._pattern.period
+        with_ground = (smooth - share) * air * self._pattern.period
         self.feet[number] = (
-            start[0] + (goal[0] - start[0]) * smooth + (wanted.x - wanted.turn * near_y) * drift,
-            start[1] + (goal[1] - start[1]) * smooth + (wanted.y + wanted.turn * near_x) * drift,
+            start[0] + (goal[0] - start[0]) * smooth + (wanted.x - wanted.turn * home_y) * with_ground,
+            start[1] + (goal[1] - start[1]) * smooth + (wanted.y + wanted.turn * home_x) * with_ground,
             self._gait.swing * math.sin(math.pi * share),
         )
 
@@ -239,7 +220,12 @@ class Steps:
 
     def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
         """Return the feet at their height; those on the ground also level the body."""
-        posture, ground, ahead, aside = self._gait.posture, self._radius - height, self.balance.x, self.balance.y
+        posture, ground, ahead, aside = (
+            self._gait.posture,
+            self._radius - height,
+            self.balance.x,
+            self.balance.y,
+        )
         feet: list[Point] = []
         for (x, y, lift), stands in zip(self.feet, self.stance, strict=True):
             level = posture * (roll * y - pitch * x) if stands else 0.0

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 from fleet import Vector3
 from fleet.model.geometry import wrap_angle
-from fleet_quadruped.body.balance import Balance
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.legs import Leg
 from fleet_quadruped.body.sense import Sense
@@ -34,8 +33,13 @@ class Odometry:
         """Note that the dog does not walk: it moves nowhere."""
         self.twist = Twist()
 
-    def update(self, dt: float, sense: Sense, loads: Sequence[float], own: Balance | None = None) -> None:
-        """Move on by what the standing feet say; ``stance`` tells which of the four stand."""
+    def update(
+        self, dt: float, sense: Sense, loads: Sequence[float], sway: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Move on by what the standing feet say: each counts as much of the weight as it bears.
+
+        ``sway``: how fast (m/s) the body moves over its feet of its own, which is no part of its twist.
+        """
         gyro = sense.imu.gyro if sense.imu else None
         standing = [self._motion(number, sense, gyro) for number in range(4) if loads[number]]
         if not standing:
@@ -44,8 +48,8 @@ class Odometry:
         share = min(1.0, dt / self._smooth)
         old = self.twist
         self.twist = Twist(
-            old.x + (seen.x - (own.speed_x if own else 0.0) - old.x) * share,
-            old.y + (seen.y - (own.speed_y if own else 0.0) - old.y) * share,
+            old.x + (seen.x - sway[0] - old.x) * share,
+            old.y + (seen.y - sway[1] - old.y) * share,
             old.turn + (seen.turn - old.turn) * share,
         )
         self._turn(dt, sense, seen.turn)

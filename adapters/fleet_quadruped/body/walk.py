@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import Literal
 
-from fleet_quadruped.body.gait import Steps, Twist, trot, walk
+from fleet_quadruped.body.balance import GRAVITY
+from fleet_quadruped.body.gait import Steps, Twist
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.odometry import Odometry
 from fleet_quadruped.body.pace import limited, ramped, within
+from fleet_quadruped.body.pattern import trot, walk
 from fleet_quadruped.body.sense import Sense, Targets
 from fleet_quadruped.robot.description import Description, leg_angles
 from fleet_quadruped.robot.names import Twelve
 
-GRAVITY = 9.81  # m/s2
 _INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
 _CORRECTION = 0.25  # m/s, and half of it in rad/s: the most that the loop adds
+_START_SHARE = 0.5  # of a change of speed that it leans into
 _HEIGHT_SPEED = 0.1  # m/s
 
 
@@ -35,7 +37,10 @@ class Walker:
         self.speed_share = 1.0
         self.gait: Literal["trot", "walk"] = "trot"
         self._last: Twelve | None = None
-        self._patterns = {"trot": (trot(dog.gait), dog.gait), "walk": (walk(dog.gait), dog.gait.walk)}
+        self._patterns = {
+            "trot": (trot(dog.gait), dog.gait),
+            "walk": (walk(dog.gait, dog.legs), dog.gait.walk),
+        }
 
     @property
     def walking(self) -> bool:
@@ -60,13 +65,10 @@ class Walker:
         pattern, pace = self._patterns[self.gait]
         if not self._steps.choose(pattern):
             wanted = Twist()
-        self.odometry.update(dt, sense, self._steps.loads, self._steps.balance)
+        self.odometry.update(dt, sense, self._steps.loads, self._steps.balance.speed)
         before = self._ramped
-        goal = limited(wanted, pace, self.speed_share)
-        share = self._steps.bearable(goal)
-        self._ramped = ramped(before, Twist(goal.x * share, goal.y * share, goal.turn * share), pace, dt)
-        now = self._ramped
-        pull = (0.5 * (now.x - before.x) / dt - now.turn * now.y, 0.5 * (now.y - before.y) / dt + now.turn * now.x)
+        goal = self._steps.bearable(limited(wanted, pace, self.speed_share))
+        now = self._ramped = ramped(before, goal, pace, dt)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
@@ -74,7 +76,8 @@ class Walker:
         given = Twist(now.x + added.x, now.y + added.y, now.turn + added.turn)
         error = Twist(seen.x - now.x, seen.y - now.y)
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
-        return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt, pull), sense)
+        feet = self._steps.step(dt, given, error, self.height, tilt=tilt, pull=_pull(dt, before, now))
+        return self._targets(dt, feet, sense)
 
     def _correct(self, dt: float) -> None:
         """Integrate what is missing of the velocity while it walks; forget it when it stops."""
@@ -100,15 +103,25 @@ class Walker:
         return Targets(posture, speeds, self._carrying(sense))
 
     def _carrying(self, sense: Sense) -> Twelve:
-        """Return the torques that hold the weight on the standing feet."""
-        weight, torques, balance = self._dog.robot.mass * GRAVITY, [], self._steps.balance
-        ahead, aside = balance.push(self.height)
-        for number, share in enumerate(self._steps.loads):
-            if not share:
+        """Return the torques that hold the weight on the standing feet, and move the body over them."""
+        weight = self._dog.robot.mass * GRAVITY
+        ahead, aside = self._steps.balance.push(self.height)
+        torques: list[float] = []
+        for number, (leg, load) in enumerate(zip(self._dog.legs, self._steps.loads, strict=True)):
+            if not load:
                 torques += (0.0, 0.0, 0.0)
                 continue
-            down = -weight * share
-            x, y = down * ahead, down * aside
-            for column in self._dog.legs[number].jacobian(leg_angles(sense.angles, number)):
-                torques.append(x * column[0] + y * column[1] + down * column[2])
+            down = -weight * load
+            for x, y, z in leg.jacobian(leg_angles(sense.angles, number)):
+                torques.append(down * (ahead * x + aside * y + z))
         return tuple(torques)
+
+
+def _pull(dt: float, before: Twist, now: Twist) -> tuple[float, float]:
+    """Return the acceleration (m/s2, ahead and to the left) that the body leans into.
+
+    A turn pulls for as long as it lasts; a change of speed is over too soon for a whole lean.
+    """
+    share = _START_SHARE / dt
+    ahead, aside = (now.x - before.x) * share, (now.y - before.y) * share
+    return ahead - now.turn * now.y, aside + now.turn * now.x

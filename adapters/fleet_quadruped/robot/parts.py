@@ -126,7 +126,9 @@ class Walk(Pace):
     acceleration: Positive = Field(0.2, description="m/s2.")
     turn_acceleration: Positive = Field(0.5, description="rad/s2.")
     period: float = Field(1.4, gt=0.5, le=5, description="Seconds for one full cycle of four steps.")
-    sway: Positive = Field(0.06, description="How far it presses to the side of the standing feet, m.")
+    sway: float = Field(
+        0.5, ge=0.3, le=0.7, description="How far it presses towards the standing feet of a side, as a share."
+    )
 
 
 class Gait(Pace):
