@@ -100,7 +100,7 @@ def walks(dog: Description, seeds: int = 4) -> None:
 
 
 def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
-    """Return true speed, that of odometry (m/s or rad/s), greatest tilt of two cycles and of the next three."""
+    """Return the true speed, that of odometry, the greatest tilt in two cycles and in the three after them."""
     rig.order = msgspec.structs.replace(rig.order, gait="walk")
     period = rig.dog.gait.walk.period
     rig.go(2 * period, twist)
@@ -315,9 +315,9 @@ def run(rows: Sequence[str] = ()) -> None:
     dog = load_description(EXAMPLE)
     drive = dog.drive.model_copy(update={"protocol": "mit", "profile": "damiao-8006"})
     for each in (dog, dog.model_copy(update={"drive": drive})):
-        for row in EACH:
+        for row, measure in EACH.items():
             if row in asked:
-                EACH[row](each)
-    for row in ONCE:
+                measure(each)
+    for row, measure in ONCE.items():
         if row in asked:
-            ONCE[row](dog)
+            measure(dog)
