@@ -100,7 +100,7 @@ def walks(dog: Description, seeds: int = 4) -> None:
 
 
 def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
-    """Return the true speed, that of odometry, the greatest tilt in two cycles and in the three after them."""
+    """Return the true speed, that of odometry, the greatest tilt in two cycles and in three after them."""
     rig.order = msgspec.structs.replace(rig.order, gait="walk")
     period = rig.dog.gait.walk.period
     rig.go(2 * period, twist)
