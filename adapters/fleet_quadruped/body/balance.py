@@ -35,12 +35,11 @@ class Balance:
     def __init__(self) -> None:
         self.x = self.y = 0.0
         self.speed = self.place = (0.0, 0.0)
-        self._sway_x = self._sway_y = 0.0
-        self._lean_x = self._lean_y = 0.0
+        self._sway = self._lean = (0.0, 0.0)
 
-    def push(self, height: float) -> tuple[float, float]:
+    def push(self, height: float) -> Place:
         """Return how the ground pushes it, ahead and to the left, as shares of its weight."""
-        return (self._sway_x - self.place[0]) / height, (self._sway_y - self.place[1]) / height
+        return (self._sway[0] - self.place[0]) / height, (self._sway[1] - self.place[1]) / height
 
     def step(self, dt: float, height: float, place: Place, goal: Place, *, left: float, pull: Place) -> None:
         """Move on by ``dt`` seconds.
@@ -48,24 +47,20 @@ class Balance:
         The body presses on ``place`` for ``left`` seconds more, and is to move then as if it were to come to
         rest at ``goal``. ``pull``: its acceleration, m/s2.
         """
-        rate = math.sqrt(GRAVITY / height)
-        near, share = 1.0 - math.exp(-rate * left), min(1.0, rate * dt)
-        self._sway_x += (goal[0] + (place[0] - goal[0]) * near - self._sway_x) * share
-        self._sway_y += (goal[1] + (place[1] - goal[1]) * near - self._sway_y) * share
+        rate, reach = math.sqrt(GRAVITY / height), height / GRAVITY
+        (sway_x, sway_y), (lean_x, lean_y), (on_x, on_y) = self._sway, self._lean, self.place
+        far, share = math.exp(-rate * left), min(1.0, rate * dt)
+        sway_x += (place[0] + (goal[0] - place[0]) * far - sway_x) * share
+        sway_y += (place[1] + (goal[1] - place[1]) * far - sway_y) * share
+        share = min(1.0, dt / _LEAN_TIME)
+        lean_x += (max(-_MOST, min(_MOST, pull[0] * reach)) - lean_x) * share
+        lean_y += (max(-_MOST, min(_MOST, pull[1] * reach)) - lean_y) * share
         share = min(1.0, dt / _SHIFT_TIME)
-        was_x, was_y = self.place
-        self.place = was_x + (place[0] - was_x) * share, was_y + (place[1] - was_y) * share
-        share, reach = min(1.0, dt / _LEAN_TIME), height / GRAVITY
-        self._lean_x += (_within(pull[0] * reach) - self._lean_x) * share
-        self._lean_y += (_within(pull[1] * reach) - self._lean_y) * share
-        x, y = self._sway_x + self._lean_x, self._sway_y + self._lean_y
+        self.place = on_x + (place[0] - on_x) * share, on_y + (place[1] - on_y) * share
+        self._sway, self._lean = (sway_x, sway_y), (lean_x, lean_y)
+        x, y = sway_x + lean_x, sway_y + lean_y
         self.speed = (x - self.x) / dt, (y - self.y) / dt
         self.x, self.y = x, y
-
-
-def _within(value: float) -> float:
-    """Return how far it leans."""
-    return max(-_MOST, min(_MOST, value))
 
 
 def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
@@ -85,22 +80,26 @@ def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
 
 def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[float]:
     """Return the share of the weight on each foot so that together they press on a place; 0 in the air."""
-    standing = [foot for foot, stands in zip(feet, stance, strict=True) if stands]
-    count = len(standing)
-    mean_x = sum([foot[0] for foot in standing]) / count
-    mean_y = sum([foot[1] for foot in standing]) / count
-    xx = yy = _THIN
-    xy = 0.0
-    for x, y, _ in standing:
-        xx += (x - mean_x) ** 2
-        yy += (y - mean_y) ** 2
-        xy += (x - mean_x) * (y - mean_y)
-    off_x, off_y = place[0] - mean_x, place[1] - mean_y
-    under = xx * yy - xy * xy
+    count, mean_x, mean_y, xx, yy, xy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for (x, y, _), stands in zip(feet, stance, strict=True):
+        if stands:
+            count, mean_x, mean_y = count + 1, mean_x + x, mean_y + y
+            xx, yy, xy = xx + x * x, yy + y * y, xy + x * y
+    even = 1.0 / count
+    mean_x, mean_y = mean_x * even, mean_y * even
+    xx, yy, xy = (
+        xx - count * mean_x * mean_x + _THIN,
+        yy - count * mean_y * mean_y + _THIN,
+        xy - count * mean_x * mean_y,
+    )
+    off_x, off_y, under = place[0] - mean_x, place[1] - mean_y, xx * yy - xy * xy
     along, across = (off_x * yy - off_y * xy) / under, (off_y * xx - off_x * xy) / under
+    even -= along * mean_x + across * mean_y
     shares = [
-        max(0.0, 1 / count + along * (x - mean_x) + across * (y - mean_y)) if stands else 0.0
+        even + along * x + across * y if stands else 0.0
         for (x, y, _), stands in zip(feet, stance, strict=True)
     ]
-    whole = sum(shares)
-    return [share / whole for share in shares]
+    if min(shares) >= 0.0:
+        return shares
+    whole = sum([share for share in shares if share > 0.0])
+    return [max(0.0, share / whole) for share in shares]

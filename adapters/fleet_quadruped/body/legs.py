@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
+Reached = tuple[Point, tuple[Point, Point, Point]]  # a foot, and its jacobian
 _NEARLY = 0.999  # of the leg's length: a straight leg has no way back
 
 
@@ -42,12 +43,8 @@ class Leg(NamedTuple):
         lean = math.acos((one + square - two) / (2 * thigh * length))
         return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
-    def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
-        """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
-        return self.reach(angles)[1]
-
-    def reach(self, angles: Angles) -> tuple[Point, tuple[Point, Point, Point]]:
-        """Return where the centre of the foot is, and its jacobian."""
+    def reach(self, angles: Angles) -> Reached:
+        """Return where the centre of the foot is, and its velocity for 1 rad/s of each joint."""
         abad, hip, knee = angles
         _, _, side, _, offset, thigh, calf = self
         cos, sin = math.cos(abad), math.sin(abad)

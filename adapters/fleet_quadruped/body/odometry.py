@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from fleet import Vector3
 from fleet.model.geometry import wrap_angle
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.legs import Leg, Reached
 from fleet_quadruped.body.sense import Sense
 from fleet_quadruped.robot.description import leg_angles
 
@@ -19,7 +19,10 @@ Planar = tuple[float, float, float, float]  # foot place x, y (m) and its veloci
 
 
 class Odometry:
-    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s."""
+    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s.
+
+    ``reached``: by their numbers the feet that bore weight in this cycle, and their jacobians.
+    """
 
     def __init__(self, legs: Sequence[Leg], foot_radius: float, smooth: float = 0.1) -> None:
         self._legs = legs
@@ -28,10 +31,7 @@ class Odometry:
         self._first_yaw: float | None = None
         self.x = self.y = self.yaw = 0.0
         self.twist = Twist()
-
-    def still(self) -> None:
-        """Note that the dog does not walk: it moves nowhere."""
-        self.twist = Twist()
+        self.reached: dict[int, Reached] = {}
 
     def update(
         self, dt: float, sense: Sense, loads: Sequence[float], sway: tuple[float, float] = (0.0, 0.0)
@@ -41,6 +41,7 @@ class Odometry:
         ``sway``: how fast (m/s) the body moves over its feet of its own, which is no part of its twist.
         """
         gyro = sense.imu.gyro if sense.imu else None
+        self.reached.clear()
         standing = [self._motion(number, sense, gyro) for number in range(4) if loads[number]]
         if not standing:
             return
@@ -72,7 +73,7 @@ class Odometry:
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)
         out, swing, bend = leg_angles(sense.speeds, number)
-        (x, y, z), (abad, hip, knee) = leg.reach(angles)
+        (x, y, z), (abad, hip, knee) = self.reached[number] = leg.reach(angles)
         moved_x = abad[0] * out + hip[0] * swing + knee[0] * bend
         moved_y = abad[1] * out + hip[1] * swing + knee[1] * bend
         about_x, about_y = out, (swing + bend) * math.cos(angles[0])

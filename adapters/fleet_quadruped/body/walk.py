@@ -107,13 +107,18 @@ class Walker:
         weight = self._dog.robot.mass * GRAVITY
         ahead, aside = self._steps.balance.push(self.height)
         torques: list[float] = []
+        reached = self.odometry.reached
         for number, (leg, load) in enumerate(zip(self._dog.legs, self._steps.loads, strict=True)):
             if not load:
                 torques += (0.0, 0.0, 0.0)
                 continue
             down = -weight * load
-            for x, y, z in leg.jacobian(leg_angles(sense.angles, number)):
-                torques.append(down * (ahead * x + aside * y + z))
+            _, (abad, hip, knee) = reached.get(number) or leg.reach(leg_angles(sense.angles, number))
+            torques += (
+                down * (aside * abad[1] + abad[2]),
+                down * (ahead * hip[0] + aside * hip[1] + hip[2]),
+                down * (ahead * knee[0] + aside * knee[1] + knee[2]),
+            )
         return tuple(torques)
 
 

@@ -25,6 +25,7 @@ RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
 _COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
 _REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
+_WHOLE_REPLY = struct.Struct(">B2H3B")  # with temperature, and an error or a second temperature
 _LAST = 7  # byte of a reply of eight
 
 STATUS: Mapping[int, str] = MappingProxyType(
@@ -147,13 +148,16 @@ class Layout:
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        data = _REPLY.pack(first, moved, turning << 4 | pushed >> 8, pushed & 0xFF)
+        second = turning << 4 | pushed >> 8
         if self._warm_at is None:
-            return data
-        warm = max(0, min(255, round(temperature or 0)))
+            return _REPLY.pack(first, moved, second, pushed & 0xFF)
+        warm = round(temperature or 0)
+        if not 0 <= warm <= 0xFF:
+            warm = 0 if warm < 0 else 0xFF
         if self._warm_at == _LAST:
-            return data + bytes((0, warm))
-        return data + bytes((warm, (status or 0) if self._error_at == _LAST else 0))
+            return _WHOLE_REPLY.pack(first, moved, second, pushed & 0xFF, 0, warm)
+        error = (status or 0) if self._error_at == _LAST else 0
+        return _WHOLE_REPLY.pack(first, moved, second, pushed & 0xFF, warm, error)
 
     def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
