@@ -7,6 +7,7 @@ by that reads, and pings, while the loop is stuck.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import threading
@@ -133,24 +134,23 @@ class CloudClient:
         return True
 
     def flush(self) -> None:
-        """Wake the writer once; everything that waits goes out in one send."""
+        """Have the loop write everything that waits; asked for many times, it does so once."""
         if not self._flushing:
             self._flushing = True
             self._soon(self._flush_now)
 
     def _soon(self, call: Callable[[], object]) -> bool:
         """Have the loop make a call; False before the start and after the loop's end."""
-        if self._loop is None or self._loop.is_closed():
-            self._flushing = False
-            return False
-        if threading.get_ident() == self._thread:
-            self._loop.call_soon(call)
-        else:
-            self._loop.call_soon_threadsafe(call)
-        return True
+        if loop := self._loop:
+            ours = threading.get_ident() == self._thread
+            with contextlib.suppress(RuntimeError):  # closed, perhaps just now
+                (loop.call_soon if ours else loop.call_soon_threadsafe)(call)
+                return True
+        self._flushing = False
+        return False
 
     def _flush_now(self) -> None:
-        """Write. The mark falls first, so that a message queued from now on wakes the thread again."""
+        """Write. The mark falls first, so that a message queued from now on asks for the next write."""
         self._flushing = False
         self._write()
 
@@ -175,7 +175,7 @@ class CloudClient:
             for task in work:
                 task.cancel()
             await asyncio.gather(*work, return_exceptions=True)
-            self._outbox.close()
+            await asyncio.to_thread(self._outbox.close)  # which waits for the disk
             self._write()
             self._set_state(CloudState.CLOSED, "closed")
             self._closed.set()

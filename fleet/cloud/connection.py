@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import threading
@@ -85,7 +86,8 @@ class Connection:
                 self._receive()
             self._ping()
         if neglected:
-            self._loop.call_soon_threadsafe(self._conclude)
+            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                self._loop.call_soon_threadsafe(self._conclude)
 
     def _readable(self) -> None:
         """Take what has arrived; on the loop."""
