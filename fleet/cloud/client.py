@@ -23,7 +23,7 @@ from fleet.cloud.standby import Standby
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
 from fleet.errors import CloudError
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.wire.rules import Traffic
@@ -108,30 +108,28 @@ class CloudClient:
         expiry: float | None = None,
         correlation: bytes | None = None,
         content_type: str | None = None,
-        on_done: Callable[[Outcome], None] | None = None,
         later: bool = False,
     ) -> bool:
         """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on ``flush``.
 
         ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
-        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; the
-        rest goes to the broker in whole seconds. ``on_done`` hears what became of it, as long as this process
-        remembers. Returns False, and never calls ``on_done``, when it is not taken: QoS 0 without a
-        connection, a full queue, a closed client.
+        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; what is left of
+        them goes to the broker in whole seconds. ``correlation`` and ``content_type`` go along from QoS 1 up.
+        Returns False when it is not taken: QoS 0 without a connection, a full queue, a closed client.
         Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
         if qos not in (0, 1, 2):
             raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
-        message = Outgoing(
-            check_topic(topic), payload, qos, traffic, expiry, correlation, content_type, on_done
-        )
-        if expiry is not None:
-            message.deadline = self._clock.monotonic() + expiry
-        if not self._outbox.put(message):
-            return False
-        if not later:
+        check_topic(topic)
+        if qos:
+            message = Outgoing(topic, payload, qos, traffic, expiry, correlation, content_type)
+            taken = self.spool.put(message)
+        else:
+            deadline = None if expiry is None else self._clock.monotonic() + expiry
+            taken = self._outbox.put_light(topic, payload, deadline)
+        if taken and not later:
             self.flush()
-        return True
+        return taken
 
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""
@@ -155,10 +153,9 @@ class CloudClient:
         self._write()
 
     def _write(self) -> None:
-        """Write what waits, and tell the senders of what was dropped."""
+        """Write what waits."""
         if self._connection:
             self._connection.flush()
-        self._settle(self._outbox.take_dropped())
 
     def _stand_in(self) -> None:
         """Do what the loop should have done; on the thread that stands by."""
@@ -176,7 +173,6 @@ class CloudClient:
                 task.cancel()
             await asyncio.gather(*work, return_exceptions=True)
             await asyncio.to_thread(self._outbox.close)  # which waits for the disk
-            self._write()
             self._set_state(CloudState.CLOSED, "closed")
             self._closed.set()
 
@@ -231,7 +227,6 @@ class CloudClient:
             self._clock,
             deliver=self._deliver,
             take=self._taken,
-            settle=self._settle,
         )
 
     async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
@@ -258,7 +253,6 @@ class CloudClient:
         if connection:
             connection.give_up(CloudError("given up"))
         session.end()
-        self._write()
 
     async def _watch(self) -> None:
         """Look after time: dead links, messages that are no longer worth sending."""
@@ -282,16 +276,6 @@ class CloudClient:
             self._on_read()
         except Exception:
             logger.exception("taking what was handed over failed")
-
-    def _settle(self, outcomes: list[tuple[Outgoing, Outcome]]) -> None:
-        """Tell senders what became of their messages."""
-        for message, outcome in outcomes:
-            if message.on_done is None:
-                continue
-            try:
-                message.on_done(outcome)
-            except Exception:
-                logger.exception("telling the sender of a message to %s failed", message.topic)
 
     def _set_state(self, state: CloudState, cause: str) -> None:
         """Tell of a change, once."""

@@ -19,12 +19,10 @@ from fleet.cloud.session import Session, SessionEnded
 from fleet.cloud.stream import Stream
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
-from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
 Deliver = Callable[[list[Message]], None]
-Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
 
 
 class Connection:
@@ -46,7 +44,6 @@ class Connection:
         *,
         deliver: Deliver,
         take: Callable[[], None],
-        settle: Settle,
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self.ready: asyncio.Future[None] = self._loop.create_future()
@@ -57,7 +54,6 @@ class Connection:
         self._clock = clock
         self._deliver = deliver
         self._take = take
-        self._settle = settle
         self._decoder = Decoder(settings.protocol, PAYLOAD_LIMIT)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -152,8 +148,6 @@ class Connection:
         with self._lock:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
-            outcomes = self._session.take_outcomes()
-        self._settle(outcomes)
         if data and not self._going_on:
             self._going_on = True
             self._loop.call_soon(self._go_on)
