@@ -110,23 +110,25 @@ class Watchdog:
 
     def _run(self) -> None:
         """Look at everything until the end."""
-        while not self._ended.wait(self.patience(self._clock.monotonic())):
-            self.look(self._clock.monotonic())
-
-    def patience(self, now: float) -> float:
-        """Return how long to sleep: to the end of the first lease, at most ``PERIOD``."""
-        return max(SHORTEST, min(self._first_end() - now, PERIOD))
+        patience = PERIOD
+        while not self._ended.wait(patience):
+            patience = self.look(self._clock.monotonic())
 
     def _first_end(self) -> float:
         """Return when the first lease ends (monotonic s)."""
         return min(map(_END, self._robots.values()), default=math.inf)
 
-    def look(self, now: float) -> None:
-        """Look once, at the monotonic time ``now``; never raises."""
-        if self._first_end() <= now:
+    def look(self, now: float) -> float:
+        """Look once, at the monotonic time ``now``; never raises.
+
+        Returns how long to sleep from ``now``: to the end of the first lease, at most ``PERIOD``.
+        """
+        first = self._first_end()
+        if first <= now:
             over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]
             in_turn(map(_expiry, over), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
+        return max(SHORTEST, min(first - now, PERIOD))
 
     def _look_at_loop(self, now: float) -> None:
         """Name who blocks the loop, once; give the process up when it never comes back."""
