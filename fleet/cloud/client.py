@@ -18,6 +18,7 @@ from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
 from fleet.cloud.connection import Connection
 from fleet.cloud.outbox import Outbox
+from fleet.cloud.publish import address
 from fleet.cloud.session import Session, SessionRefused
 from fleet.cloud.standby import Standby
 from fleet.cloud.topics import check_apart, check_topic
@@ -120,13 +121,13 @@ class CloudClient:
         """
         if qos not in (0, 1, 2):
             raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
-        check_topic(topic)
         if qos:
-            message = Outgoing(topic, payload, qos, traffic, expiry, correlation, content_type)
+            message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
             deadline = None if expiry is None else self._clock.monotonic() + expiry
-            taken = self._outbox.put_light(topic, payload, deadline)
+            where = address(topic, expiry, self._settings.protocol)
+            taken = self._outbox.put_light(where, payload, deadline)
         if taken and not later:
             self.flush()
         return taken

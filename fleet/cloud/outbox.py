@@ -10,14 +10,15 @@ import threading
 from collections import deque
 from collections.abc import Iterable
 
+from fleet.cloud.publish import Address
 from fleet.cloud.values import CloudStats, Queued
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
 
 HEAD = 64
 """Bytes that a packet of QoS 0 has besides its payload, about."""
-Light = tuple[str, bytes, float | None]
-"""A message of QoS 0: topic, payload, and until when (monotonic s) it is worth sending, None: always.
+Light = tuple[Address, bytes, float | None]
+"""A message of QoS 0: where it goes, payload, and until when (monotonic s) it is worth sending, None: always.
 
 Most of what an edge sends: nothing larger is made for each.
 """
@@ -43,14 +44,14 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._light) + self.spool.waiting
 
-    def put_light(self, topic: str, payload: bytes, deadline: float | None = None) -> bool:
+    def put_light(self, where: Address, payload: bytes, deadline: float | None = None) -> bool:
         """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
         size = len(payload) + OVERHEAD
         with self._lock:
             fits = len(self._light) < self._most_messages and self._bytes + size <= self._most_bytes
             taken = self._online and fits
             if taken:
-                self._light.append((topic, payload, deadline))
+                self._light.append((where, payload, deadline))
                 self._bytes += size
             else:
                 self._refused += 1

@@ -5,8 +5,11 @@ from __future__ import annotations
 import functools
 import math
 
+import msgspec
+
 from fleet.cloud.fields import binary, length, text
 from fleet.cloud.packets import Protocol
+from fleet.cloud.topics import check_topic
 from fleet.spool.message import Outgoing
 
 _PUBLISH = 0x30
@@ -34,21 +37,42 @@ def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
     return b"".join((first.to_bytes(), size, topic, middle, payload))
 
 
-def publish_light(topic: str, payload: bytes, left: float | None, protocol: Protocol) -> bytes:
-    """Return the packet of a message of QoS 0 that is worth sending for ``left`` seconds, None: always.
+class Address(msgspec.Struct, frozen=True, gc=False):
+    """Where messages of QoS 0 go: the topic, and ``head``, what stands between length and payload.
 
-    Raises ValueError or TypeError for what MQTT cannot carry.
+    ``seconds`` of time are told in it, None: none, for what is always worth sending and to MQTT 3.1.1.
     """
-    head = _head(topic, None if left is None else _whole(left), protocol)
-    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+
+    topic: str
+    seconds: int | None
+    head: bytes
 
 
 @functools.lru_cache(maxsize=16384)
-def _head(topic: str, seconds: int | None, protocol: Protocol) -> bytes:
-    """Return what stands between the length and the payload of QoS 0."""
-    if protocol != 5:
-        return _topic(topic)
-    return _topic(topic) + (_NO_PROPERTIES if seconds is None else _ONLY_EXPIRY + seconds.to_bytes(4))
+def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
+    """Return where messages go that are worth sending for ``expiry`` seconds, None: always.
+
+    Raises ValueError for a topic that no message can be published to.
+    """
+    seconds = None if expiry is None or protocol != 5 else _whole(expiry)
+    properties = _lasting(seconds) if protocol == 5 else b""
+    return Address(topic, seconds, text(check_topic(topic)) + properties)
+
+
+def publish_light(where: Address, payload: bytes, left: float | None) -> bytes:
+    """Return the packet of a message of QoS 0 of whose time ``left`` seconds are left.
+
+    Raises ValueError or TypeError for what MQTT cannot carry.
+    """
+    head = where.head
+    if left is not None and where.seconds is not None and (seconds := _whole(left)) != where.seconds:
+        head = text(where.topic) + _lasting(seconds)
+    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+
+
+def _lasting(seconds: int | None) -> bytes:
+    """Return the properties that tell how many seconds are left, and nothing else."""
+    return _NO_PROPERTIES if seconds is None else _ONLY_EXPIRY + seconds.to_bytes(4)
 
 
 def _whole(left: float) -> int:

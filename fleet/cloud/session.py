@@ -202,13 +202,12 @@ class Session:
 
     def _publish_light(self, message: Light, now: float) -> bytes:
         """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
-        topic, payload, deadline = message
-        left = None if deadline is None else deadline - now
+        where, payload, deadline = message
         try:
-            data = publish_light(topic, payload, left, self._settings.protocol)
+            data = publish_light(where, payload, None if deadline is None else deadline - now)
             self._check_size(data)
         except (ValueError, TypeError) as error:
-            self._cannot(topic, error)
+            self._cannot(where.topic, error)
             self._stats.outcomes[Outcome.REFUSED] += 1
             return b""
         self._stats.sent += 1

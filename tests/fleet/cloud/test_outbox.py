@@ -1,6 +1,7 @@
 import pytest
 
 from fleet.cloud.outbox import HEAD, Outbox
+from fleet.cloud.publish import address
 from fleet.cloud.values import CloudStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
@@ -26,7 +27,7 @@ def box(stats):
 
 
 def put(box, name, deadline=None):
-    return box.put_light(name, PAYLOAD, deadline)
+    return box.put_light(address(name, None, 5), PAYLOAD, deadline)
 
 
 def durable(name):
@@ -34,13 +35,14 @@ def durable(name):
 
 
 def take(box, *, now=1000.0, size=1_000_000):
-    return [topic for topic, _, _ in box.take_light(now, size)]
+    return [where.topic for where, _, _ in box.take_light(now, size)]
 
 
 def test_messages_leave_in_order_with_their_time(box):
     put(box, "a")
     put(box, "b", 1001.0)
-    assert box.take_light(1000.0, 1_000_000) == [("a", PAYLOAD, None), ("b", PAYLOAD, 1001.0)]
+    sent = box.take_light(1000.0, 1_000_000)
+    assert [(where.topic, *rest) for where, *rest in sent] == [("a", PAYLOAD, None), ("b", PAYLOAD, 1001.0)]
     assert take(box) == []
 
 
