@@ -51,9 +51,9 @@ class Rules(msgspec.Struct, frozen=True):
 class Bridge:
     """Everything between the bus and one broker.
 
-    ``alive`` tells whether a robot answers. ``put``
-    publishes on the bus. ``claimed`` hears twin and edge when the cloud shows another edge that has the twin,
-    with an empty name when it has let go. ``spool`` keeps what is durable; it is closed with the bridge.
+    ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
+    when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
+    keeps what is durable; it is closed with the bridge.
     ``said`` counts what the edge says itself: answers, heartbeats, who came and went.
     """
 

@@ -50,6 +50,29 @@ class TwinInfo(msgspec.Struct, frozen=True):
 class _Slot:
     """One channel of one twin: how it is carried, its newest sample, and when it may go."""
 
+    __slots__ = (  # four for each robot, all looked at many times a second
+        "channel",
+        "credit",
+        "document",
+        "durable",
+        "expiry",
+        "fresh",
+        "info",
+        "period",
+        "rate",
+        "refused",
+        "repeat",
+        "rule",
+        "sample",
+        "sensor",
+        "sent",
+        "size",
+        "streams",
+        "topics",
+        "traffic",
+        "twin",
+    )
+
     def __init__(self, twin: str, info: TwinInfo, channel: str, sensor: str | None, rule: Rule) -> None:
         self.twin = twin
         self.info = info

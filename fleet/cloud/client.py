@@ -7,6 +7,7 @@ by that reads, and pings, while the loop is stuck.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import threading
@@ -17,12 +18,13 @@ from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
 from fleet.cloud.connection import Connection
 from fleet.cloud.outbox import Outbox
+from fleet.cloud.publish import address
 from fleet.cloud.session import Session, SessionRefused
 from fleet.cloud.standby import Standby
 from fleet.cloud.topics import check_apart, check_topic
 from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
 from fleet.errors import CloudError
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.wire.rules import Traffic
@@ -107,58 +109,54 @@ class CloudClient:
         expiry: float | None = None,
         correlation: bytes | None = None,
         content_type: str | None = None,
-        on_done: Callable[[Outcome], None] | None = None,
         later: bool = False,
     ) -> bool:
         """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on ``flush``.
 
         ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
-        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; the
-        rest goes to the broker in whole seconds. ``on_done`` hears what became of it, as long as this process
-        remembers. Returns False, and never calls ``on_done``, when it is not taken: QoS 0 without a
-        connection, a full queue, a closed client.
+        replies go before all that waits. ``expiry`` is how many seconds it is worth sending; what is left of
+        them goes to the broker in whole seconds. ``correlation`` and ``content_type`` go along from QoS 1 up.
+        Returns False when it is not taken: QoS 0 without a connection, a full queue, a closed client.
         Raises ValueError for a topic with wildcards or a QoS other than 0, 1 and 2.
         """
         if qos not in (0, 1, 2):
             raise ValueError(f"messages are published with QoS 0, 1 or 2, not {qos}")
-        message = Outgoing(
-            check_topic(topic), payload, qos, traffic, expiry, correlation, content_type, on_done
-        )
-        if expiry is not None:
-            message.deadline = self._clock.monotonic() + expiry
-        if not self._outbox.put(message):
-            return False
-        if not later:
+        if qos:
+            message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
+            taken = self.spool.put(message)
+        else:
+            deadline = None if expiry is None else self._clock.monotonic() + expiry
+            where = address(topic, expiry, self._settings.protocol)
+            taken = self._outbox.put_light(where, payload, deadline)
+        if taken and not later:
             self.flush()
-        return True
+        return taken
 
     def flush(self) -> None:
-        """Wake the writer once; everything that waits goes out in one send."""
+        """Have the loop write everything that waits; asked for many times, it does so once."""
         if not self._flushing:
             self._flushing = True
             self._soon(self._flush_now)
 
     def _soon(self, call: Callable[[], object]) -> bool:
         """Have the loop make a call; False before the start and after the loop's end."""
-        if self._loop is None or self._loop.is_closed():
-            self._flushing = False
-            return False
-        if threading.get_ident() == self._thread:
-            self._loop.call_soon(call)
-        else:
-            self._loop.call_soon_threadsafe(call)
-        return True
+        if loop := self._loop:
+            ours = threading.get_ident() == self._thread
+            with contextlib.suppress(RuntimeError):  # closed, perhaps just now
+                (loop.call_soon if ours else loop.call_soon_threadsafe)(call)
+                return True
+        self._flushing = False
+        return False
 
     def _flush_now(self) -> None:
-        """Write. The mark falls first, so that a message queued from now on wakes the thread again."""
+        """Write. The mark falls first, so that a message queued from now on asks for the next write."""
         self._flushing = False
         self._write()
 
     def _write(self) -> None:
-        """Write what waits, and tell the senders of what was dropped."""
+        """Write what waits."""
         if self._connection:
             self._connection.flush()
-        self._settle(self._outbox.take_dropped())
 
     def _stand_in(self) -> None:
         """Do what the loop should have done; on the thread that stands by."""
@@ -175,8 +173,7 @@ class CloudClient:
             for task in work:
                 task.cancel()
             await asyncio.gather(*work, return_exceptions=True)
-            self._outbox.close()
-            self._write()
+            await asyncio.to_thread(self._outbox.close)  # which waits for the disk
             self._set_state(CloudState.CLOSED, "closed")
             self._closed.set()
 
@@ -231,7 +228,6 @@ class CloudClient:
             self._clock,
             deliver=self._deliver,
             take=self._taken,
-            settle=self._settle,
         )
 
     async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
@@ -258,7 +254,6 @@ class CloudClient:
         if connection:
             connection.give_up(CloudError("given up"))
         session.end()
-        self._write()
 
     async def _watch(self) -> None:
         """Look after time: dead links, messages that are no longer worth sending."""
@@ -282,16 +277,6 @@ class CloudClient:
             self._on_read()
         except Exception:
             logger.exception("taking what was handed over failed")
-
-    def _settle(self, outcomes: list[tuple[Outgoing, Outcome]]) -> None:
-        """Tell senders what became of their messages."""
-        for message, outcome in outcomes:
-            if message.on_done is None:
-                continue
-            try:
-                message.on_done(outcome)
-            except Exception:
-                logger.exception("telling the sender of a message to %s failed", message.topic)
 
     def _set_state(self, state: CloudState, cause: str) -> None:
         """Tell of a change, once."""

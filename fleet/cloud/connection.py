@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import threading
@@ -18,12 +19,10 @@ from fleet.cloud.session import Session, SessionEnded
 from fleet.cloud.stream import Stream
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
 from fleet.errors import CloudError, WireError
-from fleet.spool.message import Outcome, Outgoing
 
 logger = logging.getLogger(__name__)
 
 Deliver = Callable[[list[Message]], None]
-Settle = Callable[[list[tuple[Outgoing, Outcome]]], None]
 
 
 class Connection:
@@ -45,7 +44,6 @@ class Connection:
         *,
         deliver: Deliver,
         take: Callable[[], None],
-        settle: Settle,
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self.ready: asyncio.Future[None] = self._loop.create_future()
@@ -56,7 +54,6 @@ class Connection:
         self._clock = clock
         self._deliver = deliver
         self._take = take
-        self._settle = settle
         self._decoder = Decoder(settings.protocol, PAYLOAD_LIMIT)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -85,7 +82,8 @@ class Connection:
                 self._receive()
             self._ping()
         if neglected:
-            self._loop.call_soon_threadsafe(self._conclude)
+            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                self._loop.call_soon_threadsafe(self._conclude)
 
     def _readable(self) -> None:
         """Take what has arrived; on the loop."""
@@ -150,8 +148,6 @@ class Connection:
         with self._lock:
             data = self._session.send(self._clock.monotonic())
             self._write(data)
-            outcomes = self._session.take_outcomes()
-        self._settle(outcomes)
         if data and not self._going_on:
             self._going_on = True
             self._loop.call_soon(self._go_on)

@@ -10,9 +10,18 @@ import threading
 from collections import deque
 from collections.abc import Iterable
 
+from fleet.cloud.publish import Address
 from fleet.cloud.values import CloudStats, Queued
-from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
+
+HEAD = 64
+"""Bytes that a packet of QoS 0 has besides its payload, about."""
+Light = tuple[Address, bytes, float | None]
+"""A message of QoS 0: where it goes, payload, and until when (monotonic s) it is worth sending, None: always.
+
+Most of what an edge sends: nothing larger is made for each.
+"""
 
 
 class Outbox:
@@ -26,37 +35,41 @@ class Outbox:
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
-        self._light: deque[Outgoing] = deque()
+        self._light: deque[Light] = deque()
         stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
-        self._dropped: list[tuple[Outgoing, Outcome]] = []
         self._online = False
-        self._closed = False
 
     def __len__(self) -> int:
         return len(self._light) + self.spool.waiting
 
-    def put(self, message: Outgoing) -> bool:
-        """Add a message; tell whether it was taken."""
-        return self.spool.put(message) if message.qos else self._put_light(message)
+    def put_light(self, where: Address, payload: bytes, deadline: float | None = None) -> bool:
+        """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
+        size = len(payload) + OVERHEAD
+        with self._lock:
+            fits = len(self._light) < self._most_messages and self._bytes + size <= self._most_bytes
+            taken = self._online and fits
+            if taken:
+                self._light.append((where, payload, deadline))
+                self._bytes += size
+            else:
+                self._refused += 1
+        return taken
 
-    def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
-        """Remove and return what may be written next, about ``size`` bytes of it.
-
-        ``window`` is how many more QoS 1 messages may be under way; the last ``reserve`` are for replies.
-        """
-        batch = self.spool.take(now, window=window, reserve=reserve, size=size)
-        size -= sum(message.size for message in batch)
+    def take_light(self, now: float, size: int) -> list[Light]:
+        """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
+        batch: list[Light] = []
         with self._lock:
             while self._light and size > 0:
                 message = self._light.popleft()
-                self._bytes -= message.size
-                if message.deadline is not None and message.deadline <= now:
-                    self._drop(message)
+                _, payload, deadline = message
+                self._bytes -= len(payload) + OVERHEAD
+                if deadline is not None and deadline <= now:
+                    self._refused += 1
                     continue
                 batch.append(message)
-                size -= message.size
+                size -= len(payload) + HEAD
         return batch
 
     def go_online(self) -> None:
@@ -66,7 +79,6 @@ class Outbox:
 
     def go_offline(self, unanswered: Iterable[Outgoing]) -> None:
         """Take back what was not acknowledged, oldest first; drop QoS 0 and take no more of it."""
-        self._online = False
         self.spool.put_back(unanswered)
         self.spool.go_offline()
         self._drop_light()
@@ -77,44 +89,21 @@ class Outbox:
 
     def close(self) -> None:
         """Take nothing more; what is durable stays on disk."""
-        self._closed = True
-        self.spool.close()
         self._drop_light()
-
-    def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
-        """Remove and return what was dropped since the last call, so that its sender can be told."""
-        with self._lock:
-            dropped, self._dropped = self._dropped, []
-        return [*dropped, *self.spool.take_dropped()]
+        self.spool.close()
 
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
         return not self._light and self.spool.idle
 
-    def _put_light(self, message: Outgoing) -> bool:
-        """Add a message of QoS 0."""
-        with self._lock:
-            fits = len(self._light) < self._most_messages and self._bytes + message.size <= self._most_bytes
-            taken = self._online and fits and not self._closed
-            if taken:
-                self._light.append(message)
-                self._bytes += message.size
-            else:
-                self._refused += 1
-        return taken
-
     def _drop_light(self) -> None:
-        """Drop all of QoS 0."""
+        """Drop all of QoS 0, and take no more of it."""
         with self._lock:
-            while self._light:
-                self._drop(self._light.popleft())
+            self._online = False
+            self._refused += len(self._light)
+            self._light.clear()
             self._bytes = 0
-
-    def _drop(self, message: Outgoing) -> None:
-        """Note a light message that will not be sent."""
-        self._dropped.append((message, Outcome.DROPPED))
-        self._refused += 1
 
     def _queued(self) -> Queued:
         """Return the figures."""

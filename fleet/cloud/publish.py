@@ -5,11 +5,15 @@ from __future__ import annotations
 import functools
 import math
 
+import msgspec
+
 from fleet.cloud.fields import binary, length, text
 from fleet.cloud.packets import Protocol
+from fleet.cloud.topics import check_topic
 from fleet.spool.message import Outgoing
 
 _PUBLISH = 0x30
+_LIGHT = _PUBLISH.to_bytes()  # QoS 0
 _DUPLICATE = 0x08
 _EXPIRY, _CONTENT_TYPE, _CORRELATION = b"\x02", b"\x03", b"\x09"
 _NO_PROPERTIES = b"\0"
@@ -19,13 +23,13 @@ _LONGEST = 0xFFFF_FFFF  # s
 _topic = functools.lru_cache(maxsize=16384)(text)  # an edge says the same few topics again and again
 
 
-def publish(message: Outgoing, identifier: int | None, now: float, protocol: Protocol) -> bytes:
-    """Return the packet of a message; ``identifier`` from QoS 1 up, ``now`` monotonic.
+def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) -> bytes:
+    """Return the packet of a message of QoS 1 or 2, at the monotonic time ``now``.
 
     Raises ValueError or TypeError for what MQTT cannot carry.
     """
     topic, payload = _topic(message.topic), message.payload
-    middle = b"" if identifier is None else identifier.to_bytes(2)
+    middle = identifier.to_bytes(2)
     if protocol == 5:
         middle += _properties(message, now)
     first = _PUBLISH | message.qos << 1 | (_DUPLICATE if message.again else 0)
@@ -33,11 +37,52 @@ def publish(message: Outgoing, identifier: int | None, now: float, protocol: Pro
     return b"".join((first.to_bytes(), size, topic, middle, payload))
 
 
+class Address(msgspec.Struct, frozen=True, gc=False):
+    """Where messages of QoS 0 go: the topic, and ``head``, what stands between length and payload.
+
+    ``seconds`` of time are told in it, None: none, for what is always worth sending and to MQTT 3.1.1.
+    """
+
+    topic: str
+    seconds: int | None
+    head: bytes
+
+
+@functools.lru_cache(maxsize=16384)
+def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
+    """Return where messages go that are worth sending for ``expiry`` seconds, None: always.
+
+    Raises ValueError for a topic that no message can be published to.
+    """
+    seconds = None if expiry is None or protocol != 5 else _whole(expiry)
+    properties = _lasting(seconds) if protocol == 5 else b""
+    return Address(topic, seconds, text(check_topic(topic)) + properties)
+
+
+def publish_light(where: Address, payload: bytes, left: float | None) -> bytes:
+    """Return the packet of a message of QoS 0 of whose time ``left`` seconds are left.
+
+    Raises ValueError or TypeError for what MQTT cannot carry.
+    """
+    head = where.head
+    if left is not None and where.seconds is not None and (seconds := _whole(left)) != where.seconds:
+        head = text(where.topic) + _lasting(seconds)
+    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+
+
+def _lasting(seconds: int | None) -> bytes:
+    """Return the properties that tell how many seconds are left, and nothing else."""
+    return _NO_PROPERTIES if seconds is None else _ONLY_EXPIRY + seconds.to_bytes(4)
+
+
+def _whole(left: float) -> int:
+    """Return how many seconds are left of a message's time, rounded up; never none."""
+    return min(max(math.ceil(left), 1), _LONGEST)
+
+
 def _properties(message: Outgoing, now: float) -> bytes:
-    """Return the properties of MQTT 5; what is left of the message's time in whole seconds, rounded up."""
-    expiry = b""
-    if message.deadline is not None:
-        expiry = min(max(math.ceil(message.deadline - now), 1), _LONGEST).to_bytes(4)
+    """Return the properties of MQTT 5."""
+    expiry = b"" if message.deadline is None else _whole(message.deadline - now).to_bytes(4)
     if message.content_type is None and message.correlation is None:
         return _ONLY_EXPIRY + expiry if expiry else _NO_PROPERTIES
     properties = _EXPIRY + expiry if expiry else b""

@@ -1,4 +1,4 @@
-"""One MQTT session as a pure machine: packets and time in, packets and outcomes out; no I/O, no clock.
+"""One MQTT session as a pure machine: packets and time in, packets and messages out; no I/O, no clock.
 
 A session lives as long as its network connection (clean start, session expiry 0). What was sent and not
 acknowledged goes back to the spool when it ends; the next session sends it again, in order, as duplicates.
@@ -13,9 +13,9 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
-from fleet.cloud.outbox import Outbox
+from fleet.cloud.outbox import Light, Outbox
 from fleet.cloud.packets import encode
-from fleet.cloud.publish import publish
+from fleet.cloud.publish import publish, publish_light
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
 from fleet.spool.message import Outcome, Outgoing
@@ -78,7 +78,6 @@ class Session:
         self._half_received: set[int] = set()
         self._replies: list[mqtt5.Packet] = []
         self._messages: list[Message] = []
-        self._outcomes: list[tuple[Outgoing, Outcome]] = []
         self._answers: list[tuple[Outgoing, Outcome]] = []
         self._timed: tuple[int, float] | None = None
         self._told: set[str] = set()
@@ -135,18 +134,18 @@ class Session:
         messages, self._messages = self._messages, []
         return messages
 
-    def take_outcomes(self) -> list[tuple[Outgoing, Outcome]]:
-        """Return what became of published messages, and forget it."""
-        outcomes, self._outcomes = self._outcomes, []
-        return outcomes
-
     def send(self, now: float) -> bytes:
         """Return the bytes of the next messages of the outbox, joined; empty when nothing may be sent now."""
         if not self.ready:
             return b""
         sent = b""
-        while not sent and (batch := self._next_batch(now)):
+        while not sent:
+            batch = self._next_batch(now)
+            light = self._outbox.take_light(now, _BATCH - sum(message.size for message in batch))
+            if not (batch or light):
+                break
             sent = b"".join([self._publish(message, now) for message in batch])
+            sent += b"".join([self._publish_light(message, now) for message in light])
         self._stats.inflight = len(self._inflight)
         return sent
 
@@ -169,10 +168,10 @@ class Session:
             self._outbox.spool.settle(answers)
 
     def _next_batch(self, now: float) -> list[Outgoing]:
-        """Take from the outbox what the broker's window has room for."""
+        """Take from the spool what the broker's window has room for."""
         self._settle()
         room, reserve = self._window - len(self._inflight), self._window // _RESERVE
-        return self._outbox.take(now, window=room, reserve=reserve, size=_BATCH)
+        return self._outbox.spool.take(now, window=room, reserve=reserve, size=_BATCH)
 
     def _encode(self, packet: mqtt5.Packet) -> bytes:
         """Return the packet's bytes in the protocol that was chosen."""
@@ -187,27 +186,41 @@ class Session:
 
     def _publish(self, message: Outgoing, now: float) -> bytes:
         """Return the bytes of one message and note what is awaited; empty when the broker would refuse it."""
-        identifier = self._next_id() if message.qos else None
+        identifier = self._next_id()
         message.qos = min(message.qos, self._most_qos)
         try:
             data = publish(message, identifier, now, self._settings.protocol)
+            self._check_size(data)
         except (ValueError, TypeError) as error:
-            return self._refuse(message, str(error))
-        if len(data) > self._packet_limit:
-            return self._refuse(message, f"{len(data)} bytes; the broker takes {self._packet_limit}")
+            self._cannot(message.topic, error)
+            self._done(message, Outcome.REFUSED)
+            return b""
         self._stats.sent += 1
-        if identifier is None:
-            self._done(message, Outcome.SENT)
-            return data
         self._inflight[identifier] = message
         self._timed = self._timed or (identifier, now)
         return data
 
-    def _refuse(self, message: Outgoing, why: str) -> bytes:
-        """Note that a message cannot be sent; return the nothing that is written for it."""
-        self._tell(why, "a message to %s cannot be sent: %s", message.topic, why)
-        self._done(message, Outcome.REFUSED)
-        return b""
+    def _publish_light(self, message: Light, now: float) -> bytes:
+        """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
+        where, payload, deadline = message
+        try:
+            data = publish_light(where, payload, None if deadline is None else deadline - now)
+            self._check_size(data)
+        except (ValueError, TypeError) as error:
+            self._cannot(where.topic, error)
+            self._stats.outcomes[Outcome.REFUSED] += 1
+            return b""
+        self._stats.sent += 1
+        return data
+
+    def _check_size(self, packet: bytes) -> None:
+        """Raise ValueError for a packet that is larger than the broker takes."""
+        if len(packet) > self._packet_limit:
+            raise ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
+
+    def _cannot(self, topic: str, why: Exception) -> None:
+        """Tell that a message cannot be sent."""
+        self._tell(str(why), "a message to %s cannot be sent: %s", topic, why)
 
     def _refused(self, message: Outgoing, why: str) -> None:
         """Note that the broker will not have a message."""
@@ -223,10 +236,7 @@ class Session:
     def _done(self, message: Outgoing, outcome: Outcome) -> None:
         """Note what became of a message; one that is held is sent again."""
         self._stats.outcomes[outcome] += 1
-        if message.qos:
-            self._answers.append((message, outcome))
-        if outcome is not Outcome.HELD:
-            self._outcomes.append((message, outcome))
+        self._answers.append((message, outcome))
 
     def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
         """Note whether the broker lets us in, and subscribe to everything."""

@@ -11,10 +11,10 @@ import contextlib
 import select
 import socket
 import ssl
-import struct
 from collections.abc import Callable
 
-AT_ONCE = struct.pack("ii", 1, 0)  # SO_LINGER: a close is a reset
+from fleet.link.tcp import reset_on_close
+
 MOST = 16384  # bytes of one read: a whole TLS record, of which TLS must keep nothing to itself
 
 LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
@@ -91,7 +91,7 @@ class Stream:
         self._loop.remove_writer(self._socket.fileno())
         if reset:
             with contextlib.suppress(OSError):
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
+                reset_on_close(self._socket)
         self._socket.close()
 
     def _send(self, data: bytes | bytearray) -> int:

@@ -54,6 +54,7 @@ class Guard:
         self._name = config.name
         self._config = config.fence
         self._limits = limits
+        self._free = config.fence is None and limits.distance is None and limits.altitude is None
         self._clock = clock
         self._end = end
         self._ask = ask
@@ -94,7 +95,7 @@ class Guard:
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        if self._fence is None or self._pose is None:
+        if self._free or self._fence is None or self._pose is None:
             return
         before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
         if self._trouble and not before:
@@ -132,7 +133,7 @@ class Guard:
 
     def task(self, task: Task) -> str | None:
         """Return why a task may not begin, None when it may."""
-        if self._reserve is None and self._config is None and self._unlimited():
+        if self._reserve is None and self._free:
             return None
         try:
             start, points = self._way(task)
@@ -147,7 +148,7 @@ class Guard:
 
     def within(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
-        if velocity.is_zero or (self._config is None and self._unlimited()):
+        if velocity.is_zero or self._free:
             return velocity
         pose = self._fresh()
         if pose is None or self._fence is None:
@@ -162,10 +163,6 @@ class Guard:
         return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
 
     # -- where things are ----------------------------------------------------------------------------
-
-    def _unlimited(self) -> bool:
-        """Return whether the limits bound no place."""
-        return self._limits.distance is None and self._limits.altitude is None
 
     def _fresh(self) -> Pose | None:
         """Return the pose, None when it is too old."""

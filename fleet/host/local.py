@@ -27,11 +27,22 @@ from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Way
 from fleet.model.navigation import ActionState
-from fleet.model.report import NavigationReport, Report, TelemetryReport
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    NavigationReport,
+    PoseReport,
+    Report,
+    TelemetryReport,
+)
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.tally import Tally
 from fleet.wire.rules import Kind
+
+READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
+"""What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
 
 
 def source_type(config: AdapterConfig) -> str:
@@ -178,9 +189,10 @@ class LocalRobot:
 
     def publish(self, report: Report) -> None:
         """Send a report on its way."""
-        self._seen.take(report)
-        self.desk.see(report)
-        self.desk.guard.see(report)
+        if type(report) in READ:
+            self._seen.take(report)
+            self.desk.see(report)
+            self.desk.guard.see(report)
         self._send(report)
 
     def state(self) -> RobotState:

@@ -51,7 +51,7 @@ class LoopWatch(msgspec.Struct, frozen=True):
     stuck: Callable[[str], None]
 
 
-_END = operator.attrgetter("deadman.until")
+_END = operator.attrgetter("until")
 
 
 class _Silence:
@@ -85,6 +85,7 @@ class Watchdog:
         self._clock = clock
         self._loop = loop
         self._robots: dict[str, Watched] = {}
+        self._deadmen: tuple[DeadMan, ...] = ()
         self._ended = threading.Event()
         self._silence = _Silence()
         self._named = ""
@@ -102,31 +103,38 @@ class Watchdog:
 
     def add(self, name: str, watched: Watched) -> None:
         """Watch a robot."""
-        self._robots = {**self._robots, name: watched}
+        self._watch({**self._robots, name: watched})
 
     def remove(self, name: str) -> None:
         """Stop watching a robot."""
-        self._robots = {other: watched for other, watched in self._robots.items() if other != name}
+        self._watch({other: watched for other, watched in self._robots.items() if other != name})
+
+    def _watch(self, robots: dict[str, Watched]) -> None:
+        """Watch these from now on."""
+        self._robots = robots
+        self._deadmen = tuple(watched.deadman for watched in robots.values())
 
     def _run(self) -> None:
         """Look at everything until the end."""
-        while not self._ended.wait(self.patience(self._clock.monotonic())):
-            self.look(self._clock.monotonic())
-
-    def patience(self, now: float) -> float:
-        """Return how long to sleep: to the end of the first lease, at most ``PERIOD``."""
-        return max(SHORTEST, min(self._first_end() - now, PERIOD))
+        patience = PERIOD
+        while not self._ended.wait(patience):
+            patience = self.look(self._clock.monotonic())
 
     def _first_end(self) -> float:
         """Return when the first lease ends (monotonic s)."""
-        return min(map(_END, self._robots.values()), default=math.inf)
+        return min(map(_END, self._deadmen), default=math.inf)
 
-    def look(self, now: float) -> None:
-        """Look once, at the monotonic time ``now``; never raises."""
-        if self._first_end() <= now:
+    def look(self, now: float) -> float:
+        """Look once, at the monotonic time ``now``; never raises.
+
+        Returns how long to sleep from ``now``: to the end of the first lease, at most ``PERIOD``.
+        """
+        first = self._first_end()
+        if first <= now:
             over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]
             in_turn(map(_expiry, over), wait=HALT_WAIT)
         _safely(lambda: self._look_at_loop(now))
+        return max(SHORTEST, min(first - now, PERIOD))
 
     def _look_at_loop(self, now: float) -> None:
         """Name who blocks the loop, once; give the process up when it never comes back."""

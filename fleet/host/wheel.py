@@ -26,6 +26,8 @@ SLICE = 0.0003  # s of work after which whatever else waits for the loop has its
 class Spoke:
     """One periodic call; ``cancel`` ends it."""
 
+    __slots__ = ("call", "cancelled", "context", "failed", "owner", "period")
+
     def __init__(
         self, owner: str, period: float, call: Callable[[], None], failed: Callable[[Exception], None]
     ) -> None:

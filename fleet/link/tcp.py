@@ -16,7 +16,13 @@ CONNECT_TIMEOUT = 5.0  # s
 _BACKLOG = 16 * 1024  # bytes, some 300 MAVLink frames
 # What the other side has not acknowledged within this time will not arrive in time: the link fell.
 _UNACKNOWLEDGED = 5000  # ms, TCP_USER_TIMEOUT
+_AT_ONCE = struct.pack("ii", 1, 0)  # linger, for no second
 _KEEPALIVE = ((socket.TCP_KEEPIDLE, 5), (socket.TCP_KEEPINTVL, 2), (socket.TCP_KEEPCNT, 3))  # s, s, tries
+
+
+def reset_on_close(opened: socket.socket) -> None:
+    """Have a socket's close be a reset: nothing of it stays in the kernel, to arrive late."""
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
 
 
 async def open_tcp(url: str, host: str, port: int, receiver: Receiver) -> StreamLink:
@@ -54,7 +60,7 @@ def _link(url: str, sock: socket.socket, receiver: Receiver) -> StreamLink:
 
     def close(throw_away: bool) -> None:  # noqa: FBT001 - called by StreamLink only
         if throw_away:
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            reset_on_close(sock)
         sock.close()
 
     return StreamLink(url, sock.fileno(), receiver, backlog=_BACKLOG, close_descriptor=close)

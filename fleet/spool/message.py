@@ -1,9 +1,8 @@
-"""One message on its way to the cloud, and what can become of it."""
+"""One durable message on its way to the cloud, and what can become of it."""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
 
 import msgspec
 
@@ -14,28 +13,24 @@ OVERHEAD = 400
 
 
 class Outcome(enum.StrEnum):
-    """What became of one published message."""
+    """What became of one message that was sent."""
 
-    SENT = "sent"
-    """QoS 0: written; nobody knows more."""
     ACKED = "acked"
-    """QoS 1: the broker has it, and somebody hears."""
+    """The broker has it, and somebody hears."""
     HELD = "held"
-    """QoS 1: nobody is subscribed (MQTT 5 reason 0x10), or the broker has no room: it is sent again."""
+    """Nobody is subscribed (MQTT 5 reason 0x10), or the broker has no room: it is sent again."""
     REFUSED = "refused"
     """The broker will not take this message, or it is larger than the broker allows."""
-    DROPPED = "dropped"
-    """It ran out of time, was pushed out by a bound, or the connection was closed first."""
 
 
 class Outgoing(msgspec.Struct, eq=False, gc=False):
-    """One message on its way out.
+    """One message of QoS 1 or 2 on its way out.
 
-    ``traffic`` counts for QoS 1, where REPLY goes before all others. ``since`` and ``deadline`` are
-    monotonic, ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before.
-    ``seq`` orders the messages of a spool, ``stored``: it is on disk, ``cold``: and nowhere else,
-    ``gone``: nobody waits for it any more. Thousands may live at once, none in a cycle: the garbage
-    collector has no need to look at them.
+    ``traffic`` says what goes first: REPLY before all others. ``since`` and ``deadline`` are monotonic,
+    ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before. ``seq`` orders
+    the messages of a spool, ``stored``: it is on disk, ``cold``: and nowhere else, ``gone``: nobody waits for
+    it any more. Thousands may live at once, none in a cycle: the garbage collector has no need to look at
+    them.
     """
 
     topic: str
@@ -45,7 +40,6 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
     expiry: float | None = None
     correlation: bytes | None = None
     content_type: str | None = None
-    on_done: Callable[[Outcome], None] | None = None
     since: float = 0.0
     deadline: float | None = None
     expires: float = 0.0

@@ -1,6 +1,6 @@
 """What is sent next, what goes to disk, what is dropped: the spool's decisions, without I/O and clock.
 
-A message stands in memory and, when nobody has taken it within ``GRACE``, on disk too. Beyond the bound on
+A message stands in memory and, when nobody has taken it for a moment, on disk too. Beyond the bound on
 memory it stands on disk alone (cold) and comes back when its turn is near. Order is kept in each topic.
 """
 
@@ -15,11 +15,10 @@ from fleet.spool.line import Line, Sign, State
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.unwritten import Unwritten
 from fleet.spool.work import Fetch, Work
 from fleet.wire.rules import Traffic
 
-GRACE = 0.2
-"""Seconds in which the cloud may take a message before it is written to disk, while connected."""
 NEWEST_FIRST = 0.1
 """Seconds after a connect in which what has waited lets the newest state go first."""
 LOW = 64
@@ -53,10 +52,9 @@ class Queue:
         self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
         self._holds = Holds()
         self._hungry: dict[str, Line] = {}
-        self._unwritten: deque[Outgoing] = deque()
+        self._unwritten = Unwritten()
         self._done: list[int] = []
         self._writing = False
-        self._dropped: list[tuple[Outgoing, Outcome]] = []
         self._seq = first
         self._lasting_from = float("-inf")
 
@@ -85,7 +83,7 @@ class Queue:
             line.memory.append(message)
             line.loaded = message.seq
         if self._disk:
-            self._unwritten.append(message)
+            self._unwritten.add(message)
         self._stand(line)
         return True
 
@@ -157,17 +155,10 @@ class Queue:
         for line in self._holds.due(now):
             self._stand(line)
 
-    def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
-        """Remove and return what was dropped since the last call, so that its sender can be told."""
-        dropped, self._dropped = self._dropped, []
-        return dropped
-
     def close(self) -> None:
-        """Drop what stands in memory alone, so that its senders can be told."""
+        """Drop what stands in memory."""
         for message in self._memory.all():
             self._memory.remove(message)
-            if not message.stored:
-                self._dropped.append((message, Outcome.DROPPED))
         self.waiting = 0
 
     @property
@@ -193,18 +184,16 @@ class Queue:
 
     @property
     def unwritten(self) -> bool:
-        """True when something is being changed on disk, or is to be soon."""
-        return bool(self._writing or self._unwritten or self._done or self.losses.changed)
+        """True when something is being changed on disk, or is to be soon.
+
+        Any thread may look: each is looked at once, and what is being written last, for it is marked first.
+        """
+        return len(self._unwritten) > 0 or len(self._done) > 0 or self.losses.changed or self._writing
 
     def work(self, now: float) -> Work:
         """Remove and return what is to be changed on disk now."""
-        at_once = not self.online or self.cold > 0
-        rows = []
-        while self._unwritten and (at_once or self._unwritten[0].since + GRACE <= now):
-            message = self._unwritten.popleft()
-            if not message.gone:
-                message.stored = True
-                rows.append(message)
+        self._writing = True
+        rows = self._unwritten.take(now, at_once=not self.online or self.cold > 0)
         done, self._done = self._done, []
         self._writing = bool(rows or done)
         return Work(rows, done)
@@ -219,12 +208,9 @@ class Queue:
 
     def not_written(self, work: Work) -> None:
         """Take a change back that the disk did not take."""
-        self.failing, self._writing = True, False
         self._done = [*work.done, *self._done]
-        for message in reversed(work.rows):
-            message.stored = False
-            if not message.gone:
-                self._unwritten.appendleft(message)
+        self._unwritten.put_back(work.rows)
+        self.failing, self._writing = True, False
 
     def fetches(self) -> list[Fetch]:
         """Return of which topics more is wanted."""
@@ -283,7 +269,7 @@ class Queue:
             for message in (*line.back, *line.memory):
                 if message.stored and not message.gone:
                     message.stored = False
-                    self._unwritten.append(message)
+                    self._unwritten.add(message)
         self._done = []
 
     def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
@@ -369,6 +355,8 @@ class Queue:
         message.gone = True
         if message.stored:
             self._done.append(message.seq)
+        elif self._disk:
+            self._unwritten.forsake()
 
     def _make_room(self, message: Outgoing, share: int, wall: float) -> bool:
         """Push out what is older and matters no more than this message; tell whether it fits then."""
@@ -388,4 +376,3 @@ class Queue:
             self._lines[message.topic].cold -= 1
             self.cold -= 1
         self.losses.note(message.topic, message.traffic, reason, wall)
-        self._dropped.append((message, Outcome.DROPPED))

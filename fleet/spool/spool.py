@@ -140,11 +140,6 @@ class Spool:
             self._queue.tick(self._clock.monotonic(), self._clock.time())
         self._stir()
 
-    def take_dropped(self) -> list[tuple[Outgoing, Outcome]]:
-        """Remove and return what was dropped, so that its sender can be told."""
-        with self._using:
-            return self._queue.take_dropped()
-
     def take_gaps(self) -> list[Gap]:
         """Remove and return the losses, for whoever tells them now."""
         with self._using:

@@ -16,8 +16,11 @@ from fleet.wire.rules import Traffic
 
 LEAST_EVICTED = 200
 """Messages that are removed at once to make room, so that it is not done for each."""
-FULL_AT, ROOM_AT = 0.9, 0.85
-"""Parts of the byte budget: above the first messages are removed until it is below the second."""
+FULL_AT, ROOM_AT = 0.9, 0.89
+"""Parts of the byte budget: above the first messages are removed until it is below the second.
+
+They are near each other: while some are removed none is written.
+"""
 
 _VERSION = 1
 SCHEMA = """

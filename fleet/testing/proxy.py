@@ -8,15 +8,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-import struct
 from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Any, Self
 
 from fleet.event_loop import BackgroundLoop
+from fleet.link.tcp import reset_on_close
 
 PIECE = 65_536  # bytes of one read
-LINGER_NONE = struct.pack("ii", 1, 0)  # a close with this is a reset
 
 
 class TcpProxy:
@@ -38,17 +37,20 @@ class TcpProxy:
         self._tasks: set[asyncio.Task[None]] = set()
         self._writers: set[asyncio.StreamWriter] = set()
         self._loop = BackgroundLoop("fleet-proxy", asyncio.new_event_loop)
+        self._begun = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
-        self._loop.__enter__()
-        self._loop.complete(self._listen())
+        with contextlib.ExitStack() as begun:
+            begun.enter_context(self._loop)
+            self._loop.complete(self._listen())
+            begun.callback(lambda: self._loop.complete(self._end()))
+            self._begun = begun.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._loop.complete(self._end())
-        self._loop.__exit__(kind, error, trace)
+        self._begun.close()
 
     def cut(self) -> None:
         """End every connection in an orderly way, as a broker that is stopped does."""
@@ -154,5 +156,5 @@ def _close(writer: asyncio.StreamWriter) -> None:
 def _reset(writer: asyncio.StreamWriter) -> None:
     """Close with a reset."""
     with contextlib.suppress(OSError):
-        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, LINGER_NONE)
+        reset_on_close(writer.get_extra_info("socket"))
     writer.transport.abort()

@@ -40,6 +40,7 @@ from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
 ORIGIN, UNTURNED = Vector3(), Quaternion()
+NUDGED, NUDGED_TURN = Vector3(x=NUDGE), Quaternion(z=NUDGE)
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 
 Body = dict[str, Any]
@@ -80,36 +81,20 @@ def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
 
 
 def _pose(report: PoseReport) -> Leaves:
-    """Position and rotation go on two topics, in object form."""
-    position = {"type": "position", "position": _seen_vector(report.position)}
-    rotation = {"type": "rotation", "rotation": _seen_rotation(report.rotation)}
-    return [("position", position), ("rotation", rotation)]
-
-
-def _seen_vector(vector: Vector3) -> Body:
-    """Return a position that the SDK's readers do not take for a missing one."""
-    seen = _vector(vector)
-    if vector == ORIGIN:
-        seen["x"] = NUDGE
-    return seen
-
-
-def _seen_rotation(turn: Quaternion) -> Body:
-    """Return a rotation that the SDK's readers do not take for a missing one."""
-    z = NUDGE if turn == UNTURNED else turn.z
-    return {"w": turn.w, "x": turn.x, "y": turn.y, "z": z}
+    """Position and rotation go on two topics, in object form (the encoder makes that of them)."""
+    position = NUDGED if report.position == ORIGIN else report.position
+    rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
+    return [
+        ("position", {"type": "position", "position": position}),
+        ("rotation", {"type": "rotation", "rotation": rotation}),
+    ]
 
 
 def _scale(report: ScaleReport) -> Leaves:
     """Scale in object form."""
     if min(report.scale.x, report.scale.y, report.scale.z) <= 0:
         raise WireError("every axis needs more than 0", where="scale")
-    return [("scale", {"type": "scale", "scale": _vector(report.scale)})]
-
-
-def _vector(vector: Vector3) -> Body:
-    """Return a vector in object form."""
-    return {"x": vector.x, "y": vector.y, "z": vector.z}
+    return [("scale", {"type": "scale", "scale": report.scale})]
 
 
 def _joints(report: JointReport) -> Leaves:
@@ -156,7 +141,7 @@ def _place(point: GeoPoint) -> Body:
 
 def _imu(report: ImuReport) -> Leaves:
     """Rates in rad/s and accelerations in m/s2."""
-    return [("imu", {"gyro": _vector(report.gyro), "accel": _vector(report.accel)})]
+    return [("imu", {"gyro": report.gyro, "accel": report.accel})]
 
 
 def _flight_state(report: FlightStateReport) -> Leaves:

@@ -13,6 +13,8 @@ import threading
 class DeadMan:
     """One robot's running lease; ``until``: when it runs out (monotonic s), infinity without one."""
 
+    __slots__ = ("_lock", "expired", "until")  # hundreds are looked through fifty times a second
+
     def __init__(self) -> None:
         self.until = math.inf
         self._lock = threading.Lock()

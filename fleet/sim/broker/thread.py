@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -19,6 +20,7 @@ class BrokerThread:
     def __init__(self, **arguments: Any) -> None:
         self.broker = Broker(**arguments)
         self._loop = BackgroundLoop("fleet-broker", asyncio.new_event_loop)
+        self._begun = contextlib.ExitStack()
 
     @property
     def port(self) -> int:
@@ -26,19 +28,17 @@ class BrokerThread:
         return self.broker.port
 
     def __enter__(self) -> Self:
-        self._loop.__enter__()
-        try:
+        with contextlib.ExitStack() as begun:
+            begun.enter_context(self._loop)
             self._loop.complete(self.broker.__aenter__())
-        except BaseException as error:
-            self._loop.__exit__(type(error), error, error.__traceback__)
-            raise
+            begun.callback(lambda: self._loop.complete(self.broker.__aexit__(None, None, None)))
+            self._begun = begun.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._loop.complete(self.broker.__aexit__(kind, error, trace))
-        self._loop.__exit__(kind, error, trace)
+        self._begun.close()
 
     def call(self, function: Callable[..., T], *arguments: object) -> T:
         """Run a function on the broker's thread and return its result: ``call(broker.half_open, "a")``."""

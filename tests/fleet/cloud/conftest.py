@@ -9,6 +9,7 @@ from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
 from fleet.testing.proxy import TcpProxy
+from fleet.testing.waiting import wait_until
 
 WITHIN = 30.0  # s
 
@@ -20,7 +21,6 @@ class Watched:
         self.loop = loop
         self.states = []
         self.messages = []
-        self.outcomes = []
         self.broken = False
         self._news = threading.Condition()
         chosen = {"host": "127.0.0.1", "port": port, "tls": False, "client_id": name} | settings
@@ -52,9 +52,13 @@ class Watched:
         self.until(lambda: any(one is state and words in cause for one, cause in self.states))
 
     def publish(self, topic, payload=b"", **options):
-        """Publish and note what becomes of it."""
-        done = lambda outcome: self._note(self.outcomes, (topic, outcome))  # noqa: E731
-        return self.client.publish(topic, payload, on_done=done, **options)
+        """Publish."""
+        return self.client.publish(topic, payload, **options)
+
+    def acked(self, count):
+        """Wait until the broker has acknowledged so many messages."""
+        wait_until(f"{count} are acknowledged", lambda: self.client.stats.acked >= count)
+        assert self.client.stats.acked == count
 
     def payloads(self, count):
         """Wait for that many messages and return what they carry."""

@@ -66,9 +66,7 @@ async def connection(ends, broker, clock):
     """Be connected, with the settings that an edge has by itself."""
     box = Outbox(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats())
     session = Session(SETTINGS, {}, box, CloudStats())
-    one = Connection(
-        ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.taken.set, settle=list
-    )
+    one = Connection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.taken.set)
     broker.say(mqtt5.ConnAckPacket())
     await asyncio.wait_for(one.ready, WITHIN)
     broker.taken.clear()

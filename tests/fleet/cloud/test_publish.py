@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.cloud.packets import Decoder
-from fleet.cloud.publish import publish
+from fleet.cloud.publish import address, publish, publish_light
 from fleet.spool.message import Outgoing
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0+#"), min_size=1, max_size=40)
@@ -41,14 +41,29 @@ def test_the_codec_reads_what_is_written(protocol, message):
 
 @pytest.mark.parametrize("protocol", [5, 311])
 def test_a_message_of_qos_0_has_no_identifier(protocol):
-    packet = only(publish(Outgoing("t", b"x", 0), None, 1000.0, protocol), protocol)
+    packet = only(publish_light(address("t", None, protocol), b"x", None), protocol)
     assert (packet.topic, packet.payload, int(packet.qos), packet.packet_id) == ("t", b"x", 0, None)
+
+
+@pytest.mark.parametrize("protocol", [5, 311])
+@given(TEXT, st.binary(max_size=300), st.none() | st.floats(0.001, 1e11), st.floats(0, 1))
+def test_the_codec_reads_messages_of_qos_0(protocol, topic, payload, expiry, part):
+    left = None if expiry is None else expiry * part
+    packet = only(publish_light(address(topic, expiry, protocol), payload, left), protocol)
+    assert (packet.topic, packet.payload, int(packet.qos)) == (topic, payload, 0)
+    if protocol == 5:
+        assert (packet.message_expiry_interval is None) == (expiry is None)
+        assert (
+            expiry is None or left <= packet.message_expiry_interval <= max(1, left + 1) or left > 0xFFFF_FFFF
+        )
 
 
 @pytest.mark.parametrize(("left", "seconds"), [(0.2, 1), (-5.0, 1), (7.0, 7), (7.01, 8), (1e12, 0xFFFF_FFFF)])
 def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, seconds):
     message = Outgoing("t", b"", 1, deadline=1000.0 + left)
     assert only(publish(message, 1, 1000.0, 5), 5).message_expiry_interval == seconds
+    assert only(publish_light(address("t", left, 5), b"", left), 5).message_expiry_interval == seconds
+    assert only(publish_light(address("t", 100.0, 5), b"", left), 5).message_expiry_interval == seconds
 
 
 def test_it_is_byte_for_byte_what_the_codec_writes():

@@ -85,12 +85,13 @@ def test_a_velocity_ends_within_a_look_of_its_lease(watch):
 
 def test_the_watchdog_sleeps_to_the_end_of_the_first_lease_and_no_longer_than_its_period(watch):
     now = watch.clock.monotonic()
-    assert watch.dog.patience(now) == PERIOD
+    assert watch.dog.look(now) == PERIOD
     watch.robot("later").feed(now, 5.0)
-    assert watch.dog.patience(now) == PERIOD
+    assert watch.dog.look(now) == PERIOD
     watch.robot("rex").feed(now, 0.007)
-    assert watch.dog.patience(now) == pytest.approx(0.007)
-    assert 0 < watch.dog.patience(now + 1.0) < 0.002
+    assert watch.dog.look(now) == pytest.approx(0.007)
+    assert 0 < watch.dog.look(now + 1.0) < 0.002
+    assert watch.dog.look(now + 1.0) == PERIOD
 
 
 def test_a_halt_that_raises_does_not_keep_the_others_from_theirs(watch):

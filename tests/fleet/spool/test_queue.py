@@ -9,8 +9,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from fleet.spool.losses import Reason
 from fleet.spool.message import OVERHEAD, Outcome, Outgoing
-from fleet.spool.queue import FETCHED_IN_NEED, GRACE, NEWEST_FIRST, Queue
+from fleet.spool.queue import FETCHED_IN_NEED, NEWEST_FIRST, Queue
 from fleet.spool.spool import AGES
+from fleet.spool.unwritten import GRACE
 from fleet.wire.rules import Traffic
 
 REPLY, STATUS, EVENT = Traffic.REPLY, Traffic.STATUS, Traffic.EVENT

@@ -25,8 +25,6 @@ RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
 _COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
 _REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
-_WHOLE_REPLY = struct.Struct(">B2H3B")  # with temperature, and an error or a second temperature
-_LAST = 7  # byte of a reply of eight
 
 STATUS: Mapping[int, str] = MappingProxyType(
     {
@@ -54,20 +52,13 @@ class MitCommand(NamedTuple):
     torque: float = 0.0
 
 
-class MitReply(NamedTuple):
-    """What a motor tells; ``status`` is a Damiao motor's nibble, or an error byte, None without one."""
-
-    motor: int
-    angle: float
-    speed: float
-    torque: float
-    status: int | None
-    temperature: float | None
-
-
 Command = tuple[float, float, float, float, float]
+"""The numbers of a ``MitCommand`` in their order: dozens are made in each cycle, too many to name them."""
 Reply = tuple[int, float, float, float, int | None, float | None]
-"""The numbers of a ``MitCommand`` and a ``MitReply`` in their order: dozens are made in each cycle."""
+"""What a motor tells: its id, rad, rad/s, N m, status (a Damiao motor's nibble, or an error byte), deg C.
+
+Status and temperature are None where the motor does not tell them.
+"""
 
 
 class Units:
@@ -148,16 +139,14 @@ class Layout:
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        second = turning << 4 | pushed >> 8
+        data = bytearray(8)
+        _REPLY.pack_into(data, 0, first, moved, turning << 4 | pushed >> 8, pushed & 0xFF)
         if self._warm_at is None:
-            return _REPLY.pack(first, moved, second, pushed & 0xFF)
-        warm = round(temperature or 0)
-        if not 0 <= warm <= 0xFF:
-            warm = 0 if warm < 0 else 0xFF
-        if self._warm_at == _LAST:
-            return _WHOLE_REPLY.pack(first, moved, second, pushed & 0xFF, 0, warm)
-        error = (status or 0) if self._error_at == _LAST else 0
-        return _WHOLE_REPLY.pack(first, moved, second, pushed & 0xFF, warm, error)
+            return bytes(data[:6])
+        data[self._warm_at] = max(0, min(255, round(temperature or 0)))
+        if self._error_at is not None:
+            data[self._error_at] = status or 0
+        return bytes(data)
 
     def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""
