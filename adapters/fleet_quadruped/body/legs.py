@@ -35,9 +35,11 @@ class Leg(NamedTuple):
         _, _, side, back, offset, thigh, calf = self
         out = side * offset
         down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
-        abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
-        wanted = math.hypot(x, down)
-        length = max(abs(thigh - calf) + 1e-3, min((thigh + calf) * _NEARLY, wanted))
+        abad = math.atan2(out * z + down * y, out * y - down * z)
+        length = math.hypot(x, down)
+        longest, shortest = (thigh + calf) * _NEARLY, abs(thigh - calf) + 1e-3
+        if not shortest <= length <= longest:
+            length = shortest if length < shortest else longest
         one, two, square = thigh * thigh, calf * calf, length * length
         bend = math.acos((one + two - square) / (2 * thigh * calf))  # by the law of cosines
         lean = math.acos((one + square - two) / (2 * thigh * length))
