@@ -3,6 +3,7 @@
 Lock-step figures are the same on every run; times of the processor are not.
 
 python -m bench quadruped
+python -m bench quadruped:cost,wanders      some rows of it
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ import contextlib
 import math
 import random
 import statistics
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
+
+import msgspec
 
 from bench import dog_loop
 from bench.common import line
@@ -25,8 +29,10 @@ from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
+from fleet_quadruped.sim.wander import wander
 
 SEEDS = 10  # each with another friction and other lost frames
+WANDER_TIME = 20.0  # s
 WANTED = (0.6, 0.2, 0.8)
 COMMANDS = {
     "forward 0.6 m/s": Twist(0.6),
@@ -54,7 +60,7 @@ def walk(rig: Rig, twist: Twist) -> tuple[float, float]:
     return math.dist(start[:2], end[:2]) / 2.5, math.degrees(rig.tilt)
 
 
-def gaits(dog: Description, seeds: int) -> None:
+def gaits(dog: Description, seeds: int = SEEDS) -> None:
     for loss in (0.0, 0.05):
         rigs = [standing(dog, seed, loss) for seed in range(1, seeds + 1)]
         for (name, twist), wanted in zip(COMMANDS.items(), WANTED, strict=True):
@@ -71,6 +77,62 @@ def gaits(dog: Description, seeds: int) -> None:
         down = sum(math.acos(max(-1.0, rig.sim.world.imu().up)) > 0.8 for rig in rigs)
         stopped = [rig.fault for rig in rigs if rig.fault]
         line("  fell; stopped by themselves", f"{down}/{seeds}; {len(stopped)}/{seeds}", *set(stopped[:1]))
+
+
+def walks(dog: Description, seeds: int = 4) -> None:
+    """Print speeds of the gait walk at its highest, the tilt of its first steps and after them, odometry."""
+    pace = dog.gait.walk
+    for name, twist in {
+        "forward": Twist(pace.speed),
+        "backward": Twist(-pace.speed),
+        "sideways": Twist(0, pace.strafe),
+        "turn": Twist(0, 0, pace.turn),
+    }.items():
+        seen = [slow_walk(standing(dog, 2 * seed), twist) for seed in range(1, seeds + 1)]
+        speeds, told, first, later = zip(*seen, strict=True)
+        wanted = twist.turn or abs(twist.x) + abs(twist.y)
+        off = max(abs(speed - wanted) for speed in speeds) / wanted
+        line(
+            f"{dog.drive.protocol}, gait walk: {name} {wanted:g}",
+            f"{min(speeds):.3f} to {max(speeds):.3f} (odometry {statistics.mean(told):.3f})",
+            f"worst {off:.1%} off, tilt {max(first):.1f} deg at first, {max(later):.1f} later (aim 5)",
+        )
+
+
+def slow_walk(rig: Rig, twist: Twist) -> tuple[float, float, float, float]:
+    """Return the true speed, that of odometry, the greatest tilt in two cycles and in three after them."""
+    rig.order = msgspec.structs.replace(rig.order, gait="walk")
+    period = rig.dog.gait.walk.period
+    rig.go(2 * period, twist)
+    first, begun = rig.tilt, place(rig)
+    rig.go(3 * period, twist)
+    moved = [
+        math.remainder(end[2] - start[2], math.tau) if twist.turn else math.dist(start[:2], end[:2])
+        for start, end in zip(begun, place(rig), strict=True)
+    ]
+    true, told = (way / (3 * period) for way in moved)
+    return true, told, math.degrees(first), math.degrees(rig.tilt)
+
+
+def place(rig: Rig) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return where it truly is, and where it says it is: x, y (m) and heading (rad)."""
+    odometry, (x, y, _) = rig.controller.body.walker.odometry, rig.sim.world.place()
+    return (x, y, rig.sim.world.imu().rotation.yaw), (odometry.x, odometry.y, odometry.yaw)
+
+
+def wanders(dog: Description, seeds: int = 24) -> None:
+    """Print the falls of dogs that are sent about at random, switched in mid-stride."""
+    for gait in ("trot", "walk"):
+        rigs = [standing(dog, 1 + seed % SEEDS) for seed in range(seeds)]
+        tilts = [
+            math.degrees(wander(rig, gait, random.Random(seed), WANDER_TIME)) for seed, rig in enumerate(rigs)
+        ]
+        fell = sum(bool(rig.fault) for rig in rigs)
+        line(
+            f"{dog.drive.protocol}, {gait}: fell or stopped, sent about at random for {WANDER_TIME:g} s each",
+            f"{fell}/{seeds}",
+            f"tilt {max(tilts):.1f} deg at the worst, {statistics.median(tilts):.1f} in the middle",
+        )
 
 
 def stops(dog: Description) -> None:
@@ -228,15 +290,34 @@ def _measured(call: Callable[..., Any], used: dict[str, float], name: str) -> Ca
     return measured
 
 
-def run() -> None:
+EACH: dict[str, Callable[[Description], None]] = {
+    "enables": enables,
+    "gaits": gaits,
+    "walks": walks,
+    "wanders": wanders,
+    "stops": stops,
+    "dies": dies,
+    "repeats": repeats,
+    "cost": cost,
+}
+ONCE: dict[str, Callable[[Description], None]] = {
+    "recoveries": recoveries,
+    "loop": lambda _dog: dog_loop.run(),
+}
+
+
+def run(rows: Sequence[str] = ()) -> None:
+    known = [*EACH, *ONCE]
+    asked = rows or known
+    for row in asked:
+        if row not in known:
+            sys.exit(f"there is no row {row!r}; there are {', '.join(known)}")
     dog = load_description(EXAMPLE)
     drive = dog.drive.model_copy(update={"protocol": "mit", "profile": "damiao-8006"})
     for each in (dog, dog.model_copy(update={"drive": drive})):
-        enables(each)
-        gaits(each, SEEDS)
-        stops(each)
-        dies(each)
-        repeats(each)
-        cost(each)
-    recoveries(dog)
-    dog_loop.run()
+        for row, measure in EACH.items():
+            if row in asked:
+                measure(each)
+    for row, measure in ONCE.items():
+        if row in asked:
+            measure(dog)

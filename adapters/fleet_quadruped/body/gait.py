@@ -1,29 +1,27 @@
 """Trot and walk: where the feet are to be, from a velocity, step by step of time.
 
 Feet are in the body frame (m). In the trot diagonal legs swing together. In the walk one leg swings at a
-time, each side's rear leg before its front leg, and the body sways to the other side first, so that it is
-always over the feet that stand. Zero velocity for two whole cycles ends either with all feet in their neutral
-places.
+time, each side's rear leg before its front leg, and the body sways to the other side first, so that it
+presses on the ground amid the feet that stand. Zero velocity ends either where a half of a cycle does, when
+each foot has been lifted once more and all are in their neutral places.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import msgspec
 
+from fleet_quadruped.body.balance import Balance, Place, inside, loads
 from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.pattern import Pattern, trot
 from fleet_quadruped.robot.parts import Gait
 
 _FEEDBACK = 0.08  # s: how far a step reaches out against a wrong speed
 _STUMBLE = 0.12  # rad of tilt at which a standing dog steps
-_REST_CYCLES = 2.0
-_WALK_DUTY = 0.84  # 0.16 for each of four feet, and the rest to sway
-_WALK_START = 0.97  # of a cycle: the body is aside before the first foot leaves the ground
-_SWAY_IN, _SWAY_OUT = 8.0, 2.0  # shares of the sway that come into effect in a cycle, and out of it
-_FLAT = 1.6  # how early the body is aside: 1 is a plain sine
+_REST_CYCLES = 0.5  # without a velocity, before the last half of a cycle: each foot is lifted once more
+_MIDDLE = (0.0, 0.0)
 
 
 class Twist(msgspec.Struct, frozen=True, gc=False):
@@ -42,38 +40,11 @@ class Twist(msgspec.Struct, frozen=True, gc=False):
         return abs(self.x) < 1e-4 and abs(self.y) < 1e-4 and abs(self.turn) < 1e-4
 
 
-class Pattern(NamedTuple):
-    """When the feet of FL, FR, RL, RR are lifted: each at the share ``duty`` of its own cycle.
-
-    ``start``: where in the cycle it begins. ``sway``: how far the body goes aside, m.
-    """
-
-    period: float
-    duty: float
-    phases: tuple[float, float, float, float]
-    start: float
-    sway: float = 0.0
-
-    def shift(self, phase: float) -> float:
-        """Return how far the body is to the left, as a share of the sway."""
-        return -max(-1.0, min(1.0, _FLAT * math.sin(math.tau * phase))) if self.sway else 0.0
-
-
-def trot(gait: Gait) -> Pattern:
-    """Return the trot: fast, two feet on the ground."""
-    return Pattern(gait.period, gait.duty, (0.0, 0.5, 0.5, 0.0), gait.duty)
-
-
-def walk(gait: Gait) -> Pattern:
-    """Return the walk: slow, three feet on the ground, statically stable."""
-    lifts = (0.26, 0.76, 0.08, 0.58)
-    front_left, front_right, rear_left, rear_right = (_WALK_DUTY - lift for lift in lifts)
-    phases = (front_left, front_right, rear_left, rear_right)
-    return Pattern(gait.walk.period, _WALK_DUTY, phases, _WALK_START, gait.walk.sway)
-
-
 class Steps:
-    """The feet of a walking or standing dog."""
+    """The feet of a walking or standing dog, and how its body is over them.
+
+    ``loads``: the share of the weight that each foot bears.
+    """
 
     def __init__(self, gait: Gait, legs: Sequence[Leg], foot_radius: float) -> None:
         self._gait = gait
@@ -81,16 +52,15 @@ class Steps:
         self._radius = foot_radius
         self._pattern = trot(gait)
         self._phase = 0.0
-        self._swaying = 0.0  # share of the sway that is in effect
-        self._rest = _REST_CYCLES
+        self._rest = 0.0  # cycles since it had a velocity
+        self._lifts = False  # feet leave the ground
+        self._last = False  # this half of a cycle is its last one
+        self.walking = False
+        self.balance = Balance()
         self.feet: list[Point] = [(x, y, 0.0) for x, y in self._neutral]
         self._lifted = list(self.feet)
         self.stance = [True] * 4
-
-    @property
-    def walking(self) -> bool:
-        """True while feet are lifted."""
-        return self._rest < _REST_CYCLES
+        self.loads = [0.25] * 4
 
     def choose(self, pattern: Pattern) -> bool:
         """Take a pattern from now on; False while the feet still move in another: stand first."""
@@ -102,39 +72,103 @@ class Steps:
     def stand(self) -> None:
         """Put all feet in their neutral places at once (the dog has just stood up)."""
         self.feet = [(x, y, 0.0) for x, y in self._neutral]
-        self._phase, self._rest, self.stance = 0.0, _REST_CYCLES, [True] * 4
+        self._phase, self.walking, self.stance = 0.0, False, [True] * 4
+        self.balance = Balance()
+
+    def bearable(self, wanted: Twist) -> Twist:
+        """Return a velocity in the same direction that leaves no standing foot too far behind.
+
+        A foot that was put down for another velocity cannot follow before it is lifted again.
+        """
+        if self._pattern.reach is None or not self.walking:
+            return wanted
+        share, (long, wide) = 1.0, self._pattern.reach
+        for (x, y, _), (home_x, home_y), phase in zip(
+            self.feet, self._neutral, self._pattern.phases, strict=True
+        ):
+            left = self._left(phase)
+            at_x, at_y = (x - home_x) / long, (y - home_y) / wide
+            go_x, go_y = (
+                (wanted.turn * y - wanted.x) * left / long,
+                (-wanted.turn * x - wanted.y) * left / wide,
+            )
+            if left > 0.0 and math.hypot(at_x + go_x, at_y + go_y) > 1.0:
+                share = min(share, _until(at_x, at_y, go_x, go_y))
+        return Twist(wanted.x * share, wanted.y * share, wanted.turn * share)
+
+    def _left(self, phase: float) -> float:
+        """Return the seconds for which a foot with this phase stays on the ground, 0 for one in the air."""
+        left = self._pattern.duty - (self._phase + phase) % 1.0
+        if not self._lifts and left < 0.5 - self._phase % 0.5:
+            left += 1.0
+        return max(0.0, left) * self._pattern.period
 
     def step(
-        self, dt: float, wanted: Twist, error: Twist, height: float, tilt: tuple[float, float]
+        self,
+        dt: float,
+        wanted: Twist,
+        error: Twist,
+        height: float,
+        *,
+        tilt: tuple[float, float],
+        pull: tuple[float, float] = (0.0, 0.0),
     ) -> list[Point]:
         """Return the feet after ``dt`` seconds.
 
-        ``error`` is measured less wanted velocity; ``tilt`` is (roll, pitch), rad.
+        ``error`` is measured less wanted velocity; ``tilt`` is (roll, pitch), rad; ``pull`` the acceleration
+        that is wanted, m/s2.
         """
         roll, pitch = tilt
-        if not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE:
-            self._rest = 0.0 if self.walking else self._start()
-        elif self.walking:
-            self._rest += dt / self._pattern.period
-        self._sway(dt)
+        moving = not wanted.zero or max(abs(roll), abs(pitch)) > _STUMBLE
+        self._rest = 0.0 if moving else self._rest + dt / self._pattern.period
         if self.walking:
-            self._phase = (self._phase + dt / self._pattern.period) % 1.0
+            self._advance(dt / self._pattern.period)
+        elif moving:
+            self._start()
+        self._sway(dt, height, pull)
+        if self.walking:
             for number in range(4):
                 self._move(number, dt, wanted, error)
         else:
             self._settle(dt)
+        self.loads = loads(self.feet, self.stance, self.balance.place)
         return self._levelled(height, roll, pitch)
 
-    def _start(self) -> float:
+    def _start(self) -> None:
         """Begin a cycle."""
-        self._phase = self._pattern.start
-        return 0.0
+        self._phase, self._lifts, self._last = self._pattern.start, not self._pattern.sway, False
+        self.walking = True
 
-    def _sway(self, dt: float) -> None:
-        """Bring the sway into effect while it walks, and out of it in its last cycle."""
-        goal = 1.0 if self._rest < _REST_CYCLES - 1.0 else 0.0
-        share = dt / self._pattern.period
-        self._swaying += max(-_SWAY_OUT * share, min(_SWAY_IN * share, goal - self._swaying))
+    def _advance(self, share: float) -> None:
+        """Move on by a share of a cycle; where a half of it ends, all feet are down, and it may stand."""
+        half = self._phase < 0.5
+        self._phase = (self._phase + share) % 1.0
+        if (self._phase < 0.5) is half:
+            return
+        self._lifts = True
+        self.walking = not self._last
+        self._last = self._rest >= _REST_CYCLES
+
+    def _sway(self, dt: float, height: float, pull: tuple[float, float]) -> None:
+        """Bring the body over the feet that stand in this half of a cycle, and on its way to the others."""
+        pattern, place, goal = self._pattern, _MIDDLE, _MIDDLE
+        if self.walking and pattern.sway:
+            side = 1 if self._phase < 0.5 else 0
+            place = self._amid(side, rear=self._phase % 0.5 < 0.25) if self._lifts else _MIDDLE
+            goal = _MIDDLE if self._last else self._amid(1 - side, rear=True)
+        left = (0.5 - self._phase % 0.5) * pattern.period
+        self.balance.step(dt, height, place, goal, left=left, pull=pull)
+
+    def _amid(self, side: int, *, rear: bool) -> Place:
+        """Return where the body presses to stand on the feet of a side (0 left) and one of the other.
+
+        ``rear``: its rear foot is the one that is lifted, else its front foot.
+        """
+        front, back, away = self.feet[side], self.feet[side + 2], self.feet[(1 if rear else 3) - side]
+        neutral = self._neutral[side][1]
+        y = (front[1] + back[1]) / 2 - neutral * (1.0 - self._pattern.sway)
+        place = ((front[0] + back[0]) / 2, y)
+        return inside(place, back, away, front) if rear else inside(place, front, away, back)
 
     def _settle(self, dt: float) -> None:
         """Stand: let the feet creep to their neutral places while all of them are down."""
@@ -145,10 +179,13 @@ class Steps:
         self.stance = [True] * 4
 
     def _move(self, number: int, dt: float, wanted: Twist, error: Twist) -> None:
-        """Move one foot: with the ground, or through the air to its next place."""
+        """Move one foot: with the ground, or through the air to its next place.
+
+        It leaves the ground and meets it again as fast as the ground moves.
+        """
         phase = (self._phase + self._pattern.phases[number]) % 1.0
         x, y, _ = self.feet[number]
-        if phase < self._pattern.duty:
+        if phase < self._pattern.duty or not self._lifts:
             self.stance[number] = True
             turn = wanted.turn
             self.feet[number] = (x - (wanted.x - turn * y) * dt, y - (wanted.y + turn * x) * dt, 0.0)
@@ -156,13 +193,18 @@ class Steps:
         if self.stance[number]:
             self.stance[number] = False
             self._lifted[number] = self.feet[number]
-        share = (phase - self._pattern.duty) / (1.0 - self._pattern.duty)
-        goal = self._goal(number, wanted, error)
-        start = self._lifted[number]
+        air = 1.0 - self._pattern.duty
+        share = (phase - self._pattern.duty) / air
+        goal, start, (home_x, home_y) = (
+            self._goal(number, wanted, error),
+            self._lifted[number],
+            self._neutral[number],
+        )
         smooth = share * share * (3 - 2 * share)
+        with_ground = (smooth - share) * air * self._pattern.period
         self.feet[number] = (
-            start[0] + (goal[0] - start[0]) * smooth,
-            start[1] + (goal[1] - start[1]) * smooth,
+            start[0] + (goal[0] - start[0]) * smooth + (wanted.x - wanted.turn * home_y) * with_ground,
+            start[1] + (goal[1] - start[1]) * smooth + (wanted.y + wanted.turn * home_x) * with_ground,
             self._gait.swing * math.sin(math.pi * share),
         )
 
@@ -178,10 +220,21 @@ class Steps:
 
     def _levelled(self, height: float, roll: float, pitch: float) -> list[Point]:
         """Return the feet at their height; those on the ground also level the body."""
-        pattern, posture, ground = self._pattern, self._gait.posture, -(height - self._radius)
-        aside = pattern.sway * pattern.shift(self._phase) * self._swaying
+        posture, ground, ahead, aside = (
+            self._gait.posture,
+            self._radius - height,
+            self.balance.x,
+            self.balance.y,
+        )
         feet: list[Point] = []
         for (x, y, lift), stands in zip(self.feet, self.stance, strict=True):
             level = posture * (roll * y - pitch * x) if stands else 0.0
-            feet.append((x, y - aside, ground + lift + max(-0.05, min(0.05, level))))
+            feet.append((x - ahead, y - aside, ground + lift + max(-0.05, min(0.05, level))))
         return feet
+
+
+def _until(at_x: float, at_y: float, go_x: float, go_y: float) -> float:
+    """Return the share of a way after which a point is 1 from the middle, 0 for none of it."""
+    square, along = go_x * go_x + go_y * go_y, at_x * go_x + at_y * go_y
+    under = along * along - square * (at_x * at_x + at_y * at_y - 1.0)
+    return max(0.0, (math.sqrt(under) - along) / square) if under > 0.0 else 0.0

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
+Reached = tuple[Point, tuple[Point, Point, Point]]  # a foot, and its jacobian
 _NEARLY = 0.999  # of the leg's length: a straight leg has no way back
 
 
@@ -34,20 +35,18 @@ class Leg(NamedTuple):
         _, _, side, back, offset, thigh, calf = self
         out = side * offset
         down = math.sqrt(max(y * y + z * z - out * out, 1e-12))
-        abad = math.remainder(math.atan2(z, y) - math.atan2(-down, out), math.tau)
-        wanted = math.hypot(x, down)
-        length = max(abs(thigh - calf) + 1e-3, min((thigh + calf) * _NEARLY, wanted))
+        abad = math.atan2(out * z + down * y, out * y - down * z)
+        length = math.hypot(x, down)
+        longest, shortest = (thigh + calf) * _NEARLY, abs(thigh - calf) + 1e-3
+        if not shortest <= length <= longest:
+            length = shortest if length < shortest else longest
         one, two, square = thigh * thigh, calf * calf, length * length
         bend = math.acos((one + two - square) / (2 * thigh * calf))  # by the law of cosines
         lean = math.acos((one + square - two) / (2 * thigh * length))
         return abad, math.atan2(-x, down) - back * lean, back * (math.pi - bend)
 
-    def jacobian(self, angles: Angles) -> tuple[Point, Point, Point]:
-        """Return the velocity of the foot for 1 rad/s of each joint: three columns."""
-        return self.reach(angles)[1]
-
-    def reach(self, angles: Angles) -> tuple[Point, tuple[Point, Point, Point]]:
-        """Return where the centre of the foot is, and its jacobian."""
+    def reach(self, angles: Angles) -> Reached:
+        """Return where the centre of the foot is, and its velocity for 1 rad/s of each joint."""
         abad, hip, knee = angles
         _, _, side, _, offset, thigh, calf = self
         cos, sin = math.cos(abad), math.sin(abad)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from fleet import Vector3
 from fleet.model.geometry import wrap_angle
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.legs import Leg
+from fleet_quadruped.body.legs import Leg, Reached
 from fleet_quadruped.body.sense import Sense
 from fleet_quadruped.robot.description import leg_angles
 
@@ -19,7 +19,10 @@ Planar = tuple[float, float, float, float]  # foot place x, y (m) and its veloci
 
 
 class Odometry:
-    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s."""
+    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s.
+
+    ``reached``: by their numbers the feet that bore weight in this cycle, and their jacobians.
+    """
 
     def __init__(self, legs: Sequence[Leg], foot_radius: float, smooth: float = 0.1) -> None:
         self._legs = legs
@@ -28,23 +31,26 @@ class Odometry:
         self._first_yaw: float | None = None
         self.x = self.y = self.yaw = 0.0
         self.twist = Twist()
+        self.reached: dict[int, Reached] = {}
 
-    def still(self) -> None:
-        """Note that the dog does not walk: it moves nowhere."""
-        self.twist = Twist()
+    def update(
+        self, dt: float, sense: Sense, loads: Sequence[float], sway: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Move on by what the standing feet say: each counts as much of the weight as it bears.
 
-    def update(self, dt: float, sense: Sense, stance: Sequence[bool]) -> None:
-        """Move on by what the standing feet say; ``stance`` tells which of the four stand."""
+        ``sway``: how fast (m/s) the body moves over its feet of its own, which is no part of its twist.
+        """
         gyro = sense.imu.gyro if sense.imu else None
-        standing = [self._motion(number, sense, gyro) for number in range(4) if stance[number]]
+        self.reached.clear()
+        standing = [self._motion(number, sense, gyro) for number in range(4) if loads[number]]
         if not standing:
             return
-        seen = body_twist(standing, None if gyro is None else gyro.z)
+        seen = body_twist(standing, None if gyro is None else gyro.z, [load for load in loads if load])
         share = min(1.0, dt / self._smooth)
         old = self.twist
         self.twist = Twist(
-            old.x + (seen.x - old.x) * share,
-            old.y + (seen.y - old.y) * share,
+            old.x + (seen.x - sway[0] - old.x) * share,
+            old.y + (seen.y - sway[1] - old.y) * share,
             old.turn + (seen.turn - old.turn) * share,
         )
         self._turn(dt, sense, seen.turn)
@@ -67,7 +73,7 @@ class Odometry:
         leg = self._legs[number]
         angles = leg_angles(sense.angles, number)
         out, swing, bend = leg_angles(sense.speeds, number)
-        (x, y, z), (abad, hip, knee) = leg.reach(angles)
+        (x, y, z), (abad, hip, knee) = self.reached[number] = leg.reach(angles)
         moved_x = abad[0] * out + hip[0] * swing + knee[0] * bend
         moved_y = abad[1] * out + hip[1] * swing + knee[1] * bend
         about_x, about_y = out, (swing + bend) * math.cos(angles[0])
@@ -79,15 +85,19 @@ class Odometry:
         return leg.x + x, leg.y + y, moved_x - self._radius * about_y, moved_y + self._radius * about_x
 
 
-def body_twist(feet: Sequence[Planar], turn: float | None) -> Twist:
-    """Return the body's velocity for which all standing feet rest; least squares without a known turn."""
+def body_twist(feet: Sequence[Planar], turn: float | None, loads: Sequence[float] = ()) -> Twist:
+    """Return the body's velocity for which all standing feet rest; least squares without a known turn.
+
+    A foot counts as much as it bears; without ``loads`` all count alike.
+    """
     if turn is None:
         turn = _turn_of(feet)
-    along = aside = 0.0
-    for x, y, moved_x, moved_y in feet:
-        along -= moved_x - turn * y
-        aside -= moved_y + turn * x
-    return Twist(along / len(feet), aside / len(feet), turn)
+    along = aside = whole = 0.0
+    for (x, y, moved_x, moved_y), load in zip(feet, loads or [1.0] * len(feet), strict=True):
+        along -= (moved_x - turn * y) * load
+        aside -= (moved_y + turn * x) * load
+        whole += load
+    return Twist(along / whole, aside / whole, turn)
 
 
 def _turn_of(feet: Sequence[Planar]) -> float:

@@ -20,9 +20,9 @@ def limited(wanted: Twist, pace: Pace, share: float = 1.0) -> Twist:
     """
     if not math.isfinite(wanted.x + wanted.y + wanted.turn):
         return Twist()
-    over = max(abs(wanted.x) / pace.speed, abs(wanted.y) / pace.strafe) / share
+    over = math.hypot(wanted.x / pace.speed, wanted.y / pace.strafe, wanted.turn / pace.turn) / share
     slower = 1.0 / max(1.0, over)
-    return Twist(wanted.x * slower, wanted.y * slower, within(wanted.turn, pace.turn * share))
+    return Twist(wanted.x * slower, wanted.y * slower, wanted.turn * slower)
 
 
 def ramped(now: Twist, goal: Twist, pace: Pace, dt: float) -> Twist:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import Literal
 
-from fleet_quadruped.body.gait import Steps, Twist, trot, walk
+from fleet_quadruped.body.balance import GRAVITY
+from fleet_quadruped.body.gait import Steps, Twist
 from fleet_quadruped.body.legs import Point
 from fleet_quadruped.body.odometry import Odometry
 from fleet_quadruped.body.pace import limited, ramped, within
+from fleet_quadruped.body.pattern import trot, walk
 from fleet_quadruped.body.sense import Sense, Targets
 from fleet_quadruped.robot.description import Description, leg_angles
 from fleet_quadruped.robot.names import Twelve
 
-GRAVITY = 9.81  # m/s2
 _INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
 _CORRECTION = 0.25  # m/s, and half of it in rad/s: the most that the loop adds
+_START_SHARE = 0.5  # of a change of speed that it leans into
 _HEIGHT_SPEED = 0.1  # m/s
 
 
@@ -35,7 +37,10 @@ class Walker:
         self.speed_share = 1.0
         self.gait: Literal["trot", "walk"] = "trot"
         self._last: Twelve | None = None
-        self._patterns = {"trot": (trot(dog.gait), dog.gait), "walk": (walk(dog.gait), dog.gait.walk)}
+        self._patterns = {
+            "trot": (trot(dog.gait), dog.gait),
+            "walk": (walk(dog.gait, dog.legs), dog.gait.walk),
+        }
 
     @property
     def walking(self) -> bool:
@@ -60,16 +65,19 @@ class Walker:
         pattern, pace = self._patterns[self.gait]
         if not self._steps.choose(pattern):
             wanted = Twist()
-        self.odometry.update(dt, sense, self._steps.stance)
-        self._ramped = ramped(self._ramped, limited(wanted, pace, self.speed_share), pace, dt)
+        self.odometry.update(dt, sense, self._steps.loads, self._steps.balance.speed)
+        before = self._ramped
+        goal = self._steps.bearable(limited(wanted, pace, self.speed_share))
+        now = self._ramped = ramped(before, goal, pace, dt)
         self._correct(dt)
         most = _HEIGHT_SPEED * dt
         self.height += max(-most, min(most, self.wanted_height - self.height))
-        now, added, seen = self._ramped, self._added, self.odometry.twist
+        added, seen = self._added, self.odometry.twist
         given = Twist(now.x + added.x, now.y + added.y, now.turn + added.turn)
         error = Twist(seen.x - now.x, seen.y - now.y)
         tilt = (sense.imu.roll, sense.imu.pitch) if sense.imu else (0.0, 0.0)
-        return self._targets(dt, self._steps.step(dt, given, error, self.height, tilt), sense)
+        feet = self._steps.step(dt, given, error, self.height, tilt=tilt, pull=_pull(dt, before, now))
+        return self._targets(dt, feet, sense)
 
     def _correct(self, dt: float) -> None:
         """Integrate what is missing of the velocity while it walks; forget it when it stops."""
@@ -95,14 +103,30 @@ class Walker:
         return Targets(posture, speeds, self._carrying(sense))
 
     def _carrying(self, sense: Sense) -> Twelve:
-        """Return the torques that hold the weight on the standing feet."""
-        standing = sum(self._steps.stance) or 1
-        weight = self._dog.robot.mass * GRAVITY / standing
+        """Return the torques that hold the weight on the standing feet, and move the body over them."""
+        weight = self._dog.robot.mass * GRAVITY
+        ahead, aside = self._steps.balance.push(self.height)
         torques: list[float] = []
-        for number, leg in enumerate(self._dog.legs):
-            if self._steps.stance[number]:
-                abad, hip, knee = leg.jacobian(leg_angles(sense.angles, number))
-                torques += (-weight * abad[2], -weight * hip[2], -weight * knee[2])
-            else:
+        reached = self.odometry.reached
+        for number, (leg, load) in enumerate(zip(self._dog.legs, self._steps.loads, strict=True)):
+            if not load:
                 torques += (0.0, 0.0, 0.0)
+                continue
+            down = -weight * load
+            _, (abad, hip, knee) = reached.get(number) or leg.reach(leg_angles(sense.angles, number))
+            torques += (
+                down * (aside * abad[1] + abad[2]),
+                down * (ahead * hip[0] + aside * hip[1] + hip[2]),
+                down * (ahead * knee[0] + aside * knee[1] + knee[2]),
+            )
         return tuple(torques)
+
+
+def _pull(dt: float, before: Twist, now: Twist) -> tuple[float, float]:
+    """Return the acceleration (m/s2, ahead and to the left) that the body leans into.
+
+    A turn pulls for as long as it lasts; a change of speed is over too soon for a whole lean.
+    """
+    share = _START_SHARE / dt
+    ahead, aside = (now.x - before.x) * share, (now.y - before.y) * share
+    return ahead - now.turn * now.y, aside + now.turn * now.x

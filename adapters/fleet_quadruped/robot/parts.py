@@ -123,8 +123,12 @@ class Walk(Pace):
     speed: Positive = Field(0.15, description="Highest forward speed, m/s.")
     strafe: Positive = Field(0.08, description="Highest sideways speed, m/s.")
     turn: Positive = Field(0.35, description="Highest turning speed, rad/s.")
+    acceleration: Positive = Field(0.3, description="m/s2.")
+    turn_acceleration: Positive = Field(0.75, description="rad/s2.")
     period: float = Field(1.4, gt=0.5, le=5, description="Seconds for one full cycle of four steps.")
-    sway: Positive = Field(0.04, description="How far the body goes to the side of the standing feet, m.")
+    sway: float = Field(
+        0.5, ge=0.3, le=0.7, description="How far it presses towards the standing feet of a side, as a share."
+    )
 
 
 class Gait(Pace):

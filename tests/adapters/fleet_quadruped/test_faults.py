@@ -184,6 +184,32 @@ def test_drives_that_answer_slowly_are_configured_all_the_same(any_dog):
     assert not late.kept
 
 
+def test_an_answer_that_is_lost_is_asked_for_again(any_dog):
+    _, buses = lockstep(any_dog)
+    deaf = DeafBus(buses["a"])
+    Controller(any_dog, {"a": deaf}).drives.configure()
+    assert len(deaf.lost) == 12
+
+
+class DeafBus:
+    """A bus on which the first answer of each drive is lost."""
+
+    def __init__(self, bus):
+        self.name, self.send, self._bus = bus.name, bus.send, bus
+        self.lost = set()
+
+    def receive(self, wait):
+        heard = []
+        for frame in self._bus.receive(wait):
+            if frame.id >> 8 == 5 or 0x10 < frame.id < 0x20:
+                known = frame.id in self.lost
+                self.lost.add(frame.id)
+                heard += [frame] * known
+            else:
+                heard.append(frame)
+        return heard
+
+
 class LateBus:
     """A bus on which the first answers are late."""
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
@@ -30,9 +30,11 @@ from fleet_quadruped.drives.cia402.setup import (
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 
+Given = TypeVar("Given")
 log = logging.getLogger(__name__)
 
 _MODE_TRIES = 20  # times the mode display is read
+_TRIES = 3  # a lost frame, or a computer that was busy for a moment, is no silent drive
 _READ_ONLY = 0x06010002
 _NO_OBJECT = 0x06020000
 _NO_SUB = 0x06090011
@@ -160,11 +162,9 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozense
 def _has(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> bool:
     """Return False for an object that the drive says it does not have; raises LinkLost."""
     try:
-        node.sdo.upload(index, sub)
+        _transfer(who, lambda: node.sdo.upload(index, sub))
     except SdoAbortedError as error:
         return error.code not in {_NO_OBJECT, _NO_SUB}
-    except SdoCommunicationError:
-        raise _silent(who) from None
     return True
 
 
@@ -209,24 +209,31 @@ def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
 
 def _write(node: canopen.RemoteNode, who: Addressed, item: Object) -> None:
     """Write an object; what is read-only is left to the reading back."""
+    data = item.value.to_bytes(item.size, "little")
     try:
-        node.sdo.download(item.place, item.sub, item.value.to_bytes(item.size, "little"))
+        _transfer(who, lambda: node.sdo.download(item.place, item.sub, data))
     except SdoAbortedError as error:
         if error.code != _READ_ONLY:
             raise _refused(who, item.name, item.what, error) from None
         log.info("%s: %s is read-only", who.name, item.name)
-    except SdoCommunicationError:
-        raise _silent(who) from None
 
 
 def _read(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> int:
     """Return an object as an unsigned number."""
     try:
-        return int.from_bytes(node.sdo.upload(index, sub), "little")
+        return int.from_bytes(_transfer(who, lambda: node.sdo.upload(index, sub)), "little")
     except SdoAbortedError as error:
         raise _refused(who, f"{index:04X}h:{sub}", "to be read", error) from None
-    except SdoCommunicationError:
-        raise _silent(who) from None
+
+
+def _transfer(who: Addressed, ask: Callable[[], Given]) -> Given:
+    """Return what an SDO transfer gives, asking again when no answer comes; raises LinkLost, or its abort."""
+    for _ in range(_TRIES):
+        try:
+            return ask()
+        except SdoCommunicationError as error:
+            log.debug("%s: %s", who.name, error)
+    raise _silent(who)
 
 
 def _refused(who: Addressed, name: str, what: str, error: SdoAbortedError) -> LinkRefused:

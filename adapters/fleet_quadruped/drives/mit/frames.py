@@ -25,6 +25,7 @@ RANGE_REGISTERS = (21, 22, 23)  # float32: angle, speed, torque
 _TICK = 50e-6
 _COMMAND = struct.Struct(">4H")  # 16 bits of angle, then four numbers of 12 bits
 _REPLY = struct.Struct(">B2HB")  # the motor, 16 bits of angle, two numbers of 12 bits
+_WHOLE_REPLY = struct.Struct(">B2H3B")  # and two bytes: the rotor's temperature last, or temperature, error
 
 STATUS: Mapping[int, str] = MappingProxyType(
     {
@@ -139,14 +140,14 @@ class Layout:
         number, angle, speed, torque, status, temperature = reply
         first = (status or 0) << 4 | number & 0xF if self._damiao else number
         moved, turning, pushed = self._raw(angle, speed, torque)
-        data = bytearray(8)
-        _REPLY.pack_into(data, 0, first, moved, turning << 4 | pushed >> 8, pushed & 0xFF)
+        second, last = turning << 4 | pushed >> 8, pushed & 0xFF
         if self._warm_at is None:
-            return bytes(data[:6])
-        data[self._warm_at] = max(0, min(255, round(temperature or 0)))
-        if self._error_at is not None:
-            data[self._error_at] = status or 0
-        return bytes(data)
+            return _REPLY.pack(first, moved, second, last)
+        warm = round(temperature or 0)
+        warm = warm if 0 <= warm <= 0xFF else 0xFF * (warm > 0)
+        if self._error_at is None:
+            return _WHOLE_REPLY.pack(first, moved, second, last, 0, warm)
+        return _WHOLE_REPLY.pack(first, moved, second, last, warm, status or 0)
 
     def unpack_reply(self, data: bytes) -> Reply | None:
         """Return what a reply says; None when it is too short."""

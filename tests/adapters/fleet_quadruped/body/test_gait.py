@@ -2,11 +2,12 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet_quadruped.body.gait import Steps, Twist
-from fleet_quadruped.body.gait import walk as slow
+from fleet_quadruped.body.pace import limited, ramped
+from fleet_quadruped.body.pattern import walk as slow
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -21,7 +22,7 @@ def trot():
 def walk(gait, twist, seconds, dt=0.01):
     feet = []
     for _ in range(round(seconds / dt)):
-        feet = gait.step(dt, twist, Twist(), 0.27, LEVEL)
+        feet = gait.step(dt, twist, Twist(), 0.27, tilt=LEVEL)
     return feet
 
 
@@ -36,7 +37,7 @@ def test_diagonal_feet_swing_together_and_two_stand_at_all_times():
     gait = trot()
     seen = set()
     for _ in range(200):
-        gait.step(0.01, Twist(0.5), Twist(), 0.27, LEVEL)
+        gait.step(0.01, Twist(0.5), Twist(), 0.27, tilt=LEVEL)
         fl, fr, rl, rr = gait.stance
         assert fl == rr
         assert fr == rl
@@ -49,7 +50,7 @@ def test_standing_feet_move_back_as_fast_as_the_body_moves_on():
     gait = trot()
     walk(gait, Twist(0.4), 1.0)
     before, stood = list(gait.feet), list(gait.stance)
-    gait.step(0.01, Twist(0.4), Twist(), 0.27, LEVEL)
+    gait.step(0.01, Twist(0.4), Twist(), 0.27, tilt=LEVEL)
     number = next(n for n in range(4) if stood[n] and gait.stance[n])
     assert (gait.feet[number][0] - before[number][0]) / 0.01 == pytest.approx(-0.4)
 
@@ -63,12 +64,12 @@ def test_it_ends_two_cycles_after_the_velocity():
 
 def test_a_standing_dog_that_is_tilted_steps():
     gait = trot()
-    gait.step(0.01, Twist(), Twist(), 0.27, (0.2, 0.0))
+    gait.step(0.01, Twist(), Twist(), 0.27, tilt=(0.2, 0.0))
     assert gait.walking
 
 
 def test_a_dog_rolled_to_the_right_shortens_its_left_legs():
-    left, right = (trot().step(0.01, Twist(), Twist(), 0.27, (0.1, 0.0))[number][2] for number in (0, 1))
+    left, right = (trot().step(0.01, Twist(), Twist(), 0.27, tilt=(0.1, 0.0))[number][2] for number in (0, 1))
     assert left > right
 
 
@@ -76,7 +77,7 @@ def test_a_dog_rolled_to_the_right_shortens_its_left_legs():
 def test_feet_stay_within_reach_whatever_the_cycle(twist, dt):
     gait = trot()
     for _ in range(120):
-        for number, (x, y, z) in enumerate(gait.step(dt, twist, Twist(), 0.27, LEVEL)):
+        for number, (x, y, z) in enumerate(gait.step(dt, twist, Twist(), 0.27, tilt=LEVEL)):
             leg = DOG.legs[number]
             away = math.hypot(x - leg.x, y - leg.y - leg.side * leg.offset)
             assert away < DOG.gait.reach + 0.1
@@ -93,18 +94,65 @@ def margin(feet):
 @pytest.mark.parametrize("twist", [Twist(0.15), Twist(-0.15), Twist(0, 0.08), Twist(0, 0, 0.35)])
 def test_walking_the_body_is_always_over_the_feet_that_stand(twist):
     gait = trot()
-    assert gait.choose(slow(DOG.gait))
+    assert gait.choose(slow(DOG.gait, DOG.legs))
     walk(gait, twist, 2.0)
     for _ in range(300):
-        feet = gait.step(0.01, twist, Twist(), 0.27, LEVEL)
+        feet = gait.step(0.01, twist, Twist(), 0.27, tilt=LEVEL)
         standing = [foot[:2] for foot, stands in zip(feet, gait.stance, strict=True) if stands]
         assert len(standing) >= 3
-        assert margin(standing) > 0.005
+        assert margin(standing) > 0.01
+
+
+slowly = st.builds(Twist, st.floats(-0.15, 0.15), st.floats(-0.08, 0.08), st.floats(-0.35, 0.35))
+
+
+@settings(max_examples=40)
+@given(st.lists(st.tuples(slowly, st.floats(0.1, 3.0)), min_size=1, max_size=4))
+def test_walking_it_presses_amid_the_feet_that_stand_however_velocities_change(given):
+    gait, now = trot(), Twist()
+    gait.choose(slow(DOG.gait, DOG.legs))
+    for wanted, seconds in given:
+        for _ in range(round(seconds / 0.01)):
+            now = ramped(now, gait.bearable(limited(wanted, DOG.gait.walk)), DOG.gait.walk, 0.01)
+            gait.step(0.01, now, Twist(), 0.27, tilt=LEVEL)
+            x, y = gait.balance.place
+            pairs = zip(gait.feet, gait.stance, strict=True)
+            assert margin([(foot[0] - x, foot[1] - y) for foot, stands in pairs if stands]) > 0.01
+
+
+def test_walking_begins_with_the_body_aside_before_a_foot_leaves_the_ground():
+    gait = trot()
+    gait.choose(slow(DOG.gait, DOG.legs))
+    while all(gait.stance):
+        gait.step(0.01, Twist(0.1), Twist(), 0.27, tilt=LEVEL)
+    assert gait.stance == [True, True, False, True]
+    assert gait.balance.y < -0.03
+
+
+def test_a_foot_that_was_put_down_for_another_velocity_slows_the_walk_down():
+    gait = trot()
+    gait.choose(slow(DOG.gait, DOG.legs))
+    walk(gait, Twist(0.15), 3.0)
+    assert gait.bearable(Twist(0.15)) == Twist(0.15)
+    assert -0.1 < gait.bearable(Twist(-0.15)).x < 0.0
+    assert gait.bearable(Twist()) == Twist()
+
+
+def test_it_stops_only_where_all_feet_come_down():
+    for velocity, pattern in ((0.4, None), (0.1, slow(DOG.gait, DOG.legs))):
+        gait = trot()
+        if pattern:
+            gait.choose(pattern)
+        walk(gait, Twist(velocity), 1.7)
+        while gait.walking:
+            highest = max(foot[2] for foot in gait.feet)
+            gait.step(0.01, Twist(), Twist(), 0.27, tilt=LEVEL)
+        assert highest < 0.012
 
 
 def test_another_gait_begins_only_from_standing():
     gait = trot()
     walk(gait, Twist(0.4), 1.0)
-    assert not gait.choose(slow(DOG.gait))
+    assert not gait.choose(slow(DOG.gait, DOG.legs))
     walk(gait, Twist(), 1.0)
-    assert gait.choose(slow(DOG.gait))
+    assert gait.choose(slow(DOG.gait, DOG.legs))

@@ -47,3 +47,20 @@ def test_without_a_standing_foot_nothing_is_known(dog):
     odometry = Odometry(dog.legs, dog.geometry.foot_radius)
     odometry.update(0.01, Sense(dog.stance(0.27), (1.0,) * 12, None), [False] * 4)
     assert odometry.twist == Twist()
+
+
+def test_a_foot_counts_as_much_as_it_bears():
+    resting, sliding = feet(Twist(0.2)), feet(Twist(0.6))
+    assert body_twist([resting[0], sliding[1]], 0.0, [0.75, 0.25]).x == pytest.approx(0.3)
+
+
+def test_how_the_body_sways_over_its_feet_is_no_part_of_its_velocity(dog):
+    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    joints = Sense(dog.stance(0.27), (0.1, 0, 0, 0.1, 0, 0) * 2, None)
+    for _ in range(100):
+        odometry.update(0.01, joints, [0.25] * 4)
+    swaying = odometry.twist
+    assert abs(swaying.y) > 0.01
+    for _ in range(100):
+        odometry.update(0.01, joints, [0.25] * 4, (swaying.x, swaying.y))
+    assert tuple(odometry.twist) == pytest.approx((0, 0, 0), abs=1e-4)

@@ -1,6 +1,7 @@
 """The dog in physics: what it reaches, and what it survives."""
 
 import math
+import random
 
 import msgspec
 import pytest
@@ -9,6 +10,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
+from fleet_quadruped.sim.wander import wander
 
 
 @pytest.fixture
@@ -50,6 +52,13 @@ def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
     assert walker.mode is Mode.WALKING
     assert walker.controller.body.walker.odometry.twist.x > 0.3
     assert walker.fault == ""
+
+
+@pytest.mark.parametrize("gait", ["trot", "walk"])
+def test_no_sequence_of_allowed_velocities_makes_it_fall(walker, gait):
+    tilt = wander(walker, gait, random.Random(gait), seconds=60.0)
+    assert walker.fault == ""
+    assert math.degrees(tilt) < 9
 
 
 def test_its_odometry_is_within_a_tenth(walker):

@@ -1,0 +1,105 @@
+"""Where the body is over its feet, so that what it presses on stays amid those that stand.
+
+A body on legs is a pendulum upside down: at height h it falls away from the point on which it presses, and at
+each acceleration a it presses h/g a behind its centre. Both are known beforehand, because the gait and the
+wanted velocity are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fleet_quadruped.body.legs import Point
+
+GRAVITY = 9.81  # m/s2
+_LEAN_TIME = 0.1  # s in which the body leans into an acceleration
+_SHIFT_TIME = 0.04  # s in which the weight goes from foot to foot
+_MARGIN, _AMID = (
+    0.045,
+    0.35,
+)  # m from the line between two feet to where it presses, or of the way to the third
+_SHORT = 0.01  # m: feet so near each other have no line between them
+_THIN = 1e-4  # m2: feet in a line bear nothing beside it
+_MOST = 0.05  # m that it leans
+
+Place = tuple[float, float]  # m ahead and to the left
+
+
+class Balance:
+    """``x``, ``y``: how far (m) the body's centre is ahead and to the left of its place over the feet.
+
+    ``speed``: how fast (m/s) this changes. ``place``: where it presses on the ground.
+    """
+
+    def __init__(self) -> None:
+        self.x = self.y = 0.0
+        self.speed = self.place = (0.0, 0.0)
+        self._sway = self._lean = (0.0, 0.0)
+
+    def push(self, height: float) -> Place:
+        """Return how the ground pushes it, ahead and to the left, as shares of its weight."""
+        return (self._sway[0] - self.place[0]) / height, (self._sway[1] - self.place[1]) / height
+
+    def step(self, dt: float, height: float, place: Place, goal: Place, *, left: float, pull: Place) -> None:
+        """Move on by ``dt`` seconds.
+
+        The body presses on ``place`` for ``left`` seconds more, and is to move then as if it were to come to
+        rest at ``goal``. ``pull``: its acceleration, m/s2.
+        """
+        rate, reach = math.sqrt(GRAVITY / height), height / GRAVITY
+        (sway_x, sway_y), (lean_x, lean_y), (on_x, on_y) = self._sway, self._lean, self.place
+        far, share = math.exp(-rate * left), min(1.0, rate * dt)
+        sway_x += (place[0] + (goal[0] - place[0]) * far - sway_x) * share
+        sway_y += (place[1] + (goal[1] - place[1]) * far - sway_y) * share
+        share = min(1.0, dt / _LEAN_TIME)
+        lean_x += (max(-_MOST, min(_MOST, pull[0] * reach)) - lean_x) * share
+        lean_y += (max(-_MOST, min(_MOST, pull[1] * reach)) - lean_y) * share
+        share = min(1.0, dt / _SHIFT_TIME)
+        self.place = on_x + (place[0] - on_x) * share, on_y + (place[1] - on_y) * share
+        self._sway, self._lean = (sway_x, sway_y), (lean_x, lean_y)
+        x, y = sway_x + lean_x, sway_y + lean_y
+        self.speed = (x - self.x) / dt, (y - self.y) / dt
+        self.x, self.y = x, y
+
+
+def inside(place: Place, start: Point, end: Point, third: Point) -> Place:
+    """Return the place, or the nearest one that is well on the third foot's side of a line between two."""
+    line_x, line_y = end[0] - start[0], end[1] - start[1]
+    long = math.hypot(line_x, line_y)
+    if long < _SHORT:
+        return place
+    out_x, out_y = -line_y / long, line_x / long
+    high = (third[0] - start[0]) * out_x + (third[1] - start[1]) * out_y
+    if high < 0:
+        out_x, out_y, high = -out_x, -out_y, -high
+    margin = min(_MARGIN, high * _AMID)
+    missing = margin - (place[0] - start[0]) * out_x - (place[1] - start[1]) * out_y
+    return (place[0] + out_x * missing, place[1] + out_y * missing) if missing > 0 else place
+
+
+def loads(feet: Sequence[Point], stance: Sequence[bool], place: Place) -> list[float]:
+    """Return the share of the weight on each foot so that together they press on a place; 0 in the air."""
+    count, mean_x, mean_y, xx, yy, xy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for (x, y, _), stands in zip(feet, stance, strict=True):
+        if stands:
+            count, mean_x, mean_y = count + 1, mean_x + x, mean_y + y
+            xx, yy, xy = xx + x * x, yy + y * y, xy + x * y
+    even = 1.0 / count
+    mean_x, mean_y = mean_x * even, mean_y * even
+    xx, yy, xy = (
+        xx - count * mean_x * mean_x + _THIN,
+        yy - count * mean_y * mean_y + _THIN,
+        xy - count * mean_x * mean_y,
+    )
+    off_x, off_y, under = place[0] - mean_x, place[1] - mean_y, xx * yy - xy * xy
+    along, across = (off_x * yy - off_y * xy) / under, (off_y * xx - off_x * xy) / under
+    even -= along * mean_x + across * mean_y
+    shares = [
+        even + along * x + across * y if stands else 0.0
+        for (x, y, _), stands in zip(feet, stance, strict=True)
+    ]
+    if min(shares) >= 0.0:
+        return shares
+    whole = sum([share for share in shares if share > 0.0])
+    return [max(0.0, share / whole) for share in shares]

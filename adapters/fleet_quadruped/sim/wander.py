@@ -1,0 +1,46 @@
+"""A simulated dog that is sent about at random: no command that is allowed may make it fall."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.robot.parts import Pace
+from fleet_quadruped.sim.rig import Rig
+
+_SHORTEST, _LONGEST = 0.3, 5.0  # s of one velocity
+
+
+def velocities(pace: Pace, chance: random.Random) -> Iterator[Twist]:
+    """Yield velocities without end: anywhere within a pace, in its corners, the reverse of the last, none."""
+    last = Twist()
+    while True:
+        kind = chance.choice(("any", "any", "corner", "reverse", "stop"))
+        if kind == "reverse":
+            last = Twist(-last.x, -last.y, -last.turn)
+        elif kind == "stop":
+            last = Twist()
+        else:
+            x, y, turn = (
+                chance.uniform(-1, 1) if kind == "any" else chance.choice((-1, 1)) for _ in range(3)
+            )
+            last = Twist(x * pace.speed, y * pace.strafe, turn * pace.turn)
+        yield last
+
+
+def wander(rig: Rig, gait: Literal["trot", "walk"], chance: random.Random, seconds: float) -> float:
+    """Switch a standing dog from velocity to velocity, in mid-stride; return its greatest tilt, rad.
+
+    Ends early with a dog that has stopped itself.
+    """
+    rig.order = msgspec.structs.replace(rig.order, gait=gait)
+    pace = rig.dog.gait.walk if gait == "walk" else rig.dog.gait
+    given, until, worst = velocities(pace, chance), rig.sim.time + seconds, 0.0
+    while not rig.fault and rig.sim.time < until:
+        rig.go(chance.uniform(_SHORTEST, _LONGEST), next(given))
+        worst = max(worst, rig.tilt)
+    return worst
