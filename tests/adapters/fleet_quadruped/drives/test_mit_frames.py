@@ -62,10 +62,11 @@ def test_a_plain_reply_has_no_status():
 @given(profiles, st.floats(-8, 8), st.sampled_from([0, 1, 0xA, 0xD]))
 def test_replies_come_back(profile, value, status):
     sent = (3, value, value, value, status, 40.0)
-    motor, angle, _, _, told, _ = Layout(profile).unpack_reply(Layout(profile).pack_reply(sent))
+    motor, angle, _, _, told, warm = Layout(profile).unpack_reply(Layout(profile).pack_reply(sent))
     assert motor == 3
     assert angle == pytest.approx(value, abs=profile.angle / 65000)
-    if profile.damiao:
+    assert warm == (None if profile.temperature_at is None else 40.0)
+    if profile.damiao or profile.error_at is not None:
         assert told == status
 
 
