@@ -18,7 +18,7 @@ from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
-from fleet.host.aside import aside, in_turn
+from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
 from fleet.host.journal import Journal
@@ -26,7 +26,7 @@ from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
-from fleet.host.watchdog import HALT_WAIT, LoopWatch, Watchdog
+from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
@@ -223,10 +223,14 @@ class RobotProcess:
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
-        stopped = [name for name in self.robots if not names or name in names]
+        stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
+        for robot in stopped:
+            robot.desk.pull(why)
         # One whose halt is held up must not keep the next one moving.
-        in_turn((partial(self.robots[name].emergency, why) for name in stopped), wait=HALT_WAIT)
-        return stopped
+        in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
+        for robot in stopped:
+            robot.follow_emergency(why)
+        return [robot.name for robot in stopped]
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""

@@ -1,3 +1,5 @@
+import threading
+
 import pytest
 
 from fleet.errors import LinkLost, NotReady
@@ -389,6 +391,21 @@ async def test_a_halt_that_raises_stays_inside(bench, asks, way):
     bench.ask(asks.command("stop"))
     await asks.settle()
     assert bench.puppet.told[-1] == "stop"
+
+
+@pytest.mark.parametrize("reachable", [True, False])
+async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop(bench, asks, reachable):
+    free, held = threading.Event(), []
+    bench.puppet.emergency_halt = bench.puppet.halt = lambda: held.append(free.wait(20))
+    if not reachable:
+        bench.desk.lost("no heartbeat")
+    answers = bench.ask(asks.command("emergency_stop"))
+    assert bench.desk.latched
+    await asks.settle()
+    assert held == []
+    assert bench.puppet.told == ["stop"] * reachable
+    assert statuses(answers) == [ACCEPTED if reachable else REJECTED]
+    free.set()
 
 
 async def test_a_robot_that_somebody_else_moves_is_not_touched_when_it_is_lost(bench, asks):

@@ -77,11 +77,34 @@ async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
 async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):
     process, place = served
     free = threading.Event()
-    process.robots["rex"].desk._adapter.halt = free.wait
+    held = []
+    process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
     stopped = await asyncio.to_thread(process.stop_robots, (), "test")
     assert stopped == ["rex", "max"]
     assert "halt" in place.words("max")
     assert all(robot.desk.latched for robot in process.robots.values())
+    await asks.until(lambda: "stop" in place.words("rex"))
+    assert held == []
+    free.set()
+
+
+async def test_all_are_latched_before_the_first_is_halted(served):
+    process, _ = served
+    latched = []
+    process.robots["rex"].desk._adapter.halt = lambda: latched.append(process.robots["max"].desk.latched)
+    await asyncio.to_thread(process.stop_robots, (), "test")
+    assert latched[0]
+
+
+async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(served, asks):
+    process, place = served
+    free, held = threading.Event(), []
+    process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
+    for name in ("rex", "max"):
+        process.robots[name].read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
+        assert process.robots[name].desk.latched
+    await asks.until(lambda: "halt" in place.words("max"))
+    assert held == []
     free.set()
 
 
@@ -108,11 +131,11 @@ async def test_what_cannot_be_read_is_refused_with_the_reason(served):
     assert [answer.ok for answer in answers] == [False]
 
 
-async def test_an_emergency_stop_halts_before_the_loop_takes_it(served):
+async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, asks):
     process, place = served
     process.robots["rex"].read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
-    assert place.words("rex") == ["run", "halt"]
     assert process.robots["rex"].desk.latched
+    await asks.until(lambda: place.words("rex") == ["run", "halt"])
 
 
 @pytest.mark.parametrize(
