@@ -10,6 +10,12 @@ from fleet.model.navigation import Control, Navigate
 ACCEPTED, REJECTED, DENIED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED, ReplyStatus.DENIED
 
 
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch):
+    """Wait for an emergency halt to be written, on however busy a machine."""
+    monkeypatch.setattr("fleet.host.desk.HALT_WAIT", 20.0)
+
+
 def statuses(answers):
     return [answer.status for answer in answers]
 
@@ -394,7 +400,10 @@ async def test_a_halt_that_raises_stays_inside(bench, asks, way):
 
 
 @pytest.mark.parametrize("reachable", [True, False])
-async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop(bench, asks, reachable):
+async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop(
+    bench, asks, reachable, monkeypatch
+):
+    monkeypatch.setattr("fleet.host.desk.HALT_WAIT", 0.01)
     free, held = threading.Event(), []
     bench.puppet.emergency_halt = bench.puppet.halt = lambda: held.append(free.wait(20))
     if not reachable:

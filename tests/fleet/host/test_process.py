@@ -81,18 +81,19 @@ async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, ask
     process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
     stopped = await asyncio.to_thread(process.stop_robots, (), "test")
     assert stopped == ["rex", "max"]
-    assert "halt" in place.words("max")
+    await asks.until(lambda: "halt" in place.words("max"))
     assert all(robot.desk.latched for robot in process.robots.values())
     await asks.until(lambda: "stop" in place.words("rex"))
     assert held == []
     free.set()
 
 
-async def test_all_are_latched_before_the_first_is_halted(served):
+async def test_all_are_latched_before_the_first_is_halted(served, asks):
     process, _ = served
     latched = []
     process.robots["rex"].desk._adapter.halt = lambda: latched.append(process.robots["max"].desk.latched)
     await asyncio.to_thread(process.stop_robots, (), "test")
+    await asks.until(lambda: latched)
     assert latched[0]
 
 
