@@ -302,11 +302,11 @@ class Desk:
             # What it did until now is not wanted any more, and what is wanted it does not do.
             if superseding:
                 self.halt()
-            self.deadman.clear()
+            self._driving.let_go()
             ticket.fail(error)
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
             self.halt()
-            self.deadman.clear()
+            self._driving.let_go()
             ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
         else:
@@ -350,13 +350,13 @@ class Desk:
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
-        """End a velocity that is being held, before something else moves the robot."""
-        if self.deadman.armed:
-            self._driving.let_go()
+        """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
+        if not self.guard.held.is_zero:
             self._zero(adapter)
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
+        self._driving.let_go()
         try:
             adapter.drive(ZERO_VELOCITY)
         except (CommandError, LinkError) as error:

@@ -1,5 +1,8 @@
 """A robot kept inside its fence and within its battery."""
 
+import pytest
+
+from fleet.errors import Refused
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, quaternion_from_yaw
@@ -79,6 +82,43 @@ async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, 
     assert bench.puppet.told[-1] == ZERO_VELOCITY
     assert bench.ask(asks.setpoint(-1.0))[0].ok
     assert bench.puppet.told[-1].linear.x == -1.0
+
+
+def lease_runs_out(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.deadman.expire(bench.desk.deadman.until)
+    bench.desk.lease_ran_out()
+
+
+def lease_runs_out_as_the_goal_comes(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.deadman.expire(bench.desk.deadman.until)
+
+
+def is_refused(bench, asks):
+    bench.puppet.raises = Refused("not today")
+    bench.ask(asks.setpoint(1.0))
+
+
+def makes_the_adapter_fail(bench, asks):
+    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.ask(asks.setpoint(1.0))
+
+
+@pytest.mark.parametrize(
+    "ends", [lease_runs_out, lease_runs_out_as_the_goal_comes, is_refused, makes_the_adapter_fail]
+)
+async def test_a_velocity_that_has_ended_ends_no_goal_near_the_fence(make_bench, asks, ends):
+    bench = make_bench(fence=FENCE)
+    tell(bench)
+    ends(bench, asks)
+    bench.puppet.raises = None
+    bench.ask(goal(asks, GoTo(Goal(Vector3(19, 0, 0)))))
+    await asks.settle()
+    tell(bench, 18.5)
+    await asks.settle()
+    assert bench.statuses()[-1] == "running"
+    assert "stop" not in bench.puppet.told
 
 
 async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_bench, asks):
