@@ -190,3 +190,39 @@ async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench
     await asks.settle()
     assert bench.puppet.told == []
     assert told(bench, "battery_low")
+
+
+async def test_a_robot_that_becomes_ours_with_a_low_battery_is_acted_upon_once(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    bench.ask(asks.setpoint(1.0))
+    for percent in (13.0, 10.0, 5.0):
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+        await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+    assert len(told(bench, "battery_low")) == 1
+
+
+async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    lands = []
+    for percent in (15.0, 15.1, 15.0, 17.0, 14.0, 90.0, 15.0):
+        bench.ask(asks.setpoint(1.0))
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+        await asks.settle()
+        lands.append(bench.puppet.told.count("land"))
+    assert lands == [1, 1, 1, 1, 1, 1, 2]
+    assert len(told(bench, "battery_low")) == 2
+
+
+async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.lost("no heartbeat")
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    assert "land" not in bench.puppet.told
+    bench.desk.found()
+    for percent in (14.0, 13.0):
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+    await asks.settle()
+    assert bench.puppet.told.count("land") == 1
