@@ -7,6 +7,7 @@ gets the reports themselves.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 from collections.abc import Callable, Iterator
 
@@ -53,6 +54,7 @@ class Outbox:
         self._channels: dict[Place, _Channel] = {}
         self._latest: dict[Place, Report] = {}
         self._events: dict[str, list[Report]] = {}
+        self._leaving: Iterator[None] = iter(())  # the flush that is under way
         self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
         lane.answer(ALL, self._asked)
@@ -77,12 +79,20 @@ class Outbox:
         return send
 
     def flush(self) -> None:
-        """Put everything that waits."""
-        for _ in self.flushing():
+        """Put everything that waits, after what a flush under way has left."""
+        for _ in itertools.chain(self._leaving, self.flushing()):
             pass
 
     def flushing(self) -> Iterator[None]:
-        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time."""
+        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time.
+
+        Who leaves off in the middle loses nothing: ``flush`` goes on with it.
+        """
+        self._leaving = self._put_all()
+        return self._leaving
+
+    def _put_all(self) -> Iterator[None]:
+        """Put what waits when it is begun."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():

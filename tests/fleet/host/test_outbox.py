@@ -93,6 +93,21 @@ def test_every_event_leaves_in_order(outbox, ear):
     assert [report.progress for _, report in ear.when(50)] == list(range(50))
 
 
+def test_what_a_flush_that_was_left_in_the_middle_still_had_leaves_first(outbox):
+    got = []
+    outbox.bridge = lambda key, report: got.append(getattr(report, "progress", "pose"))
+    for number in range(5):
+        outbox.put(TWIN, running(number))
+    outbox.put(TWIN, pose(1.0))
+    begun = outbox.flushing()
+    next(begun)
+    next(begun)
+    outbox.put(TWIN, running(5))
+    outbox.flush()
+    assert got == [0, 1, 2, 3, 4, "pose", 5]
+    assert list(begun) == []
+
+
 def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, ear):
     flood = outbox.sender(TWIN)
     for number in range(WAITING + 7):
