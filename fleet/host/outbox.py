@@ -6,7 +6,6 @@ gets the reports themselves.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import logging
 from collections.abc import Callable, Iterator
@@ -136,11 +135,20 @@ class Outbox:
 
     def _asked(self, question: Question) -> None:
         """Answer with the last report of each channel that was asked for; on the bus's thread."""
-        for channel in list(self._channels.values()):
-            if channel.last is not None and keys_meet(question.asked, channel.key):
-                with contextlib.suppress(WireError):
-                    question.reply(encode_report(channel.last, channel.sequence), channel.key)
-        question.close()
+        try:
+            for channel in list(self._channels.values()):
+                if channel.last is not None and keys_meet(question.asked, channel.key):
+                    _reply(question, channel.key, channel.last, channel.sequence)
+        finally:
+            question.close()
+
+
+def _reply(question: Question, key: str, report: Report, sequence: int) -> None:
+    """Answer with one report; one that cannot be said, or sent, keeps the asker from no other."""
+    try:
+        question.reply(encode_report(report, sequence), key)
+    except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+        log.warning("%s cannot be told to who asks: %s", key, error)
 
 
 def _place(twin: str, report: Report) -> Place:
