@@ -206,6 +206,7 @@ class RobotProcess:
         self._ending = True
         for task in self._tasks.values():
             task.cancel()
+        late: set[asyncio.Task[None]] = set()
         if self._tasks:
             _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
             for task in late:
@@ -215,11 +216,12 @@ class RobotProcess:
         if self._settling is not None:
             self._settling.cancel()
         gc.unfreeze()
-        await asyncio.to_thread(self.journal.close)
-        if any(robot.runner.leftover for robot in self.robots.values()):
+        if late or any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
+            # No robot has an adapter any more; to the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
+        await asyncio.to_thread(self.journal.close)
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""

@@ -146,3 +146,38 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     process, _ = served
     process.robots["rex"].read("command", payload, way=Way.CLOUD)
     assert not process.robots["rex"].desk.latched
+
+
+def watching():
+    return "fleet-watchdog" in {thread.name for thread in threading.enumerate()}
+
+
+@pytest.fixture
+async def ending(yard, monkeypatch):
+    """Give an edge, and a list that says, once it has ended, whether the watchdog watched to the last."""
+    edge, watched = yard(rex=HERE).edge(), []
+    close = edge.process.journal.close
+    monkeypatch.setattr(edge.process.journal, "close", lambda: (watched.append(watching()), close()))
+    yield edge, watched
+    edge.process.watchdog.stop()
+
+
+async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(ending, run_edge, asks):
+    edge, watched = ending
+    async with run_edge(edge):
+        await asks.until(lambda: edge.states()[0].health == "ok")
+    assert watched == [False]
+
+
+async def test_the_watchdog_watches_on_while_a_robot_is_not_let_go_of(ending, run_edge, asks, monkeypatch):
+    edge, watched = ending
+    monkeypatch.setattr("fleet.host.process.SHUTDOWN", 0.01)
+    free = asyncio.Event()
+    async with run_edge(edge):
+        await asks.until(lambda: edge.states()[0].health == "ok")
+        desk = edge.process.robots["rex"].desk
+        desk.in_control, desk._adapter.stop = True, lambda reason: free.wait()
+    assert watched == [True]
+    assert watching()
+    free.set()
+    await asyncio.wait(edge.process._tasks.values())
