@@ -415,6 +415,7 @@ async def test_an_emergency_halt_that_hangs_keeps_neither_the_latch_nor_the_loop
     assert bench.puppet.told == ["stop"] * reachable
     assert statuses(answers) == [ACCEPTED if reachable else REJECTED]
     free.set()
+    await asks.until(lambda: len(held) == (1 if reachable else 2))
 
 
 async def test_a_robot_that_somebody_else_moves_is_not_touched_when_it_is_lost(bench, asks):

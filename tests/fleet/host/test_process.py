@@ -86,6 +86,7 @@ async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, ask
     await asks.until(lambda: "stop" in place.words("rex"))
     assert held == []
     free.set()
+    await asks.until(lambda: held == [True, True])
 
 
 async def test_all_are_latched_before_the_first_is_halted(served, asks):
@@ -107,6 +108,7 @@ async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(s
     await asks.until(lambda: "halt" in place.words("max"))
     assert held == []
     free.set()
+    await asks.until(lambda: held == [True])
 
 
 async def test_a_stop_for_one_touches_no_other(served, asks):
