@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
+from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
 from fleet.spool.holds import Holds
 from fleet.spool.line import Line, Sign, State
@@ -53,7 +54,7 @@ class Queue:
         self._holds = Holds()
         self._hungry: dict[str, Line] = {}
         self._unwritten = Unwritten()
-        self._done: list[int] = []
+        self._done = Done()
         self._writing = False
         self._seq = first
         self._lasting_from = float("-inf")
@@ -194,13 +195,14 @@ class Queue:
         """Remove and return what is to be changed on disk now."""
         self._writing = True
         rows = self._unwritten.take(now, at_once=not self.online or self.cold > 0)
-        done, self._done = self._done, []
+        done = self._done.take()
         self._writing = bool(rows or done)
         return Work(rows, done)
 
     def wrote(self, work: Work) -> None:
         """Note that a change is on disk: what is cold has left memory."""
         self.failing = self._writing = False
+        self._done.deleted()
         for message in work.rows:
             if message.cold and not message.gone:
                 message.gone = True
@@ -208,7 +210,7 @@ class Queue:
 
     def not_written(self, work: Work) -> None:
         """Take a change back that the disk did not take."""
-        self._done = [*work.done, *self._done]
+        self._done.put_back()
         self._unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
@@ -224,8 +226,11 @@ class Queue:
         if line is None:
             return
         for message in messages:
-            self._warm(line, message)
-            self._memory.add(message)
+            if self._is_cold(line, message.seq):
+                self._warm(line, message)
+                self._memory.add(message)
+        if messages:  # also when none was cold: the next fetch goes on behind them
+            line.loaded = max(line.loaded, messages[-1].seq)
         if not more:
             self._warm_unwritten(line)
         self._stand(line)
@@ -252,7 +257,7 @@ class Queue:
         line = self._lines.get(topic)
         if line is None:
             return
-        if lost := sum(seq > line.loaded for seq in seqs):
+        if lost := sum(self._is_cold(line, seq) for seq in seqs):
             self._cool(line, lost, reason, wall)
             line.cold_from = max(line.cold_from, *seqs)
         removed = set(seqs)
@@ -270,7 +275,11 @@ class Queue:
                 if message.stored and not message.gone:
                     message.stored = False
                     self._unwritten.add(message)
-        self._done = []
+        self._done.clear()
+
+    def _is_cold(self, line: Line, seq: int) -> bool:
+        """Tell whether a row that was met on disk is one that stands there alone."""
+        return seq > line.loaded and seq not in self._done
 
     def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
@@ -354,7 +363,7 @@ class Queue:
         """Nobody waits for a message any more."""
         message.gone = True
         if message.stored:
-            self._done.append(message.seq)
+            self._done.add(message.seq)
         elif self._disk:
             self._unwritten.forsake()
 

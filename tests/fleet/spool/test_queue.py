@@ -56,7 +56,12 @@ class Bench:
 
     def disk(self, *, works=True):
         """Do what the disk's thread does in one turn."""
-        work = self.queue.work(self.now)
+        self.commit(self.queue.work(self.now), works=works)
+        if works:
+            self.fetch()
+
+    def commit(self, work, *, works=True):
+        """End a change of the disk, which may have taken long."""
         if not works:
             self.queue.not_written(work)
             return
@@ -65,7 +70,14 @@ class Bench:
         for seq in work.done:
             self.rows.pop(seq, None)
         self.queue.wrote(work)
-        self.fetch()
+
+    def evict(self, count):
+        """Remove the oldest rows, as is done to make room on disk."""
+        removed = {}
+        for seq in sorted(self.rows)[:count]:
+            removed.setdefault(self.rows.pop(seq).topic, []).append(seq)
+        for topic, seqs in removed.items():
+            self.queue.removed(topic, seqs, Reason.ROOM, WALL)
 
     def fetch(self):
         """Bring back from disk what is wanted."""
@@ -307,6 +319,65 @@ def test_what_is_evicted_from_disk_is_lost_unless_it_is_under_way():
     assert [(gap.reason, gap.lost) for gap in bench.queue.losses.take()] == [(Reason.ROOM, 5)]
     bench.queue.settle(flying[0], Outcome.ACKED, bench.now, WALL)
     assert bench.drain() == numbers(6, 8)
+
+
+def test_what_is_pushed_out_while_the_disk_writes_it_is_lost_and_not_sent():
+    bench = Bench(messages=2)
+    for _ in range(4):
+        bench.put()
+    work = bench.queue.work(bench.now)
+    for _ in range(4):
+        bench.put()
+    assert bench.queue.losses.total == 4
+    bench.online().commit(work)
+    bench.fetch()
+    assert bench.drain() == numbers(4, 8)
+    assert (bench.queue.cold, bench.queue.waiting, bench.queue.hungry) == (0, 0, False)
+
+
+@pytest.fixture
+def begun_anew():
+    """Give a bench whose topic was answered, is begun anew, and whose old rows are still on disk."""
+    bench = Bench(messages=2)
+    for _ in range(2):
+        bench.put("inbox", REPLY)
+    bench.disk()
+    bench.online().send()
+    assert bench.send() == numbers(1, 2)
+    for topic in ("other", "other", "inbox"):
+        bench.put(topic, REPLY)
+    assert len(bench.rows) == 2
+    return bench
+
+
+def test_what_was_acknowledged_is_not_fetched_again_before_it_is_deleted(begun_anew):
+    begun_anew.fetch()
+    assert begun_anew.queue.cold == 0
+    assert sorted(begun_anew.drain()) == numbers(2, 5)
+    assert (begun_anew.queue.cold, begun_anew.queue.waiting, begun_anew.rows) == (0, 0, {})
+
+
+def test_what_was_acknowledged_is_no_loss_when_it_is_evicted_while_it_is_deleted(begun_anew):
+    work = begun_anew.queue.work(begun_anew.now)
+    begun_anew.evict(2)
+    begun_anew.commit(work)
+    assert (begun_anew.queue.losses.total, begun_anew.queue.cold) == (0, 1)
+    assert sorted(begun_anew.drain()) == numbers(2, 5)
+
+
+def test_rows_that_cannot_be_deleted_do_not_hide_those_behind_them():
+    bench = Bench(messages=2)
+    for _ in range(3 * FETCHED_IN_NEED):
+        bench.put("inbox", REPLY)
+        bench.disk()
+    bench.online()
+    while bench.send():
+        bench.fetch()
+    for topic in ("other", "other", "inbox"):
+        bench.put(topic, REPLY)
+    for _ in range(4):
+        bench.fetch()
+    assert bench.queue.cold == 0
 
 
 def test_a_refused_message_is_lost_and_counted_and_the_next_goes():
