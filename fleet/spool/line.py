@@ -93,6 +93,16 @@ class Line:
         """Remove and return the next message, the oldest."""
         return self.back.pop(0) if self.back else self.memory.popleft()
 
+    def shed(self) -> None:
+        """Let go of the oldest messages, as far as nobody waits for them any more.
+
+        It is mostly the oldest that are lost: so hardly one stays that something older keeps.
+        """
+        while self.back and self.back[0].gone:
+            del self.back[0]
+        while self.memory and self.memory[0].gone:
+            self.memory.popleft()
+
     def give_back(self, message: Outgoing) -> None:
         """Put a message that was under way before all that are newer."""
         message.again = True

@@ -6,13 +6,12 @@ memory it stands on disk alone (cold) and comes back when its turn is near. Orde
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
 from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
-from fleet.spool.holds import Holds
 from fleet.spool.line import Line, Sign, State
+from fleet.spool.lines import Lines
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
@@ -49,10 +48,7 @@ class Queue:
         self._disk = disk
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
-        self._lines: dict[str, Line] = {}
-        self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
-        self._holds = Holds()
-        self._hungry: dict[str, Line] = {}
+        self._lines = Lines()
         self._unwritten = Unwritten()
         self._done = Done()
         self._writing = False
@@ -68,10 +64,12 @@ class Queue:
             age = min(age, message.expiry)
         message.since, message.deadline, message.expires = now, now + age, wall + age
         self._seq = message.seq = max(self._seq + 1, int(wall * SECOND))
-        line = self._line(message.topic, message.traffic)
+        line = self._lines.of(message.topic, message.traffic)
         fits = self._memory.fits(message)
         message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
-        if not (fits or self._make_room(message, 1 if self.failing or not message.cold else 2, wall)):
+        share = 1 if self.failing or not message.cold else 2
+        if not (fits or self._make_room(line, message, share, wall)):
+            self._lines.forget(line)
             self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
         self.waiting += 1
@@ -96,7 +94,7 @@ class Queue:
         batch: list[Outgoing] = []
         if not self.online:
             return batch
-        for kind, ring in zip(DURABLE, self._rings, strict=True):
+        for kind, ring in zip(DURABLE, self._lines.rings, strict=True):
             most = window if kind is Traffic.REPLY else window - reserve
             if kind is not Traffic.REPLY and now < self._lasting_from:
                 break
@@ -105,8 +103,7 @@ class Queue:
                 line.queued = False
                 size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
                 self._stand(line)
-                if line.empty:
-                    self._drop_line(line)
+                self._lines.forget(line)
         return batch
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
@@ -115,15 +112,14 @@ class Queue:
         line.flying -= 1
         if outcome is Outcome.HELD:
             self._return(line, message)
-            self._holds.unheard(line, now)
+            self._lines.holds.unheard(line, now)
             return
         if outcome is Outcome.REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
-        self._holds.heard(line, now)
+        self._lines.holds.heard(line, now)
         self._stand(line)
-        if line.empty:
-            self._drop_line(line)
+        self._lines.forget(line)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
@@ -139,7 +135,7 @@ class Queue:
         """Begin a new connection: nobody knows yet who hears."""
         self.online = True
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
-        self._holds.clear()
+        self._lines.holds.clear()
         for line in self._lines.values():
             line.see(Sign.CONNECTED)
             self._stand(line)
@@ -147,13 +143,13 @@ class Queue:
     def go_offline(self) -> None:
         """Note the end of the connection."""
         self.online = False
-        self._hungry.clear()
+        self._lines.hungry.clear()
 
     def tick(self, now: float, wall: float) -> None:
         """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
-            self._lose(message, Reason.AGE, wall)
-        for line in self._holds.due(now):
+            self._lines.forget(self._lose(message, Reason.AGE, wall))
+        for line in self._lines.holds.due(now):
             self._stand(line)
 
     def close(self) -> None:
@@ -165,12 +161,12 @@ class Queue:
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._rings) or self._hungry)
+        return not (any(self._lines.rings) or self._lines.hungry)
 
     @property
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
-        return len(self._holds)
+        return len(self._lines.holds)
 
     def standing(self) -> dict[Traffic, Standing]:
         """Return what waits of each class."""
@@ -181,7 +177,7 @@ class Queue:
     @property
     def hungry(self) -> bool:
         """True when messages are wanted from disk."""
-        return bool(self._hungry)
+        return bool(self._lines.hungry)
 
     @property
     def unwritten(self) -> bool:
@@ -216,13 +212,13 @@ class Queue:
 
     def fetches(self) -> list[Fetch]:
         """Return of which topics more is wanted."""
-        share = self._memory.room // max(1, len(self._hungry))
+        share = self._memory.room // max(1, len(self._lines.hungry))
         limit = max(FETCHED_IN_NEED, min(FETCHED, share))
-        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._hungry.values()]
+        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._lines.hungry.values()]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
         """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
-        line = self._hungry.pop(topic, None)
+        line = self._lines.hungry.pop(topic, None)
         if line is None:
             return
         for message in messages:
@@ -234,13 +230,12 @@ class Queue:
         if not more:
             self._warm_unwritten(line)
         self._stand(line)
-        if line.empty:
-            self._drop_line(line)
+        self._lines.forget(line)
 
     def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
-        line = self._line(topic, traffic)
+        line = self._lines.of(topic, traffic)
         for message in line.memory:
             message.cold = True
         line.cold += len(line.memory)
@@ -264,6 +259,7 @@ class Queue:
         for message in (*line.back, *line.memory):
             if message.seq in removed and not message.gone:
                 self._lose(message, reason, wall)
+        self._lines.forget(line)
 
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""
@@ -275,6 +271,7 @@ class Queue:
                 if message.stored and not message.gone:
                     message.stored = False
                     self._unwritten.add(message)
+            self._lines.forget(line)
         self._done.clear()
 
     def _is_cold(self, line: Line, seq: int) -> bool:
@@ -291,28 +288,9 @@ class Queue:
 
     # -- within --------------------------------------------------------------------------------------
 
-    def _line(self, topic: str, traffic: Traffic) -> Line:
-        """Return the line of a topic."""
-        line = self._lines.get(topic)
-        if line is None:
-            line = self._lines[topic] = Line(topic, traffic)
-        return line
-
-    def _drop_line(self, line: Line) -> None:
-        """Forget an empty topic that nobody hears or hears only once, as an inbox for replies."""
-        if line.traffic is Traffic.REPLY or line.state is not State.OPEN:
-            self._lines.pop(line.topic, None)
-            self._holds.forget(line)
-
     def _stand(self, line: Line) -> None:
-        """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
-        if not line.queued and line.sendable:
-            line.queued = True
-            self._rings[line.traffic].append(line)
-        if line.cold and self.online and len(line.memory) + len(line.back) < self._low(line):
-            self._hungry[line.topic] = line
-        elif self._hungry:
-            self._hungry.pop(line.topic, None)
+        """Have a line stand where it belongs."""
+        self._lines.stand(line, self._low(line) if line.cold and self.online else 0)
 
     def _low(self, line: Line) -> int:
         """Return how many messages of a line are to stand in memory at least."""
@@ -367,21 +345,26 @@ class Queue:
         elif self._disk:
             self._unwritten.forsake()
 
-    def _make_room(self, message: Outgoing, share: int, wall: float) -> bool:
-        """Push out what is older and matters no more than this message; tell whether it fits then."""
+    def _make_room(self, line: Line, message: Outgoing, share: int, wall: float) -> bool:
+        """Push out what is older and matters no more than a message of a line; tell whether it fits then."""
         while not self._memory.fits(message, share):
             oldest = self._memory.oldest(message.traffic)
             if oldest is None:
                 return False
-            self._lose(oldest, Reason.ROOM, wall)
+            other = self._lose(oldest, Reason.ROOM, wall)
+            if other is not line:
+                self._lines.forget(other)
         return True
 
-    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> None:
-        """Drop a message that stood in memory."""
+    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> Line:
+        """Drop a message that stood in memory; return its line, which may be empty now."""
+        line = self._lines[message.topic]
         self._memory.remove(message)
         self._forget(message)
         self.waiting -= 1
         if message.cold:
-            self._lines[message.topic].cold -= 1
+            line.cold -= 1
             self.cold -= 1
+        line.shed()
         self.losses.note(message.topic, message.traffic, reason, wall)
+        return line

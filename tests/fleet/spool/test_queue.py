@@ -404,6 +404,52 @@ def test_an_inbox_that_was_answered_is_forgotten():
     assert bench.queue.idle
 
 
+def test_inboxes_whose_answers_grew_too_old_are_forgotten_also_without_a_connection():
+    bench = Bench(messages=100)
+    for number in range(50):
+        bench.put(f"inbox/{number}", REPLY)
+    bench.now += AGES[REPLY]
+    bench.queue.tick(bench.now, WALL)
+    assert bench.queue._lines == {}
+    assert bench.queue.idle
+
+
+def test_topics_that_were_pushed_out_are_forgotten_and_can_begin_anew():
+    bench = Bench(messages=1, disk=False)
+    for topic in "abcab":
+        assert bench.put(topic)
+    assert list(bench.queue._lines) == ["b"]
+    assert bench.online().drain() == numbers(4, 5)
+    assert bench.queue.idle
+
+
+def test_a_message_that_is_refused_leaves_no_topic_behind():
+    bench = Bench(disk=False)
+    assert not bench.put("huge", EVENT, b"x" * 10**7)
+    assert bench.queue._lines == {}
+
+
+@pytest.mark.parametrize("disk", [True, False])
+def test_what_was_pushed_out_is_not_kept_in_memory(disk):
+    bench = Bench(messages=5, disk=disk)
+    bench.disk(works=False)
+    for _ in range(100):
+        bench.put()
+    assert bench.queue.losses.total == 95
+    assert len(bench.queue._lines["t"].memory) == 5
+
+
+def test_what_came_back_and_was_pushed_out_is_not_kept_in_memory():
+    bench = Bench(messages=5, disk=False).online()
+    for _ in range(5):
+        bench.put()
+    bench.send()
+    bench.queue.put_back(bench.take())
+    for _ in range(4):
+        bench.put()
+    assert [message.payload for message in bench.queue._lines["t"].back] == [b"4"]
+
+
 def test_memory_holds_no_more_than_its_bound_for_each_kind_of_bound():
     bench = Bench(messages=100, size=3 * (OVERHEAD + 10), disk=False)
     for _ in range(10):
