@@ -6,7 +6,7 @@ memory it stands on disk alone (cold) and comes back when its turn is near. Orde
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
@@ -44,7 +44,7 @@ class Queue:
         self.cold = 0
         self.online = False
         self.losses = Losses()
-        self.failing = False  # the disk does not take what is written
+        self.failing = False  # no disk takes what is to be written
         self._disk = disk
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
@@ -228,7 +228,7 @@ class Queue:
         if messages:  # also when none was cold: the next fetch goes on behind them
             line.loaded = max(line.loaded, messages[-1].seq)
         if not more:
-            self._warm_unwritten(line)
+            self._warm_unwritten((topic,))
         self._stand(line)
         self._lines.forget(line)
 
@@ -277,6 +277,14 @@ class Queue:
     def _is_cold(self, line: Line, seq: int) -> bool:
         """Tell whether a row that was met on disk is one that stands there alone."""
         return seq > line.loaded and seq not in self._done
+
+    def no_disk(self) -> None:
+        """Note that there is no file at all: memory alone serves, also for what was to leave it."""
+        self.failing = True
+        if self.cold:
+            self._warm_unwritten(self._lines)
+            for line in self._lines.values():
+                self._stand(line)
 
     def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
@@ -331,11 +339,11 @@ class Queue:
         line.cold -= 1
         self.cold -= 1
 
-    def _warm_unwritten(self, line: Line) -> None:
-        """Have those of a line stand in memory that never reached the disk."""
+    def _warm_unwritten(self, topics: Container[str]) -> None:
+        """Have those of some topics stand in memory that never reached the disk."""
         for message in self._unwritten:
-            if message.topic == line.topic and message.cold and not message.gone:
-                self._warm(line, message)
+            if message.cold and not message.gone and message.topic in topics:
+                self._warm(self._lines[message.topic], message)
 
     def _forget(self, message: Outgoing) -> None:
         """Nobody waits for a message any more."""

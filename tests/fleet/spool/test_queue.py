@@ -308,6 +308,19 @@ def test_a_damaged_file_costs_what_was_on_it_alone_and_is_counted():
     assert bench.online().drain() == numbers(0, 5)
 
 
+def test_what_was_cold_when_the_disk_went_away_is_sent_in_order_and_more_follows():
+    bench = Bench(messages=5)
+    for _ in range(8):
+        bench.put()
+    bench.online().queue.no_disk()
+    assert bench.queue.cold == 0
+    bench.put()
+    sent = bench.drain()
+    bench.put()
+    assert [*sent, *bench.send()] == numbers(9 - 5, 10)
+    assert bench.queue.losses.total == 4
+
+
 def test_what_is_evicted_from_disk_is_lost_unless_it_is_under_way():
     bench = Bench(messages=5)
     for _ in range(8):

@@ -178,6 +178,27 @@ def test_a_folder_that_cannot_be_written_is_told_and_memory_serves(tmp_path, ope
     assert spool.online().drain() == [("t", b"0")]
 
 
+def test_beyond_the_memory_without_a_file_the_newest_are_sent_and_the_others_told(tmp_path, opened):
+    (tmp_path / "state" / SPOOL).mkdir(parents=True)
+    spool = opened(messages=10).put(*payloads(15)).online()
+    assert [payload for _, payload in spool.drain()] == payloads(15)[5:]
+    assert spool.spool.lost == 5
+    assert spool.put(b"more").drain() == [("t", b"more")]
+
+
+def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened, clock, monkeypatch):
+    spool = opened(messages=10)
+    broken = sqlite3.DatabaseError("database disk image is malformed")
+    broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    monkeypatch.setattr("fleet.spool.spool.Store", lambda *_: (_ for _ in ()).throw(StateError("no file")))
+    with spool.spool._using:  # they come faster than the disk is looked at
+        for payload in payloads(15):
+            spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())
+    spool.online()
+    assert [payload for _, payload in spool.drain()] == payloads(15)
+
+
 def test_two_edges_do_not_share_a_folder(tmp_path, opened):
     first = opened()
     with pytest.raises(StateError, match=f"another edge that runs \\(process {os.getpid()}\\)"):
