@@ -236,14 +236,13 @@ class Queue:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
         line = self._lines.of(topic, traffic)
-        for message in line.memory:
+        live = [message for message in line.memory if not message.gone]
+        for message in live:
             message.cold = True
-        line.cold += len(line.memory)
-        self.cold += len(line.memory)
         line.memory.clear()
         line.loaded, line.cold_from = 0, oldest
-        line.cold += count
-        self.cold += count
+        line.cold += len(live) + count
+        self.cold += len(live) + count
         self.waiting += count
         self._stand(line)
 

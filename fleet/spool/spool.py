@@ -248,7 +248,8 @@ class Spool:
                 self._closing.wait(RETRY)
             if self._wanted():
                 self._wake.set()
-        self._step()
+        while self._wanted() and self._step():
+            pass
         self._close_store()
 
     def _step(self) -> bool:

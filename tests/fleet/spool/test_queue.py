@@ -164,6 +164,16 @@ def test_a_new_process_sends_what_the_old_one_left_before_its_own():
     assert bench.online().drain() == numbers(0, 11)
 
 
+def test_what_was_lost_before_the_disk_could_be_read_is_not_counted_with_what_is_on_it():
+    bench = Bench()
+    for _ in range(4):
+        bench.put()
+    bench.disk()
+    bench.queue.removed("t", [sorted(bench.rows)[1]], Reason.ROOM, WALL)
+    bench.queue.found("t", EVENT, 2, 1, 2)
+    assert (bench.queue.cold, bench.queue.waiting) == (5, 5)
+
+
 def test_replies_go_before_status_and_events_wait_for_both():
     bench = Bench(messages=100).online()
     for topic, traffic in (("e", EVENT), ("s", STATUS), ("r", REPLY)):

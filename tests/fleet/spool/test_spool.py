@@ -16,6 +16,7 @@ from fleet.spool.message import Outgoing
 from fleet.spool.place import SPOOL
 from fleet.spool.spool import AGES, LATE_LOOK
 from fleet.spool.store import LEAST_EVICTED, Store
+from fleet.spool.unwritten import AT_ONCE
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
@@ -47,6 +48,27 @@ def test_what_waits_outlives_the_process(opened):
     assert later.spool.waiting == 10
     assert [payload for _, payload in later.online().drain()] == payloads(10)
     assert opened().spool.waiting == 0
+
+
+def test_all_that_was_taken_is_on_disk_when_it_is_closed(opened):
+    count = 2 * AT_ONCE + 10
+    opened().online().put(*payloads(count)).spool.close()
+    assert opened().spool.waiting == count
+
+
+def test_a_disk_that_is_well_again_when_it_is_closed_gets_all_that_memory_holds(opened, monkeypatch):
+    tries = []
+
+    def no_file(*_):
+        tries.append(1)
+        raise StateError("no file")
+
+    with monkeypatch.context() as ill:
+        ill.setattr("fleet.spool.spool.Store", no_file)
+        spool = opened().put(*payloads(20))
+        wait_until("the disk was tried again", lambda: len(tries) > 1)
+    spool.spool.close()
+    assert opened().spool.waiting == 20
 
 
 def test_a_killed_process_loses_nothing_that_was_on_disk_and_keeps_the_order(tmp_path, opened):
