@@ -354,10 +354,9 @@ class Queue:
 
     def _make_room(self, line: Line, message: Outgoing, share: int, wall: float) -> bool:
         """Push out what is older and matters no more than a message of a line; tell whether it fits then."""
-        while not self._memory.fits(message, share):
-            oldest = self._memory.oldest(message.traffic)
-            if oldest is None:
-                return False
+        if not self._memory.can_fit(message, share):
+            return False
+        for oldest in self._memory.in_the_way(message, share):
             other = self._lose(oldest, Reason.ROOM, wall)
             if other is not line:
                 self._lines.forget(other)

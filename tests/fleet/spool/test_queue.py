@@ -278,6 +278,18 @@ def test_what_matters_less_never_pushes_out_what_matters_more():
     assert not bench.put("e", EVENT)
 
 
+@pytest.mark.parametrize("disk", [True, False])
+def test_a_message_that_can_never_fit_pushes_nothing_out(disk):
+    size = 10 * OVERHEAD
+    bench = Bench(messages=100, size=size, disk=disk)
+    for topic, traffic in (("r", REPLY), ("r", REPLY), ("e", EVENT)):
+        bench.put(topic, traffic)
+    for traffic, too_large in ((REPLY, 2 * size), (EVENT, 2 * size - 2 * OVERHEAD)):
+        assert not bench.put("huge", traffic, bytes(too_large))
+    assert bench.queue.waiting == 3
+    assert {(gap.topic, gap.lost) for gap in bench.queue.losses.take()} == {("huge", 2)}
+
+
 def test_a_full_disk_bounds_memory_and_loses_nothing_within_the_bound():
     bench = Bench(messages=5)
     for _ in range(5):
