@@ -10,8 +10,8 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 
 from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
-from fleet.spool.line import Line, Sign, State
-from fleet.spool.lines import Lines
+from fleet.spool.line import Line, Sign
+from fleet.spool.lines import LOW_IN_NEED, Lines
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
@@ -21,12 +21,8 @@ from fleet.wire.rules import Traffic
 
 NEWEST_FIRST = 0.1
 """Seconds after a connect in which what has waited lets the newest state go first."""
-LOW = 64
-"""Messages of a topic in memory below which more are fetched from disk."""
 FETCHED = 256
-"""Messages of a topic that one fetch brings at most."""
-FETCHED_IN_NEED = 8
-"""The same when memory is full."""
+"""Messages of a topic that one fetch brings at most, LOW_IN_NEED when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
 
@@ -42,13 +38,12 @@ class Queue:
     ) -> None:
         self.waiting = 0
         self.cold = 0
-        self.online = False
         self.losses = Losses()
         self.failing = False  # no disk takes what is to be written
         self._disk = disk
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
-        self._lines = Lines()
+        self._lines = Lines(self._memory)
         self._unwritten = Unwritten()
         self._done = Done()
         self._writing = False
@@ -83,7 +78,7 @@ class Queue:
             line.loaded = message.seq
         if self._disk:
             self._unwritten.add(message)
-        self._stand(line)
+        self._lines.stand(line)
         return True
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
@@ -102,7 +97,7 @@ class Queue:
                 line = ring.popleft()
                 line.queued = False
                 size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
-                self._stand(line)
+                self._lines.stand(line)
                 self._lines.forget(line)
         return batch
 
@@ -118,7 +113,7 @@ class Queue:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
         self._lines.holds.heard(line, now)
-        self._stand(line)
+        self._lines.stand(line)
         self._lines.forget(line)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
@@ -129,20 +124,20 @@ class Queue:
             line.flying -= 1
             self._return(line, message)
         for message in oldest_first:
-            self._stand(self._lines[message.topic])
+            self._lines.stand(self._lines[message.topic])
 
     def go_online(self, now: float) -> None:
         """Begin a new connection: nobody knows yet who hears."""
-        self.online = True
+        self._lines.online = True
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
         self._lines.holds.clear()
         for line in self._lines.values():
             line.see(Sign.CONNECTED)
-            self._stand(line)
+            self._lines.stand(line)
 
     def go_offline(self) -> None:
         """Note the end of the connection."""
-        self.online = False
+        self._lines.online = False
         self._lines.hungry.clear()
 
     def tick(self, now: float, wall: float) -> None:
@@ -150,13 +145,18 @@ class Queue:
         for message in self._memory.late(now):
             self._lines.forget(self._lose(message, Reason.AGE, wall))
         for line in self._lines.holds.due(now):
-            self._stand(line)
+            self._lines.stand(line)
 
     def close(self) -> None:
         """Drop what stands in memory."""
         for message in self._memory.all():
             self._memory.remove(message)
         self.waiting = 0
+
+    @property
+    def online(self) -> bool:
+        """True while there is a connection."""
+        return self._lines.online
 
     @property
     def idle(self) -> bool:
@@ -213,7 +213,7 @@ class Queue:
     def fetches(self) -> list[Fetch]:
         """Return of which topics more is wanted."""
         share = self._memory.room // max(1, len(self._lines.hungry))
-        limit = max(FETCHED_IN_NEED, min(FETCHED, share))
+        limit = max(LOW_IN_NEED, min(FETCHED, share))
         return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._lines.hungry.values()]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
@@ -229,7 +229,7 @@ class Queue:
             line.loaded = max(line.loaded, messages[-1].seq)
         if not more:
             self._warm_unwritten((topic,))
-        self._stand(line)
+        self._lines.stand(line)
         self._lines.forget(line)
 
     def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
@@ -244,7 +244,7 @@ class Queue:
         line.cold += len(live) + count
         self.cold += len(live) + count
         self.waiting += count
-        self._stand(line)
+        self._lines.stand(line)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
         """Note that messages were removed from disk: those that are not under way are lost."""
@@ -283,7 +283,7 @@ class Queue:
         if self.cold:
             self._warm_unwritten(self._lines)
             for line in self._lines.values():
-                self._stand(line)
+                self._lines.stand(line)
 
     def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
@@ -291,19 +291,9 @@ class Queue:
         self.cold -= lost
         self.waiting -= lost
         self.losses.note(line.topic, line.traffic, reason, wall, lost)
-        self._stand(line)
+        self._lines.stand(line)
 
     # -- within --------------------------------------------------------------------------------------
-
-    def _stand(self, line: Line) -> None:
-        """Have a line stand where it belongs."""
-        self._lines.stand(line, self._low(line) if line.cold and self.online else 0)
-
-    def _low(self, line: Line) -> int:
-        """Return how many messages of a line are to stand in memory at least."""
-        if line.state is State.HELD:
-            return 1
-        return FETCHED_IN_NEED if self._memory.full else LOW
 
     def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
         """Move messages of a line into the batch; return their bytes."""

@@ -7,9 +7,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from fleet.spool.lines import LOW_IN_NEED
 from fleet.spool.losses import Reason
 from fleet.spool.message import OVERHEAD, Outcome, Outgoing
-from fleet.spool.queue import FETCHED_IN_NEED, NEWEST_FIRST, Queue
+from fleet.spool.queue import NEWEST_FIRST, Queue
 from fleet.spool.spool import AGES
 from fleet.spool.unwritten import GRACE
 from fleet.wire.rules import Traffic
@@ -402,7 +403,7 @@ def test_what_was_acknowledged_is_no_loss_when_it_is_evicted_while_it_is_deleted
 
 def test_rows_that_cannot_be_deleted_do_not_hide_those_behind_them():
     bench = Bench(messages=2)
-    for _ in range(3 * FETCHED_IN_NEED):
+    for _ in range(3 * LOW_IN_NEED):
         bench.put("inbox", REPLY)
         bench.disk()
     bench.online()
@@ -568,7 +569,7 @@ class Life(RuleBasedStateMachine):
         inside = sum(not one.gone for line in lines for one in (*line.back, *line.memory))
         assert queue.waiting == inside + queue.cold
         assert queue.cold == sum(line.cold for line in lines)
-        assert queue._memory.count <= 2 * 4 + 2 * 2 * FETCHED_IN_NEED
+        assert queue._memory.count <= 2 * 4 + 2 * 2 * LOW_IN_NEED
 
     def teardown(self):
         self.disk(works=True)
