@@ -241,6 +241,9 @@ class Queue:
             message.cold = True
         line.memory.clear()
         line.loaded, line.cold_from = 0, oldest
+        if line.flying or line.back:
+            mine = (one for one in self._unwritten if one.topic == topic and not (one.gone or one.cold))
+            line.ahead = frozenset(one.seq for one in mine)
         line.cold += len(live) + count
         self.cold += len(live) + count
         self.waiting += count
@@ -275,7 +278,7 @@ class Queue:
 
     def _is_cold(self, line: Line, seq: int) -> bool:
         """Tell whether a row that was met on disk is one that stands there alone."""
-        return seq > line.loaded and seq not in self._done
+        return seq > line.loaded and seq not in self._done and seq not in line.ahead
 
     def no_disk(self) -> None:
         """Note that there is no file at all: memory alone serves, also for what was to leave it."""

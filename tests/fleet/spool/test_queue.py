@@ -1,6 +1,8 @@
 """The spool's decisions: order, bounds, holds, ages; with a disk that is a dictionary and sometimes fails."""
 
+from collections import Counter
 from itertools import pairwise
+from types import MappingProxyType
 
 import pytest
 from hypothesis import settings
@@ -70,6 +72,7 @@ class Bench:
             self.rows[message.seq] = message
         for seq in work.done:
             self.rows.pop(seq, None)
+        self.queue.losses.changed = False
         self.queue.wrote(work)
 
     def evict(self, count):
@@ -100,15 +103,34 @@ class Bench:
             part = found[: fetch.limit]
             self.queue.fetched(fetch.topic, part, more=len(part) == fetch.limit)
 
-    def restarted(self, messages=5):
-        """Return what a new process makes of the disk."""
-        other = Bench(messages=messages)
+    def restarted(self, messages=5, *, there=True):
+        """Return what a new process makes of the disk, or of its memory when no disk is ``there``."""
+        other = Bench(messages=messages, first=max(self.rows, default=0))
         other.rows, other.now, other.put_count = self.rows, self.now, self.put_count
+        other.look(there=there)
+        return other
+
+    def look(self, *, there):
+        """Read the disk for the first time, or find that it cannot be read."""
+        if not there:
+            self.queue.no_disk()
+            return
         for topic in dict.fromkeys(row.topic for row in self.rows.values()):
             rows = [row for row in self.rows.values() if row.topic == topic]
             seqs = [row.seq for row in rows]
-            other.queue.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
-        return other
+            self.queue.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
+
+    def live(self, topic):
+        """Return what stands in memory of a topic, but what is cold."""
+        line = self.queue._lines.get(topic)
+        return [one for one in (*line.back, *line.memory) if not one.gone] if line else []
+
+    def cold(self, topic):
+        line = self.queue._lines.get(topic)
+        return line.cold if line else 0
+
+    def lost(self, topic):
+        return sum(gap.lost for gap in self.queue.losses.known() if gap.topic == topic)
 
 
 def numbers(first, end):
@@ -173,6 +195,22 @@ def test_what_was_lost_before_the_disk_could_be_read_is_not_counted_with_what_is
     bench.queue.removed("t", [sorted(bench.rows)[1]], Reason.ROOM, WALL)
     bench.queue.found("t", EVENT, 2, 1, 2)
     assert (bench.queue.cold, bench.queue.waiting) == (5, 5)
+
+
+def test_what_was_under_way_when_the_disk_could_be_read_at_last_is_not_fetched_from_it():
+    bench = Bench()
+    for _ in range(3):
+        bench.put()
+    bench.disk()
+    bench = bench.restarted(there=False).online()
+    bench.put()
+    bench.put()
+    flying = bench.take()
+    bench.look(there=True)
+    bench.disk()
+    bench.queue.settle(flying[0], Outcome.ACKED, bench.now, WALL)
+    assert bench.drain() == [*numbers(0, 3), b"4"]
+    assert (bench.queue.cold, bench.queue.waiting, bench.rows) == (0, 0, {})
 
 
 def test_replies_go_before_status_and_events_wait_for_both():
@@ -494,49 +532,94 @@ def test_memory_holds_no_more_than_its_bound_for_each_kind_of_bound():
 
 
 class Life(RuleBasedStateMachine):
-    """Through falls, full disks and violent deaths: order is kept, and what was on disk arrives."""
+    """Through falls, violent deaths, and disks that hang, fail, fill up, break and come late.
+
+    Of what a process has ``taken``, given to it or found on disk, each message is under way, waits, was
+    answered or was told lost, and only one of these; and each topic is in order.
+    """
+
+    MESSAGES = 2
+    TRAFFIC = MappingProxyType({"inbox": REPLY, "event": EVENT})
+    TOPICS = st.sampled_from(sorted(TRAFFIC))
 
     def __init__(self):
         super().__init__()
-        self.bench = Bench(messages=4)
-        self.arrived = {topic: [] for topic in "ab"}
-        self.put = {topic: [] for topic in "ab"}
-        self.mourned = set()
+        self.arrived = {topic: [] for topic in self.TRAFFIC}
+        self.overtook = set()  # sent before it was known what waits on disk
+        self.begin(Bench(messages=self.MESSAGES), there=True)
+
+    def begin(self, bench, *, there):
+        """Begin a new process."""
+        self.bench = bench
+        self.there = there
+        self.writing = None
         self.flying = []
+        self.most_flying = 0
+        self.sent = set()
+        self.answered = {topic: set() for topic in self.TRAFFIC}
+        self.taken = Counter()
+        self.refused = Counter()
+        if there:
+            self.take_over()
 
-    @rule(topic=st.sampled_from("ab"), count=st.integers(1, 4))
-    def publish(self, topic, count):
+    def take_over(self):
+        """Count what was found on disk."""
+        self.taken.update(row.topic for row in self.bench.rows.values())
+
+    @rule(topic=TOPICS, count=st.integers(1, 6), expiry=st.sampled_from([None, None, 10.0]))
+    def publish(self, topic, count, expiry):
         for _ in range(count):
-            self.put[topic].append(self.bench.put_count)
-            if not self.bench.put(topic):
-                self.mourned.add(self.bench.put_count - 1)
+            taken = self.bench.put(topic, self.TRAFFIC[topic], expiry=expiry)
+            (self.taken if taken else self.refused)[topic] += 1
 
-    @rule(window=st.integers(1, 6))
+    @rule(window=st.sampled_from([1, 6]))
     @precondition(lambda self: self.bench.queue.online)
     def send(self, window):
-        self.flying += self.bench.take(window)
+        for message in self.bench.take(window):
+            assert message.payload not in self.answered[message.topic]
+            assert message.payload not in {other.payload for other in self.flying}
+            self.flying.append(message)
+            self.sent.add(int(message.payload))
+        self.most_flying = max(self.most_flying, len(self.flying))
 
     @rule(count=st.integers(1, 6), heard=st.booleans())
+    @precondition(lambda self: self.flying)
     def answer(self, count, heard):
+        if not heard:  # nobody hears: that is so for all that is under way
+            count = len(self.flying)
         answered, self.flying = self.flying[:count], self.flying[count:]
         for message in answered:
-            if heard:
-                self._arrive(message)
             outcome = Outcome.ACKED if heard else Outcome.HELD
             self.bench.queue.settle(message, outcome, self.bench.now, WALL)
-        if not heard:  # nobody hears: that is so for all that is under way
-            for message in self.flying:
-                self.bench.queue.settle(message, Outcome.HELD, self.bench.now, WALL)
-            self.flying = []
+            if heard:
+                self.arrive(message.topic, message.payload)
 
-    def _arrive(self, message):
-        number = int(message.payload)
-        if number not in self.arrived[message.topic]:
-            self.arrived[message.topic].append(number)
+    def arrive(self, topic, payload):
+        self.answered[topic].add(payload)
+        if int(payload) not in self.arrived[topic]:  # after a death it may come twice
+            self.arrived[topic].append(int(payload))
 
     @rule(works=st.booleans())
+    @precondition(lambda self: self.there and not self.writing)
     def disk(self, works):
         self.bench.disk(works=works)
+
+    @rule()
+    @precondition(lambda self: self.there and not self.writing)
+    def a_change_begins(self):
+        self.writing = self.bench.queue.work(self.bench.now)
+
+    @rule(works=st.booleans())
+    @precondition(lambda self: self.writing)
+    def a_change_ends(self, works):
+        self.bench.commit(self.writing, works=works)
+        self.writing = None
+        self.bench.fetch()
+
+    @rule(count=st.integers(1, 4))
+    @precondition(lambda self: self.there)
+    def evict(self, count):
+        self.bench.evict(count)
 
     @rule(seconds=st.sampled_from([0.01, 0.3, 20.0]))
     def wait(self, seconds):
@@ -552,42 +635,69 @@ class Life(RuleBasedStateMachine):
         else:
             self.bench.online()
 
-    @rule()
-    def die(self):
+    @rule(there=st.booleans())
+    @precondition(lambda self: self.there and not self.writing)
+    def the_file_is_damaged(self, there):
+        self.bench.rows.clear()
+        self.bench.queue.lost_disk(WALL)
+        self.bench.look(there=there)
+        self.there = there
+
+    @rule(there=st.booleans())
+    def die(self, there):
         """Lose all that is in memory, as a killed process does."""
-        kept = {int(row.payload) for row in self.bench.rows.values()}
-        self.mourned |= {one for numbers in self.put.values() for one in numbers} - kept
-        self.bench = self.bench.restarted(messages=4)
-        self.flying = []
+        self.begin(self.bench.restarted(self.MESSAGES, there=there), there=there)
+
+    @rule()
+    @precondition(lambda self: not self.there)
+    def the_disk_comes(self):
+        self.there = True
+        self.overtook |= self.sent
+        self.take_over()
+        self.bench.look(there=True)
 
     @invariant()
-    def each_topic_is_in_order_and_the_figures_are_right(self):
+    def each_topic_is_in_order(self):
         for numbers in self.arrived.values():
-            assert numbers == sorted(numbers)
-        queue = self.bench.queue
-        lines = queue._lines.values()
-        inside = sum(not one.gone for line in lines for one in (*line.back, *line.memory))
-        assert queue.waiting == inside + queue.cold
-        assert queue.cold == sum(line.cold for line in lines)
-        assert queue._memory.count <= 2 * 4 + 2 * 2 * LOW_IN_NEED
+            in_turn = [number for number in numbers if number not in self.overtook]
+            assert in_turn == sorted(in_turn)
+
+    @invariant()
+    def each_message_is_in_one_place(self):
+        for topic in self.TRAFFIC:
+            flying = sum(message.topic == topic for message in self.flying)
+            waiting = len(self.bench.live(topic)) + self.bench.cold(topic)
+            lost = self.bench.lost(topic) - self.refused[topic]
+            assert self.taken[topic] == len(self.answered[topic]) + lost + waiting + flying
+
+    @invariant()
+    def the_figures_are_right(self):
+        queue, cold = self.bench.queue, [self.bench.cold(topic) for topic in self.TRAFFIC]
+        live = [message for topic in self.TRAFFIC for message in self.bench.live(topic)]
+        assert min(cold) >= 0
+        assert (queue.cold, queue.waiting) == (sum(cold), sum(cold) + len(live))
+        assert queue._memory.count <= 2 * self.MESSAGES + 4 * LOW_IN_NEED + self.most_flying
+        if self.there and not (self.writing or queue.unwritten):
+            assert queue.cold == len(self.bench.rows.keys() - {one.seq for one in (*live, *self.flying)})
+        assert self.there or not queue.cold
 
     def teardown(self):
-        self.disk(works=True)
+        if self.writing:
+            self.a_change_ends(works=True)
+        if not self.there:
+            self.the_disk_comes()
         if not self.bench.queue.online:
-            self.bench.online()
-        lost = self.bench.queue.losses.total
-        for _ in range(40):
+            self.come_and_go()
+        for _ in range(60):
             self.disk(works=True)
             self.wait(20.0)
             self.send(100)
-            self.answer(1000, heard=True)
-            if not self.bench.queue.waiting:
-                break
-        missing = {
-            one for topic in "ab" for one in self.put[topic] if one not in self.arrived[topic]
-        } - self.mourned
-        assert len(missing) <= lost
-        assert (self.bench.queue.waiting, self.bench.queue.cold) == (0, 0)
+            if self.flying:
+                self.answer(1000, heard=True)
+        self.each_topic_is_in_order()
+        self.each_message_is_in_one_place()
+        queue = self.bench.queue
+        assert (queue.waiting, queue.cold, queue.hungry, self.bench.rows) == (0, 0, False, {})
 
 
 TestLife = Life.TestCase
