@@ -599,17 +599,12 @@ class Life(RuleBasedStateMachine):
         if int(payload) not in self.arrived[topic]:  # after a death it may come twice
             self.arrived[topic].append(int(payload))
 
-    @rule(works=st.booleans())
-    @precondition(lambda self: self.there and not self.writing)
-    def disk(self, works):
-        self.bench.disk(works=works)
-
     @rule()
     @precondition(lambda self: self.there and not self.writing)
     def a_change_begins(self):
         self.writing = self.bench.queue.work(self.bench.now)
 
-    @rule(works=st.booleans())
+    @rule(works=st.sampled_from([True, True, False]))
     @precondition(lambda self: self.writing)
     def a_change_ends(self, works):
         self.bench.commit(self.writing, works=works)
@@ -635,18 +630,17 @@ class Life(RuleBasedStateMachine):
         else:
             self.bench.online()
 
-    @rule(there=st.booleans())
+    @rule(dies=st.booleans(), there=st.booleans())
     @precondition(lambda self: self.there and not self.writing)
-    def the_file_is_damaged(self, there):
+    def die_or_lose_the_file(self, dies, there):
+        """Lose all that is in memory, as a killed process does, or all that is on disk."""
+        if dies:
+            self.begin(self.bench.restarted(self.MESSAGES, there=there), there=there)
+            return
         self.bench.rows.clear()
         self.bench.queue.lost_disk(WALL)
         self.bench.look(there=there)
         self.there = there
-
-    @rule(there=st.booleans())
-    def die(self, there):
-        """Lose all that is in memory, as a killed process does."""
-        self.begin(self.bench.restarted(self.MESSAGES, there=there), there=there)
 
     @rule()
     @precondition(lambda self: not self.there)
@@ -689,7 +683,7 @@ class Life(RuleBasedStateMachine):
         if not self.bench.queue.online:
             self.come_and_go()
         for _ in range(60):
-            self.disk(works=True)
+            self.bench.disk()
             self.wait(20.0)
             self.send(100)
             if self.flying:
@@ -701,4 +695,4 @@ class Life(RuleBasedStateMachine):
 
 
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=60, stateful_step_count=30)
+TestLife.settings = settings(max_examples=200, stateful_step_count=40)
