@@ -158,10 +158,10 @@ class CloudClient:
         if self._connection:
             self._connection.flush()
 
-    def _stand_in(self) -> None:
-        """Do what the loop should have done; on the thread that stands by."""
-        if connection := self._connection:
-            connection.stand_in()
+    def _stand_in(self) -> bool:
+        """Do what the loop should have done; on the thread that stands by. True when there was something."""
+        connection = self._connection
+        return connection is not None and connection.stand_in()
 
     async def _main(self) -> None:
         """Keep connected until told to stop, then leave in an orderly way."""

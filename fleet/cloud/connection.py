@@ -22,6 +22,9 @@ from fleet.errors import CloudError, WireError
 
 logger = logging.getLogger(__name__)
 
+MOST_READS = 64
+"""Reads of one look of the thread that stands by: the loop may want the connection back."""
+
 Deliver = Callable[[list[Message]], None]
 
 
@@ -69,21 +72,24 @@ class Connection:
         """Return how often, in seconds, ``watch`` wants to be called."""
         return min(1.0, self._keepalive.interval / 20 or 1.0)
 
-    def stand_in(self) -> None:
-        """Read what the loop has left since the last look, and ping; on another thread.
+    def stand_in(self) -> bool:
+        """Read and acknowledge what the loop has left since the last look, and ping; on another thread.
 
-        What it means for the connection is done by the loop, once it goes on.
+        What is not acknowledged keeps what follows it back: a broker sends only so many messages ahead.
+        What it means for the connection is done by the loop, once it goes on. Returns True when something
+        was read: more may follow at once.
         """
         with self._lock:
             waiting = self._failure is None and self._stream.waiting()
             neglected = waiting and self._seen == self._reads
-            self._seen = self._reads if waiting else -1
             if neglected:
-                self._receive()
+                self._receive_all()
+            self._seen = self._reads if waiting else -1
             self._ping()
         if neglected:
             with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
                 self._loop.call_soon_threadsafe(self._conclude)
+        return neglected
 
     def _readable(self) -> None:
         """Take what has arrived; on the loop."""
@@ -96,6 +102,16 @@ class Connection:
         with self._lock:
             self._stream.write_rest()
         self.flush()
+
+    def _receive_all(self) -> None:
+        """Read all that has arrived, within reason, and acknowledge it."""
+        for _ in range(MOST_READS):
+            self._receive()
+            if self._failure is not None:
+                return
+            self._write(self._session.take_replies())
+            if not self._stream.waiting():
+                return
 
     def _receive(self) -> None:
         """Read, and hand over the messages; a failure waits for the loop, nothing is believed after it."""

@@ -9,12 +9,16 @@ from collections.abc import Callable
 logger = logging.getLogger(__name__)
 
 PERIOD = 0.01  # s between looks; what the loop leaves unread from one to the next is read here
+BUSY = 0.001  # s after a look that found something
 
 
 class Standby:
-    """A thread that looks again and again; it has nothing to do as long as the loop turns."""
+    """A thread that looks again and again; it has nothing to do as long as the loop turns.
 
-    def __init__(self, look: Callable[[], None]) -> None:
+    ``look`` returns True when it found something: then more may follow.
+    """
+
+    def __init__(self, look: Callable[[], bool]) -> None:
         self._look = look
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-cloud", daemon=True)
@@ -29,8 +33,10 @@ class Standby:
 
     def _run(self) -> None:
         """Look until the end, whatever a look runs into."""
-        while not self._ended.wait(PERIOD):
+        found = False
+        while not self._ended.wait(BUSY if found else PERIOD):
+            found = False
             try:
-                self._look()
+                found = self._look()
             except Exception:
                 logger.exception("what the loop left unread could not be read")

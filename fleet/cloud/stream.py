@@ -11,6 +11,7 @@ import contextlib
 import select
 import socket
 import ssl
+import threading
 from collections.abc import Callable
 
 from fleet.link.tcp import reset_on_close
@@ -24,8 +25,9 @@ LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 class Stream:
     """A connected socket. Its calls are made one at a time: whoever has several threads holds a lock.
 
-    The loop calls ``readable`` when something has arrived, and ``writable`` when there is room for what had
-    to wait: ``write_rest`` then writes it.
+    It is made and closed on the loop, whatever thread calls the rest. The loop calls ``readable`` when
+    something has arrived, and ``writable`` when there is room for what had to wait: ``write_rest`` then
+    writes it.
     """
 
     def __init__(
@@ -37,7 +39,7 @@ class Stream:
         self._socket = opened
         self._writable = writable
         self._rest = bytearray()
-        self._loop = asyncio.get_running_loop()
+        self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._poll = select.poll()
         self._poll.register(opened, select.POLLIN)
         self._loop.add_reader(opened.fileno(), readable)
@@ -109,6 +111,16 @@ class Stream:
 
     def _wait_for_room(self, rest: bytes) -> None:
         """Keep what did not go out until the socket has room."""
-        if rest:
-            self._rest += rest
+        if not rest:
+            return
+        self._rest += rest
+        if threading.get_ident() == self._thread:
+            self._watch_for_room()
+        else:
+            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                self._loop.call_soon_threadsafe(self._watch_for_room)
+
+    def _watch_for_room(self) -> None:
+        """Have the loop tell of room; on the loop."""
+        if self._rest and not self.closed:
             self._loop.add_writer(self._socket.fileno(), self._writable)

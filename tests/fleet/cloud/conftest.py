@@ -121,3 +121,15 @@ def certificate(tmp_path):
     names = ("-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost", "-keyout", key, "-out")
     subprocess.run([*command.split(), *names, certificate], check=True, capture_output=True)
     return certificate, key
+
+
+@pytest.fixture
+def ends():
+    """Return both ends of a TCP connection, ours first."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        ours = socket.create_connection(server.getsockname())
+        theirs, _ = server.accept()
+    ours.setblocking(False)
+    theirs.settimeout(WITHIN)
+    with ours, theirs:
+        yield ours, theirs

@@ -1,7 +1,6 @@
 """One connection: how long a silent cut goes unnoticed, and who reads while the loop is stuck."""
 
 import asyncio
-import socket
 
 import mqtt5
 import pytest
@@ -22,18 +21,6 @@ SETTINGS = CloudSettings(host="h", client_id="me")
 @pytest.fixture
 def clock():
     return ManualClock()
-
-
-@pytest.fixture
-def ends():
-    """Return both ends of a TCP connection, ours first."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        ours = socket.create_connection(server.getsockname())
-        theirs, _ = server.accept()
-    ours.setblocking(False)
-    theirs.settimeout(WITHIN)
-    with ours, theirs:
-        yield ours, theirs
 
 
 class Broker:
@@ -105,13 +92,29 @@ async def test_what_the_loop_leaves_unread_is_read_by_who_stands_in(connection, 
     await broker.is_taken()
 
 
-async def test_who_stands_in_leaves_what_is_answered_to_the_loop(connection, broker):
+async def test_who_stands_in_acknowledges_what_it_reads_or_the_broker_would_keep_the_rest_back(
+    connection, broker
+):
     broker.say(mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS.AT_LEAST_ONCE, packet_id=7))
     arrived(connection)
     for _ in range(5):
         connection.stand_in()
     assert len(broker.handed) == 1
-    assert await asyncio.to_thread(broker.hear) == [mqtt5.PubAckPacket]
+    assert broker.hear() == [mqtt5.PubAckPacket]
+    assert not broker.taken.is_set()
+
+
+async def test_one_look_reads_all_that_has_arrived_and_the_next_goes_on_at_once(connection, broker):
+    many = [mqtt5.PublishPacket("t", bytes(1000)) for _ in range(60)]
+    broker.say(*many)
+    arrived(connection)
+    assert not connection.stand_in()
+    assert connection.stand_in()
+    assert len(broker.handed) == 60
+    broker.say(mqtt5.PublishPacket("t", b"stop"))
+    arrived(connection)
+    assert connection.stand_in()
+    assert broker.handed[-1].payload == b"stop"
 
 
 async def test_who_stands_in_does_nothing_while_the_loop_reads(connection, broker):
