@@ -53,8 +53,9 @@ class Line:
     """One topic's messages: those that came back, those in memory, and how many more are ``cold``.
 
     Cold ones are on disk alone, or on their way there; all of them follow ``loaded``, the newest ever in
-    memory, and none is older than ``cold_from``. ``flying`` are under way. A held line is tried again at
-    ``retry`` (monotonic s).
+    memory, and none is older than ``cold_from``. ``ahead`` are numbers beyond ``loaded`` that are not cold:
+    they were sent before what waits on disk could be read. ``flying`` are under way. A held line is tried
+    again at ``retry`` (monotonic s).
     """
 
     def __init__(self, topic: str, traffic: Traffic) -> None:
@@ -66,6 +67,7 @@ class Line:
         self.cold = 0
         self.loaded = 0
         self.cold_from = 0
+        self.ahead: frozenset[int] = frozenset()
         self.flying = 0
         self.retry = 0.0
         self.unheard = 0  # tries in a row
@@ -92,6 +94,16 @@ class Line:
     def pop(self) -> Outgoing:
         """Remove and return the next message, the oldest."""
         return self.back.pop(0) if self.back else self.memory.popleft()
+
+    def shed(self) -> None:
+        """Let go of the oldest messages, as far as nobody waits for them any more.
+
+        It is mostly the oldest that are lost: so hardly one stays that something older keeps.
+        """
+        while self.back and self.back[0].gone:
+            del self.back[0]
+        while self.memory and self.memory[0].gone:
+            self.memory.popleft()
 
     def give_back(self, message: Outgoing) -> None:
         """Put a message that was under way before all that are newer."""

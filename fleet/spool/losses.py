@@ -38,9 +38,6 @@ class Losses:
         self.changed = False
         self._gaps: dict[tuple[str, Reason], Gap] = {}
 
-    def __len__(self) -> int:
-        return len(self._gaps)
-
     @property
     def total(self) -> int:
         """All losses since the start."""

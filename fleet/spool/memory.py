@@ -17,7 +17,7 @@ class Memory:
 
     def __init__(self, messages: int, size: int) -> None:
         self.count = 0
-        self._bytes = 0
+        self._bytes = [0 for _ in DURABLE]
         self._most = messages
         self._most_bytes = size
         self._held: list[OrderedDict[int, Outgoing]] = [OrderedDict() for _ in DURABLE]
@@ -25,7 +25,7 @@ class Memory:
     @property
     def full(self) -> bool:
         """True when there is no room for another message of common size."""
-        return self.count >= self._most or self._bytes >= self._most_bytes
+        return self.count >= self._most or sum(self._bytes) >= self._most_bytes
 
     @property
     def room(self) -> int:
@@ -34,13 +34,20 @@ class Memory:
 
     def fits(self, message: Outgoing, share: int = 1) -> bool:
         """Tell whether there is room; ``share``: for how many times the bound."""
-        return self.count < share * self._most and self._bytes + message.size <= share * self._most_bytes
+        size = sum(self._bytes) + message.size
+        return self.count < share * self._most and size <= share * self._most_bytes
+
+    def can_fit(self, message: Outgoing, share: int) -> bool:
+        """Tell whether it would fit in if all were gone that matters no more."""
+        count = sum(len(held) for held in self._held[: message.traffic])
+        size = sum(self._bytes[: message.traffic]) + message.size
+        return count < share * self._most and size <= share * self._most_bytes
 
     def add(self, message: Outgoing) -> None:
         """Count a message in."""
         self._held[message.traffic][message.seq] = message
         self.count += 1
-        self._bytes += message.size
+        self._bytes[message.traffic] += message.size
 
     def add_again(self, message: Outgoing) -> None:
         """Count in a message that is older than all others of its kind."""
@@ -51,16 +58,16 @@ class Memory:
         """Count a message out, if it is in."""
         if self._held[message.traffic].pop(message.seq, None) is not None:
             self.count -= 1
-            self._bytes -= message.size
+            self._bytes[message.traffic] -= message.size
 
-    def oldest(self, at_least: Traffic) -> Outgoing | None:
-        """Return the oldest of those that matter least, none that matters more than ``at_least``."""
-        for kind in reversed(DURABLE):
-            if kind < at_least:
-                return None
-            if self._held[kind]:
-                return next(iter(self._held[kind].values()))
-        return None
+    def in_the_way(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
+        """Yield what has to go for it to fit in, as it can: the oldest of those that matter least.
+
+        Each is to be removed before the next is asked for.
+        """
+        for held in reversed(self._held):
+            while held and not self.fits(message, share):
+                yield next(iter(held.values()))
 
     def all(self) -> list[Outgoing]:
         """Return all of it."""

@@ -6,12 +6,12 @@ memory it stands on disk alone (cold) and comes back when its turn is near. Orde
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
+from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
-from fleet.spool.holds import Holds
-from fleet.spool.line import Line, Sign, State
+from fleet.spool.line import Line, Sign
+from fleet.spool.lines import LOW_IN_NEED, Lines
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
 from fleet.spool.message import Outcome, Outgoing
@@ -21,12 +21,8 @@ from fleet.wire.rules import Traffic
 
 NEWEST_FIRST = 0.1
 """Seconds after a connect in which what has waited lets the newest state go first."""
-LOW = 64
-"""Messages of a topic in memory below which more are fetched from disk."""
 FETCHED = 256
-"""Messages of a topic that one fetch brings at most."""
-FETCHED_IN_NEED = 8
-"""The same when memory is full."""
+"""Messages of a topic that one fetch brings at most, LOW_IN_NEED when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
 
@@ -42,18 +38,14 @@ class Queue:
     ) -> None:
         self.waiting = 0
         self.cold = 0
-        self.online = False
         self.losses = Losses()
-        self.failing = False  # the disk does not take what is written
+        self.failing = False  # no disk takes what is to be written
         self._disk = disk
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
         self._memory = Memory(messages, size)
-        self._lines: dict[str, Line] = {}
-        self._rings: list[deque[Line]] = [deque() for _ in DURABLE]
-        self._holds = Holds()
-        self._hungry: dict[str, Line] = {}
+        self._lines = Lines(self._memory)
         self._unwritten = Unwritten()
-        self._done: list[int] = []
+        self._done = Done()
         self._writing = False
         self._seq = first
         self._lasting_from = float("-inf")
@@ -67,10 +59,12 @@ class Queue:
             age = min(age, message.expiry)
         message.since, message.deadline, message.expires = now, now + age, wall + age
         self._seq = message.seq = max(self._seq + 1, int(wall * SECOND))
-        line = self._line(message.topic, message.traffic)
+        line = self._lines.of(message.topic, message.traffic)
         fits = self._memory.fits(message)
         message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
-        if not (fits or self._make_room(message, 1 if self.failing or not message.cold else 2, wall)):
+        share = 1 if self.failing or not message.cold else 2
+        if not (fits or self._make_room(line, message, share, wall)):
+            self._lines.forget(line)
             self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
         self.waiting += 1
@@ -84,7 +78,7 @@ class Queue:
             line.loaded = message.seq
         if self._disk:
             self._unwritten.add(message)
-        self._stand(line)
+        self._lines.stand(line)
         return True
 
     def take(self, now: float, *, window: int, reserve: int, size: int) -> list[Outgoing]:
@@ -95,7 +89,7 @@ class Queue:
         batch: list[Outgoing] = []
         if not self.online:
             return batch
-        for kind, ring in zip(DURABLE, self._rings, strict=True):
+        for kind, ring in zip(DURABLE, self._lines.rings, strict=True):
             most = window if kind is Traffic.REPLY else window - reserve
             if kind is not Traffic.REPLY and now < self._lasting_from:
                 break
@@ -103,9 +97,8 @@ class Queue:
                 line = ring.popleft()
                 line.queued = False
                 size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
-                self._stand(line)
-                if line.empty:
-                    self._drop_line(line)
+                self._lines.stand(line)
+                self._lines.forget(line)
         return batch
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
@@ -114,15 +107,14 @@ class Queue:
         line.flying -= 1
         if outcome is Outcome.HELD:
             self._return(line, message)
-            self._holds.unheard(line, now)
+            self._lines.holds.unheard(line, now)
             return
         if outcome is Outcome.REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
-        self._holds.heard(line, now)
-        self._stand(line)
-        if line.empty:
-            self._drop_line(line)
+        self._lines.holds.heard(line, now)
+        self._lines.stand(line)
+        self._lines.forget(line)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""
@@ -132,28 +124,28 @@ class Queue:
             line.flying -= 1
             self._return(line, message)
         for message in oldest_first:
-            self._stand(self._lines[message.topic])
+            self._lines.stand(self._lines[message.topic])
 
     def go_online(self, now: float) -> None:
         """Begin a new connection: nobody knows yet who hears."""
-        self.online = True
+        self._lines.online = True
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
-        self._holds.clear()
+        self._lines.holds.clear()
         for line in self._lines.values():
             line.see(Sign.CONNECTED)
-            self._stand(line)
+            self._lines.stand(line)
 
     def go_offline(self) -> None:
         """Note the end of the connection."""
-        self.online = False
-        self._hungry.clear()
+        self._lines.online = False
+        self._lines.hungry.clear()
 
     def tick(self, now: float, wall: float) -> None:
         """Look after time: what is too old is dropped, what was held is tried again."""
         for message in self._memory.late(now):
-            self._lose(message, Reason.AGE, wall)
-        for line in self._holds.due(now):
-            self._stand(line)
+            self._lines.forget(self._lose(message, Reason.AGE, wall))
+        for line in self._lines.holds.due(now):
+            self._lines.stand(line)
 
     def close(self) -> None:
         """Drop what stands in memory."""
@@ -162,14 +154,19 @@ class Queue:
         self.waiting = 0
 
     @property
+    def online(self) -> bool:
+        """True while there is a connection."""
+        return self._lines.online
+
+    @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._rings) or self._hungry)
+        return not (any(self._lines.rings) or self._lines.hungry)
 
     @property
     def held(self) -> int:
         """How many topics wait for somebody to hear them."""
-        return len(self._holds)
+        return len(self._lines.holds)
 
     def standing(self) -> dict[Traffic, Standing]:
         """Return what waits of each class."""
@@ -180,7 +177,7 @@ class Queue:
     @property
     def hungry(self) -> bool:
         """True when messages are wanted from disk."""
-        return bool(self._hungry)
+        return bool(self._lines.hungry)
 
     @property
     def unwritten(self) -> bool:
@@ -194,13 +191,14 @@ class Queue:
         """Remove and return what is to be changed on disk now."""
         self._writing = True
         rows = self._unwritten.take(now, at_once=not self.online or self.cold > 0)
-        done, self._done = self._done, []
+        done = self._done.take()
         self._writing = bool(rows or done)
         return Work(rows, done)
 
     def wrote(self, work: Work) -> None:
         """Note that a change is on disk: what is cold has left memory."""
         self.failing = self._writing = False
+        self._done.deleted()
         for message in work.rows:
             if message.cold and not message.gone:
                 message.gone = True
@@ -208,57 +206,62 @@ class Queue:
 
     def not_written(self, work: Work) -> None:
         """Take a change back that the disk did not take."""
-        self._done = [*work.done, *self._done]
+        self._done.put_back()
         self._unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
     def fetches(self) -> list[Fetch]:
         """Return of which topics more is wanted."""
-        share = self._memory.room // max(1, len(self._hungry))
-        limit = max(FETCHED_IN_NEED, min(FETCHED, share))
-        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._hungry.values()]
+        share = self._memory.room // max(1, len(self._lines.hungry))
+        limit = max(LOW_IN_NEED, min(FETCHED, share))
+        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._lines.hungry.values()]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
         """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
-        line = self._hungry.pop(topic, None)
+        line = self._lines.hungry.pop(topic, None)
         if line is None:
             return
         for message in messages:
-            self._warm(line, message)
-            self._memory.add(message)
+            if self._is_cold(line, message.seq):
+                self._warm(line, message)
+                self._memory.add(message)
+        if messages:  # also when none was cold: the next fetch goes on behind them
+            line.loaded = max(line.loaded, messages[-1].seq)
         if not more:
-            self._warm_unwritten(line)
-        self._stand(line)
-        if line.empty:
-            self._drop_line(line)
+            self._warm_unwritten((topic,))
+        self._lines.stand(line)
+        self._lines.forget(line)
 
     def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
-        line = self._line(topic, traffic)
-        for message in line.memory:
+        line = self._lines.of(topic, traffic)
+        live = [message for message in line.memory if not message.gone]
+        for message in live:
             message.cold = True
-        line.cold += len(line.memory)
-        self.cold += len(line.memory)
         line.memory.clear()
         line.loaded, line.cold_from = 0, oldest
-        line.cold += count
-        self.cold += count
+        if line.flying or line.back:
+            mine = (one for one in self._unwritten if one.topic == topic and not (one.gone or one.cold))
+            line.ahead = frozenset(one.seq for one in mine)
+        line.cold += len(live) + count
+        self.cold += len(live) + count
         self.waiting += count
-        self._stand(line)
+        self._lines.stand(line)
 
     def removed(self, topic: str, seqs: Sequence[int], reason: Reason, wall: float) -> None:
         """Note that messages were removed from disk: those that are not under way are lost."""
         line = self._lines.get(topic)
         if line is None:
             return
-        if lost := sum(seq > line.loaded for seq in seqs):
+        if lost := sum(self._is_cold(line, seq) for seq in seqs):
             self._cool(line, lost, reason, wall)
             line.cold_from = max(line.cold_from, *seqs)
         removed = set(seqs)
         for message in (*line.back, *line.memory):
             if message.seq in removed and not message.gone:
                 self._lose(message, reason, wall)
+        self._lines.forget(line)
 
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""
@@ -270,7 +273,20 @@ class Queue:
                 if message.stored and not message.gone:
                     message.stored = False
                     self._unwritten.add(message)
-        self._done = []
+            self._lines.forget(line)
+        self._done.clear()
+
+    def _is_cold(self, line: Line, seq: int) -> bool:
+        """Tell whether a row that was met on disk is one that stands there alone."""
+        return seq > line.loaded and seq not in self._done and seq not in line.ahead
+
+    def no_disk(self) -> None:
+        """Note that there is no file at all: memory alone serves, also for what was to leave it."""
+        self.failing = True
+        if self.cold:
+            self._warm_unwritten(self._lines)
+            for line in self._lines.values():
+                self._lines.stand(line)
 
     def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
@@ -278,38 +294,9 @@ class Queue:
         self.cold -= lost
         self.waiting -= lost
         self.losses.note(line.topic, line.traffic, reason, wall, lost)
-        self._stand(line)
+        self._lines.stand(line)
 
     # -- within --------------------------------------------------------------------------------------
-
-    def _line(self, topic: str, traffic: Traffic) -> Line:
-        """Return the line of a topic."""
-        line = self._lines.get(topic)
-        if line is None:
-            line = self._lines[topic] = Line(topic, traffic)
-        return line
-
-    def _drop_line(self, line: Line) -> None:
-        """Forget an empty topic that nobody hears or hears only once, as an inbox for replies."""
-        if line.traffic is Traffic.REPLY or line.state is not State.OPEN:
-            self._lines.pop(line.topic, None)
-            self._holds.forget(line)
-
-    def _stand(self, line: Line) -> None:
-        """Have a line stand where it belongs: in its ring when it can send, hungry when it runs low."""
-        if not line.queued and line.sendable:
-            line.queued = True
-            self._rings[line.traffic].append(line)
-        if line.cold and self.online and len(line.memory) + len(line.back) < self._low(line):
-            self._hungry[line.topic] = line
-        elif self._hungry:
-            self._hungry.pop(line.topic, None)
-
-    def _low(self, line: Line) -> int:
-        """Return how many messages of a line are to stand in memory at least."""
-        if line.state is State.HELD:
-            return 1
-        return FETCHED_IN_NEED if self._memory.full else LOW
 
     def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
         """Move messages of a line into the batch; return their bytes."""
@@ -344,35 +331,39 @@ class Queue:
         line.cold -= 1
         self.cold -= 1
 
-    def _warm_unwritten(self, line: Line) -> None:
-        """Have those of a line stand in memory that never reached the disk."""
+    def _warm_unwritten(self, topics: Container[str]) -> None:
+        """Have those of some topics stand in memory that never reached the disk."""
         for message in self._unwritten:
-            if message.topic == line.topic and message.cold and not message.gone:
-                self._warm(line, message)
+            if message.cold and not message.gone and message.topic in topics:
+                self._warm(self._lines[message.topic], message)
 
     def _forget(self, message: Outgoing) -> None:
         """Nobody waits for a message any more."""
         message.gone = True
         if message.stored:
-            self._done.append(message.seq)
+            self._done.add(message.seq)
         elif self._disk:
             self._unwritten.forsake()
 
-    def _make_room(self, message: Outgoing, share: int, wall: float) -> bool:
-        """Push out what is older and matters no more than this message; tell whether it fits then."""
-        while not self._memory.fits(message, share):
-            oldest = self._memory.oldest(message.traffic)
-            if oldest is None:
-                return False
-            self._lose(oldest, Reason.ROOM, wall)
+    def _make_room(self, line: Line, message: Outgoing, share: int, wall: float) -> bool:
+        """Push out what is older and matters no more than a message of a line; tell whether it fits then."""
+        if not self._memory.can_fit(message, share):
+            return False
+        for oldest in self._memory.in_the_way(message, share):
+            other = self._lose(oldest, Reason.ROOM, wall)
+            if other is not line:
+                self._lines.forget(other)
         return True
 
-    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> None:
-        """Drop a message that stood in memory."""
+    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> Line:
+        """Drop a message that stood in memory; return its line, which may be empty now."""
+        line = self._lines[message.topic]
         self._memory.remove(message)
         self._forget(message)
         self.waiting -= 1
         if message.cold:
-            self._lines[message.topic].cold -= 1
+            line.cold -= 1
             self.cold -= 1
+        line.shed()
         self.losses.note(message.topic, message.traffic, reason, wall)
+        return line

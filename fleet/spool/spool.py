@@ -165,7 +165,8 @@ class Spool:
     def figures(self) -> SpoolFigures:
         """Return how the spool stands."""
         with self._using:
-            queue, disk = self._queue, self._store.used if self._store else 0
+            queue, store = self._queue, self._store
+            disk = store.used if store else 0
             lost = dict(queue.losses.counts)
             return SpoolFigures(queue.standing(), lost, queue.held, disk, self.problem)
 
@@ -190,25 +191,42 @@ class Spool:
         """Have the folder and begin to write; only one that another edge has is an error."""
         self._lock = Lock(made(folder) / SPOOL)
         self._lock.take()
-        try:
-            self._open_store(folder / SPOOL)
-        except (StateError, sqlite3.Error) as error:
-            self._fail(error)
+        self._open_store(folder / SPOOL)
         self._thread = threading.Thread(target=self._run, name="fleet-spool", daemon=True)
         self._thread.start()
 
-    def _open_store(self, path: Path) -> None:
-        """Open the file and take over what an earlier process left."""
-        self._store = store = Store(path, self._settings.size)
+    def _open_store(self, path: Path) -> bool:
+        """Open the file, or make it anew; while that fails return False, and memory alone serves."""
+        try:
+            self._store = store = Store(path, self._settings.size)
+            self._take_over(store)
+        except (StateError, sqlite3.Error, OSError) as error:
+            self._close_store()
+            self._fail(error)
+            with self._using:
+                self._queue.no_disk()
+            self.more()
+            return False
+        if store.aside is not None:
+            self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
+        return True
+
+    def _take_over(self, store: Store) -> None:
+        """Take over what an earlier process left."""
         left, losses = store.left(), store.losses()
         with self._using:
+            self._queue.failing = False
             self._queue.losses.add(losses)
             for each in left:
                 self._queue.found(each.topic, each.traffic, each.count, each.oldest, each.newest)
-        if store.aside is not None:
-            self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
         if self._queue.waiting:
             log.info("%d messages wait from before", self._queue.waiting)
+
+    def _close_store(self) -> None:
+        """Close the file, if it is open."""
+        if self._store is not None:
+            self._store.close()
+            self._store = None
 
     def _stir(self) -> None:
         """Wake the thread where there is something for it to do."""
@@ -230,14 +248,15 @@ class Spool:
                 self._closing.wait(RETRY)
             if self._wanted():
                 self._wake.set()
-        self._step()
-        if self._store is not None:
-            self._store.close()
+        while self._wanted() and self._step():
+            pass
+        self._close_store()
 
     def _step(self) -> bool:
         """Bring the disk up to date; return False when it failed."""
         if self._store is None:
-            return self._reopen()
+            assert self._settings.folder is not None
+            return self._open_store(self._settings.folder / SPOOL)
         fine = True
         for work in (self._expire, self._write, self._fetch, self._sync):
             try:
@@ -321,23 +340,11 @@ class Spool:
 
     def _abandon(self, store: Store) -> None:
         """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
-        store.close()
-        self._store = None
+        self._close_store()
         with contextlib.suppress(OSError):
             set_aside(store.path)
         with self._using:
             self._queue.lost_disk(self._clock.time())
-
-    def _reopen(self) -> bool:
-        """Open the file anew; return False when that fails."""
-        assert self._settings.folder is not None
-        path = self._settings.folder / SPOOL
-        try:
-            self._open_store(path)
-        except (StateError, sqlite3.Error, OSError) as error:
-            self._fail(error)
-            return False
-        return True
 
     def _fail(self, error: Exception) -> None:
         """Tell that what waits is kept in memory alone."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import msgspec
 
@@ -11,10 +11,10 @@ from fleet.wire.rules import Traffic
 
 
 class Work(msgspec.Struct):
-    """What is to be changed on disk."""
+    """What is to be changed on disk: messages to be added, and numbers of those to be deleted."""
 
     rows: Sequence[Outgoing]
-    done: Sequence[int]
+    done: Collection[int]
 
 
 class Fetch(msgspec.Struct, frozen=True):

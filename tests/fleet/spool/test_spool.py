@@ -16,6 +16,7 @@ from fleet.spool.message import Outgoing
 from fleet.spool.place import SPOOL
 from fleet.spool.spool import AGES, LATE_LOOK
 from fleet.spool.store import LEAST_EVICTED, Store
+from fleet.spool.unwritten import AT_ONCE
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
@@ -47,6 +48,27 @@ def test_what_waits_outlives_the_process(opened):
     assert later.spool.waiting == 10
     assert [payload for _, payload in later.online().drain()] == payloads(10)
     assert opened().spool.waiting == 0
+
+
+def test_all_that_was_taken_is_on_disk_when_it_is_closed(opened):
+    count = 2 * AT_ONCE + 10
+    opened().online().put(*payloads(count)).spool.close()
+    assert opened().spool.waiting == count
+
+
+def test_a_disk_that_is_well_again_when_it_is_closed_gets_all_that_memory_holds(opened, monkeypatch):
+    tries = []
+
+    def no_file(*_):
+        tries.append(1)
+        raise StateError("no file")
+
+    with monkeypatch.context() as ill:
+        ill.setattr("fleet.spool.spool.Store", no_file)
+        spool = opened().put(*payloads(20))
+        wait_until("the disk was tried again", lambda: len(tries) > 1)
+    spool.spool.close()
+    assert opened().spool.waiting == 20
 
 
 def test_a_killed_process_loses_nothing_that_was_on_disk_and_keeps_the_order(tmp_path, opened):
@@ -176,6 +198,27 @@ def test_a_folder_that_cannot_be_written_is_told_and_memory_serves(tmp_path, ope
     assert "cannot be used" in spool.spool.problem
     spool.put(b"0")
     assert spool.online().drain() == [("t", b"0")]
+
+
+def test_beyond_the_memory_without_a_file_the_newest_are_sent_and_the_others_told(tmp_path, opened):
+    (tmp_path / "state" / SPOOL).mkdir(parents=True)
+    spool = opened(messages=10).put(*payloads(15)).online()
+    assert [payload for _, payload in spool.drain()] == payloads(15)[5:]
+    assert spool.spool.lost == 5
+    assert spool.put(b"more").drain() == [("t", b"more")]
+
+
+def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened, clock, monkeypatch):
+    spool = opened(messages=10)
+    broken = sqlite3.DatabaseError("database disk image is malformed")
+    broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    monkeypatch.setattr("fleet.spool.spool.Store", lambda *_: (_ for _ in ()).throw(StateError("no file")))
+    with spool.spool._using:  # they come faster than the disk is looked at
+        for payload in payloads(15):
+            spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())
+    spool.online()
+    assert [payload for _, payload in spool.drain()] == payloads(15)
 
 
 def test_two_edges_do_not_share_a_folder(tmp_path, opened):
