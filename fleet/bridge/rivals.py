@@ -45,9 +45,10 @@ class Rivals:
         own = Heartbeat(self._edge, self._session, now - self._began)
         if not beat.comes_before(own):
             return
-        last = self._seen.get((twin, beat.edge), float("-inf"))
-        if len(self._seen) < MOST:
-            self._seen[(twin, beat.edge)] = now
+        claim = (twin, beat.edge)
+        last = self._seen.get(claim, float("-inf"))
+        if claim in self._seen or len(self._seen) < MOST:
+            self._seen[claim] = now
         if now - last <= WITHIN:
             self._hold(twin, beat.edge)
 

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 NAME = "fleet-aside"
+HALT_WAIT = 0.02  # s that one robot's halt may keep who makes it from the next robot
 
 
 def aside(call: Callable[[], None], *, wait: float = 0.0) -> None:

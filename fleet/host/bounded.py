@@ -46,7 +46,20 @@ async def walled(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
     try:
         return await work()
     except SystemExit as error:
-        raise RuntimeError(f"the adapter called sys.exit({error.code!r})") from error
+        raise failure_of(error) from error
+
+
+def failure_of(error: BaseException) -> Exception:
+    """Return what an adapter raised as a failure that a future takes, and that ends nobody else.
+
+    A stray cancellation, a ``sys.exit`` and a StopIteration become a RuntimeError.
+    """
+    if isinstance(error, Exception) and not isinstance(error, StopIteration):
+        return error
+    called = f"called sys.exit({error.code!r})" if isinstance(error, SystemExit) else f"raised {error!r}"
+    failure = RuntimeError(f"the adapter {called}")
+    failure.__cause__ = error
+    return failure
 
 
 def insist(task: asyncio.Task[None], why: str, deaf: Callable[[Exception], None]) -> None:

@@ -1,7 +1,7 @@
 """The desk of one robot: everything that is asked of it comes here and walks one path.
 
 Decoded ask, then admission (who, how old, whose turn), then the adapter, then what was observed, then one
-answer. Runs on the event loop, but for ``emergency``, which any thread may call.
+answer. Runs on the event loop, but for ``emergency``, ``pull`` and ``halt``, which any thread may call.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, Refused, TimedOut
+from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
@@ -72,6 +73,7 @@ class Desk:
         self._clock = clock
         self._journal = journal
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self.pull = self._admission.latch.pull  # sets the emergency stop, from any thread; writes nothing
         self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
@@ -161,9 +163,9 @@ class Desk:
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch and write the emergency halt at once; from any thread. ``receive`` does the rest."""
-        self._admission.latch.pull(why)
-        self.halt(emergency=True)
+        """Latch, then write the emergency halt, which may hang; any thread. ``receive`` does the rest."""
+        self.pull(why)
+        aside(partial(self.halt, emergency=True), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
@@ -181,10 +183,7 @@ class Desk:
             self._zero(self._adapter)
 
     async def hold(self, why: str) -> None:
-        """Bring the robot to a standstill; bounded in time; raises CommandError, LinkError or a crash.
-
-        An adapter that fails in its ``stop`` is halted.
-        """
+        """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
         self._driving.let_go()
         if self._adapter is None:
             return
@@ -262,7 +261,7 @@ class Desk:
         self._driving.let_go()
         self._admission.lease.let_go(ask.origin.session)
         if self._adapter is None or self.offline:
-            self.halt()
+            aside(self.halt, wait=HALT_WAIT)
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
         else:
             self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
@@ -289,8 +288,7 @@ class Desk:
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
-        refusal = None if self._can.drives else f"{self.name} takes no velocities"
-        refusal = refusal or self._admission.setpoint(ask)
+        refusal = self._admission.setpoint(ask) if self._can.drives else f"{self.name} takes no velocities"
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
         if refusal is not None or self._adapter is None or self.offline:
@@ -304,11 +302,11 @@ class Desk:
             # What it did until now is not wanted any more, and what is wanted it does not do.
             if superseding:
                 self.halt()
-            self.deadman.clear()
+            self._driving.let_go()
             ticket.fail(error)
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
             self.halt()
-            self.deadman.clear()
+            self._driving.let_go()
             ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
         else:
@@ -352,13 +350,13 @@ class Desk:
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
-        """End a velocity that is being held, before something else moves the robot."""
-        if self.deadman.armed:
-            self._driving.let_go()
+        """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
+        if not self.guard.held.is_zero:
             self._zero(adapter)
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
+        self._driving.let_go()
         try:
             adapter.drive(ZERO_VELOCITY)
         except (CommandError, LinkError) as error:

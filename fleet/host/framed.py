@@ -14,6 +14,7 @@ from typing import Any
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import Fault, LinkLost, NotReady, Refused
+from fleet.host.bounded import failure_of
 from fleet.link.base import Address
 from fleet.link.framing import Cutter
 from fleet.link.motion import LOOK, Motion
@@ -192,7 +193,7 @@ class _Session:
                 for frame in self._cutter.feed(data):
                     self._decoded(frame)
         except Exception as error:  # noqa: BLE001 - handed to ``run``, which raises it
-            self.failure.set_exception(error)
+            self.failure.set_exception(failure_of(error))
 
     def _decoded(self, frame: bytes) -> None:
         """Report or answer what one frame says."""

@@ -71,7 +71,7 @@ class Guard:
         self._seen = 0.0
         self._percent: float | None = None
         self._trouble = ""
-        self._told_low = False
+        self._told_low = self._acted = False
         self._fence: Fence | None = None
         self._draw()
 
@@ -105,16 +105,20 @@ class Guard:
             self._end("fence: the velocity leads out of it")
 
     def _look_at_battery(self) -> None:
-        """Act once on a low battery, again after it was charged."""
+        """Tell once of a low battery, and act on it once the robot is ours; again after it was charged."""
         if self._reserve is None or self._percent is None:
             return
-        low = self._reserve.is_low(self._percent)
-        if low and not self._told_low:
+        if self._reserve.is_charged(self._percent):
+            self._told_low = self._acted = False
+        if not self._reserve.is_low(self._percent):
+            return
+        if not self._told_low:
+            self._told_low = True
             self._tell("battery_low", percent=self._percent, action=self._action)
-            if self._action != "tell" and self._ours():
-                ask = Command(self._action, origin=Origin(Way.MISSION, session="battery"))
-                self._ask(ask, Ticket(ask.name, lambda _: None))
-        self._told_low = low
+        if self._action != "tell" and not self._acted and self._ours():
+            ticket = Ticket(self._action, lambda _: None)
+            self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
+            self._acted = ticket.receipt is None  # else it never reached the robot
 
     def _tell(self, kind: str, **fields: object) -> None:
         """Say what happened, in the log and on the telemetry channel."""

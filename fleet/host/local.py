@@ -160,7 +160,7 @@ class LocalRobot:
         self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
 
     def _stop_at_once(self, origin: Origin) -> None:
-        """Halt and latch, on whatever thread; when that fails, the loop still stops the orderly way."""
+        """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
         try:
             self.desk.emergency(f"asked over the {origin.way}")
         except Exception:  # noqa: BLE001 - told below
@@ -178,9 +178,8 @@ class LocalRobot:
         self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
 
-    def emergency(self, why: str) -> None:
-        """Stop and latch at once, from any thread; the loop follows with the adapter's own stop."""
-        self.desk.emergency(why)
+    def follow_emergency(self, why: str) -> None:
+        """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
         self._loop.call_soon_threadsafe(self._follow_emergency, why)
 
     def watched(self) -> Watched:

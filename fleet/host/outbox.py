@@ -6,7 +6,7 @@ gets the reports themselves.
 
 from __future__ import annotations
 
-import contextlib
+import itertools
 import logging
 from collections.abc import Callable, Iterator
 
@@ -53,6 +53,7 @@ class Outbox:
         self._channels: dict[Place, _Channel] = {}
         self._latest: dict[Place, Report] = {}
         self._events: dict[str, list[Report]] = {}
+        self._leaving: Iterator[None] = iter(())  # the flush that is under way
         self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
         self.dropped = 0
         lane.answer(ALL, self._asked)
@@ -77,12 +78,20 @@ class Outbox:
         return send
 
     def flush(self) -> None:
-        """Put everything that waits."""
-        for _ in self.flushing():
+        """Put everything that waits, after what a flush under way has left."""
+        for _ in itertools.chain(self._leaving, self.flushing()):
             pass
 
     def flushing(self) -> Iterator[None]:
-        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time."""
+        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time.
+
+        Who leaves off in the middle loses nothing: ``flush`` goes on with it.
+        """
+        self._leaving = self._put_all()
+        return self._leaving
+
+    def _put_all(self) -> Iterator[None]:
+        """Put what waits when it is begun."""
         events, self._events = self._events, {}
         latest, self._latest = self._latest, {}
         for twin, reports in events.items():
@@ -126,11 +135,20 @@ class Outbox:
 
     def _asked(self, question: Question) -> None:
         """Answer with the last report of each channel that was asked for; on the bus's thread."""
-        for channel in list(self._channels.values()):
-            if channel.last is not None and keys_meet(question.asked, channel.key):
-                with contextlib.suppress(WireError):
-                    question.reply(encode_report(channel.last, channel.sequence), channel.key)
-        question.close()
+        try:
+            for channel in list(self._channels.values()):
+                if channel.last is not None and keys_meet(question.asked, channel.key):
+                    _reply(question, channel.key, channel.last, channel.sequence)
+        finally:
+            question.close()
+
+
+def _reply(question: Question, key: str, report: Report, sequence: int) -> None:
+    """Answer with one report; one that cannot be said, or sent, keeps the asker from no other."""
+    try:
+        question.reply(encode_report(report, sequence), key)
+    except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+        log.warning("%s cannot be told to who asks: %s", key, error)
 
 
 def _place(twin: str, report: Report) -> Place:

@@ -18,7 +18,7 @@ from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
-from fleet.host.aside import aside, in_turn
+from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
 from fleet.host.journal import Journal
@@ -26,7 +26,7 @@ from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
-from fleet.host.watchdog import HALT_WAIT, LoopWatch, Watchdog
+from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
@@ -206,6 +206,7 @@ class RobotProcess:
         self._ending = True
         for task in self._tasks.values():
             task.cancel()
+        late: set[asyncio.Task[None]] = set()
         if self._tasks:
             _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
             for task in late:
@@ -215,18 +216,23 @@ class RobotProcess:
         if self._settling is not None:
             self._settling.cancel()
         gc.unfreeze()
-        await asyncio.to_thread(self.journal.close)
-        if any(robot.runner.leftover for robot in self.robots.values()):
+        if late or any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
+            # No robot has an adapter any more; to the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
+        await asyncio.to_thread(self.journal.close)
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
-        stopped = [name for name in self.robots if not names or name in names]
+        stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
+        for robot in stopped:
+            robot.desk.pull(why)
         # One whose halt is held up must not keep the next one moving.
-        in_turn((partial(self.robots[name].emergency, why) for name in stopped), wait=HALT_WAIT)
-        return stopped
+        in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
+        for robot in stopped:
+            robot.follow_emergency(why)
+        return [robot.name for robot in stopped]
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""

@@ -13,6 +13,7 @@ from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
+from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY
 from fleet.host.local import source_type
@@ -69,9 +70,16 @@ class RemoteRobot:
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
     def emergency(self, _why: str) -> None:
-        """Stop and latch; from any thread."""
+        """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
         self._state = msgspec.structs.replace(self._state, emergency_stop=True)
-        self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
+        aside(self._put_stop, wait=HALT_WAIT)
+
+    def _put_stop(self) -> None:
+        """Put the stop on its lane; waits while that is full. Never raises."""
+        try:
+            self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
+        except Exception:
+            log.exception("%s: the emergency stop did not go out at once", self.name)
 
     def read(
         self, kind: Kind, payload: bytes, *, way: Way, request_id: str = ""

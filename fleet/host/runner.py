@@ -23,7 +23,7 @@ import msgspec
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
-from fleet.host.bounded import result_of, take_note, walled
+from fleet.host.bounded import failure_of, result_of, take_note, walled
 from fleet.host.desk import Desk
 from fleet.host.handle import Handle
 from fleet.model.health import Health, Level
@@ -103,7 +103,7 @@ class Runner:
     def crashed(self, error: Exception) -> None:
         """End the run because the adapter raised what it may not; on the loop."""
         if self._crash is not None and not self._crash.done():
-            self._crash.set_exception(error)
+            self._crash.set_exception(failure_of(error))
 
     def blocked(self, where: str, seconds: float) -> None:
         """Count a block of the event loop, longer than ``seconds``, against this robot."""

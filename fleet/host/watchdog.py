@@ -16,7 +16,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
-from fleet.host.aside import aside, in_turn
+from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.safety.deadman import DeadMan
 
 log = logging.getLogger(__name__)
@@ -24,12 +24,11 @@ log = logging.getLogger(__name__)
 PERIOD = 0.02  # s between looks, at most: a lease that runs out before is awaited to its end
 SHORTEST = 0.001  # s between looks, at least
 BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
-HALT_WAIT = 0.02  # s that one robot's halt may keep the watchdog from the next robot
 STUCK = 10.0  # s after which the process is given up
 
 
 class Watched(msgspec.Struct, frozen=True):
-    """One robot under watch; ``halt`` is called on this thread, ``expired`` must hand over to the loop."""
+    """One robot under watch; both are called on a thread beside, ``expired`` must hand over to the loop."""
 
     deadman: DeadMan
     halt: Callable[[], None]

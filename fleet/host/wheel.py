@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from fleet.clock import Clock
+from fleet.host.bounded import failure_of
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class Wheel:
     def every(
         self, period: float, call: Callable[[], None], *, owner: str, failed: Callable[[Exception], None]
     ) -> Spoke:
-        """Call about every ``period`` seconds; an exception goes to ``failed`` and ends it."""
+        """Call about every ``period`` seconds; whatever it raises goes to ``failed`` and ends it."""
         spoke = Spoke(owner, max(period, TICK), call, failed)
         heapq.heappush(self._due, (self._loop.time() + spoke.period, next(self._order), spoke))
         return spoke
@@ -92,14 +93,17 @@ class Wheel:
         self._go_on(now + TICK)
 
     def _go_on(self, next_turn: float) -> None:
-        """Do a slice of the turn, then leave the loop to others."""
+        """Do a slice of the turn, then leave the loop to others; there is a next one whatever it raises."""
         self.beat = self._clock.monotonic()
         end = self.beat + SLICE
-        for _ in self._work:
-            if self._clock.monotonic() >= end:
-                self._schedule(self._loop.call_soon, self._go_on, next_turn)
-                return
-        self._schedule(self._loop.call_at, next_turn, self._turn)
+        rest: tuple[Any, ...] = (self._loop.call_at, next_turn, self._turn)
+        try:
+            for _ in self._work:
+                if self._clock.monotonic() >= end:
+                    rest = (self._loop.call_soon, self._go_on, next_turn)
+                    break
+        finally:
+            self._schedule(*rest)
 
     def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: Any) -> None:
         """Go on later, unless one of the calls stopped the wheel."""
@@ -126,15 +130,25 @@ class Wheel:
         self.owner = spoke.owner
         try:
             spoke.context.run(spoke.call)
-        except Exception as error:  # noqa: BLE001 - the wall: one robot's fault must not stop the wheel
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - the wall: one robot's fault must not stop the wheel
             spoke.cancel()
-            spoke.failed(error)
+            _tell(spoke, failure_of(error))
 
 
 def _next_due(due: float, period: float, now: float) -> float:
     """Return when a call that was due is due again: in step, after ``now``, without those it missed."""
     after = due + period * ((now - due) // period + 1)
     return after if after > now else after + period
+
+
+def _tell(spoke: Spoke, failure: Exception) -> None:
+    """Tell of a failure; who cannot take it must not stop the wheel either."""
+    try:
+        spoke.failed(failure)
+    except Exception:
+        log.exception("a timer of %s failed, and nobody took it: %r", spoke.owner or "the host", failure)
 
 
 def _walled(end: Callable[[], Iterable[None]]) -> Iterator[None]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+CHARGED = 5.0  # percent above ``low`` from which a battery counts as charged again: a reading wavers
+
 
 class Reserve(msgspec.Struct, frozen=True):
     """Percent: ``keep`` must be left when the robot is back home, at ``low`` it is acted upon.
@@ -30,3 +32,7 @@ class Reserve(msgspec.Struct, frozen=True):
     def is_low(self, percent: float | None) -> bool:
         """Return whether it must be acted upon now."""
         return percent is not None and percent <= self.low
+
+    def is_charged(self, percent: float) -> bool:
+        """Return whether it is so far above low that the next time it is low is another one."""
+        return percent >= self.low + CHARGED

@@ -59,6 +59,17 @@ def test_an_edge_of_our_own_name_with_another_session_is_another_edge(rivals, to
     assert told == [(TWIN, "yard-2")]
 
 
+def test_an_edge_that_lives_keeps_the_twin_though_no_more_are_remembered(rivals, told, clock, monkeypatch):
+    monkeypatch.setattr("fleet.bridge.rivals.MOST", 3)
+    for _ in range(6):
+        rivals.heard(TWIN, beat())
+        for number in range(4):
+            rivals.heard(TWIN, beat(edge=f"made up {clock.time()} {number}"))
+        rivals.look()
+        clock.advance(5.0)
+    assert told == [(TWIN, "yard-1")]
+
+
 def test_a_twin_is_taken_back_when_the_other_edge_has_gone_silent(rivals, told, clock):
     for _ in range(2):
         rivals.heard(TWIN, beat())

@@ -172,6 +172,14 @@ async def test_a_translation_that_raises_ends_the_run(running):
     assert isinstance(await running.outcome(), ValueError)
 
 
+async def test_a_translation_that_raises_what_no_future_takes_ends_the_run(running, monkeypatch):
+    monkeypatch.setattr(running.adapter.inner, "decode", lambda frame, stamp: next(iter(())))
+    running.machine.say(b"B50\n")
+    error = await running.outcome()
+    assert isinstance(error, RuntimeError)
+    assert "StopIteration" in str(error)
+
+
 async def test_whoever_leaves_writes_a_stop_first(running):
     running.adapter.drive(FAST)
     running.run.cancel()

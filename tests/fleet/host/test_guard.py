@@ -1,5 +1,8 @@
 """A robot kept inside its fence and within its battery."""
 
+import pytest
+
+from fleet.errors import Refused
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, quaternion_from_yaw
@@ -81,6 +84,43 @@ async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, 
     assert bench.puppet.told[-1].linear.x == -1.0
 
 
+def lease_runs_out(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.deadman.expire(bench.desk.deadman.until)
+    bench.desk.lease_ran_out()
+
+
+def lease_runs_out_as_the_goal_comes(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.deadman.expire(bench.desk.deadman.until)
+
+
+def is_refused(bench, asks):
+    bench.puppet.raises = Refused("not today")
+    bench.ask(asks.setpoint(1.0))
+
+
+def makes_the_adapter_fail(bench, asks):
+    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.ask(asks.setpoint(1.0))
+
+
+@pytest.mark.parametrize(
+    "ends", [lease_runs_out, lease_runs_out_as_the_goal_comes, is_refused, makes_the_adapter_fail]
+)
+async def test_a_velocity_that_has_ended_ends_no_goal_near_the_fence(make_bench, asks, ends):
+    bench = make_bench(fence=FENCE)
+    tell(bench)
+    ends(bench, asks)
+    bench.puppet.raises = None
+    bench.ask(goal(asks, GoTo(Goal(Vector3(19, 0, 0)))))
+    await asks.settle()
+    tell(bench, 18.5)
+    await asks.settle()
+    assert bench.statuses()[-1] == "running"
+    assert "stop" not in bench.puppet.told
+
+
 async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_bench, asks):
     bench = make_bench(fence=FENCE)
     assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
@@ -150,3 +190,39 @@ async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench
     await asks.settle()
     assert bench.puppet.told == []
     assert told(bench, "battery_low")
+
+
+async def test_a_robot_that_becomes_ours_with_a_low_battery_is_acted_upon_once(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    bench.ask(asks.setpoint(1.0))
+    for percent in (13.0, 10.0, 5.0):
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+        await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+    assert len(told(bench, "battery_low")) == 1
+
+
+async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    lands = []
+    for percent in (15.0, 15.1, 15.0, 17.0, 14.0, 90.0, 15.0):
+        bench.ask(asks.setpoint(1.0))
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+        await asks.settle()
+        lands.append(bench.puppet.told.count("land"))
+    assert lands == [1, 1, 1, 1, 1, 1, 2]
+    assert len(told(bench, "battery_low")) == 2
+
+
+async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.desk.lost("no heartbeat")
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    assert "land" not in bench.puppet.told
+    bench.desk.found()
+    for percent in (14.0, 13.0):
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+    await asks.settle()
+    assert bench.puppet.told.count("land") == 1

@@ -191,6 +191,17 @@ async def test_teleoperation_takes_over(world):
     assert world.cart.velocity == Velocity(yaw_rate=0.5)
 
 
+async def test_once_a_lease_has_run_out_all_keys_are_up(world):
+    world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
+    world.clock.advance(0.3)
+    world.ask(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
+    world.clock.advance(0.2)
+    assert world.desk.deadman.expire(world.clock.monotonic())
+    world.desk.lease_ran_out()
+    world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
+    assert world.cart.velocity == Velocity(Vector3(x=0.3))
+
+
 async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
     world.see()
     world.ask(goal(3.0, 0.0))

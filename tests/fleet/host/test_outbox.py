@@ -1,12 +1,12 @@
 import pytest
 
-from fleet.bus.lane import Lane
+from fleet.bus.lane import Lane, Question
 from fleet.host.outbox import WAITING, Outbox
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import BatteryReport, DepthReport, LogReport, NavigationReport, PoseReport
 from fleet.testing.waiting import wait_until
-from fleet.wire.databus import decode_report
+from fleet.wire.databus import decode_report, encode_report
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -93,6 +93,21 @@ def test_every_event_leaves_in_order(outbox, ear):
     assert [report.progress for _, report in ear.when(50)] == list(range(50))
 
 
+def test_what_a_flush_that_was_left_in_the_middle_still_had_leaves_first(outbox):
+    got = []
+    outbox.bridge = lambda key, report: got.append(getattr(report, "progress", "pose"))
+    for number in range(5):
+        outbox.put(TWIN, running(number))
+    outbox.put(TWIN, pose(1.0))
+    begun = outbox.flushing()
+    next(begun)
+    next(begun)
+    outbox.put(TWIN, running(5))
+    outbox.flush()
+    assert got == [0, 1, 2, 3, 4, "pose", 5]
+    assert list(begun) == []
+
+
 def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, ear):
     flood = outbox.sender(TWIN)
     for number in range(WAITING + 7):
@@ -149,6 +164,32 @@ def test_whoever_asks_gets_the_last_of_each_channel(outbox, lane):
         f"cw/{TWIN}/data/battery": BatteryReport(1.0, 52.0),
     }
     assert len(list(lane.ask("cw/*/data/position", b"", timeout=10.0))) == 2
+
+
+def test_a_report_that_cannot_be_encoded_keeps_the_asker_from_no_other(outbox, lane, monkeypatch, caplog):
+    def encode(report, sequence):
+        if isinstance(report, PoseReport):
+            raise OverflowError("too far away")
+        return encode_report(report, sequence)
+
+    outbox.put(TWIN, pose(1.0))
+    outbox.put(TWIN, BatteryReport(1.0, 50.0))
+    outbox.flush()
+    monkeypatch.setattr("fleet.host.outbox.encode_report", encode)
+    answers = dict(lane.ask(f"cw/{TWIN}/data/**", b"", timeout=10.0))
+    assert list(answers) == [f"cw/{TWIN}/data/battery"]
+    assert "too far away" in caplog.text
+
+
+def test_who_asks_waits_for_nothing_though_answering_fails(outbox, lane, monkeypatch):
+    outbox.put(TWIN, pose(1.0))
+    outbox.flush()
+    monkeypatch.setattr("fleet.host.outbox.keys_meet", lambda one, other: 1 / 0)
+    questions = []
+    closed = Question.close
+    monkeypatch.setattr(Question, "close", lambda question: (questions.append(question), closed(question)))
+    assert list(lane.ask(f"cw/{TWIN}/data/**", b"", timeout=10.0)) == []
+    assert len(questions) == 1
 
 
 def test_the_samples_of_a_channel_are_numbered_without_gaps(outbox, ear):

@@ -77,12 +77,38 @@ async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
 async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):
     process, place = served
     free = threading.Event()
-    process.robots["rex"].desk._adapter.halt = free.wait
+    held = []
+    process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
     stopped = await asyncio.to_thread(process.stop_robots, (), "test")
     assert stopped == ["rex", "max"]
-    assert "halt" in place.words("max")
+    await asks.until(lambda: "halt" in place.words("max"))
     assert all(robot.desk.latched for robot in process.robots.values())
+    await asks.until(lambda: "stop" in place.words("rex"))
+    assert held == []
     free.set()
+    await asks.until(lambda: held == [True, True])
+
+
+async def test_all_are_latched_before_the_first_is_halted(served, asks):
+    process, _ = served
+    latched = []
+    process.robots["rex"].desk._adapter.halt = lambda: latched.append(process.robots["max"].desk.latched)
+    await asyncio.to_thread(process.stop_robots, (), "test")
+    await asks.until(lambda: latched)
+    assert latched[0]
+
+
+async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(served, asks):
+    process, place = served
+    free, held = threading.Event(), []
+    process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
+    for name in ("rex", "max"):
+        process.robots[name].read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
+        assert process.robots[name].desk.latched
+    await asks.until(lambda: "halt" in place.words("max"))
+    assert held == []
+    free.set()
+    await asks.until(lambda: held == [True])
 
 
 async def test_a_stop_for_one_touches_no_other(served, asks):
@@ -108,11 +134,11 @@ async def test_what_cannot_be_read_is_refused_with_the_reason(served):
     assert [answer.ok for answer in answers] == [False]
 
 
-async def test_an_emergency_stop_halts_before_the_loop_takes_it(served):
+async def test_an_emergency_stop_halts_before_the_loop_takes_it(served, asks):
     process, place = served
     process.robots["rex"].read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
-    assert place.words("rex") == ["run", "halt"]
     assert process.robots["rex"].desk.latched
+    await asks.until(lambda: place.words("rex") == ["run", "halt"])
 
 
 @pytest.mark.parametrize(
@@ -122,3 +148,38 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     process, _ = served
     process.robots["rex"].read("command", payload, way=Way.CLOUD)
     assert not process.robots["rex"].desk.latched
+
+
+def watching():
+    return "fleet-watchdog" in {thread.name for thread in threading.enumerate()}
+
+
+@pytest.fixture
+async def ending(yard, monkeypatch):
+    """Give an edge, and a list that says, once it has ended, whether the watchdog watched to the last."""
+    edge, watched = yard(rex=HERE).edge(), []
+    close = edge.process.journal.close
+    monkeypatch.setattr(edge.process.journal, "close", lambda: (watched.append(watching()), close()))
+    yield edge, watched
+    edge.process.watchdog.stop()
+
+
+async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(ending, run_edge, asks):
+    edge, watched = ending
+    async with run_edge(edge):
+        await asks.until(lambda: edge.states()[0].health == "ok")
+    assert watched == [False]
+
+
+async def test_the_watchdog_watches_on_while_a_robot_is_not_let_go_of(ending, run_edge, asks, monkeypatch):
+    edge, watched = ending
+    monkeypatch.setattr("fleet.host.process.SHUTDOWN", 0.01)
+    free = asyncio.Event()
+    async with run_edge(edge):
+        await asks.until(lambda: edge.states()[0].health == "ok")
+        desk = edge.process.robots["rex"].desk
+        desk.in_control, desk._adapter.stop = True, lambda reason: free.wait()
+    assert watched == [True]
+    assert watching()
+    free.set()
+    await asyncio.wait(edge.process._tasks.values())

@@ -1,5 +1,6 @@
 import json
 import queue
+import threading
 
 import msgspec
 import pytest
@@ -10,7 +11,7 @@ from fleet.host.remote import SILENT_AFTER, RemoteRobot
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
-from fleet.testing.waiting import DEADLINE
+from fleet.testing.waiting import DEADLINE, wait_until
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
@@ -64,6 +65,11 @@ class Bench:
         assert self.later.empty()
         (answer,) = answers
         return answer
+
+    def stopped(self, times=1):
+        """Wait for the stops that went out; returns whom each names."""
+        wait_until(f"{times} stops", lambda: len(self.stops) >= times)
+        return self.stops
 
     def says(self, **fields):
         state = RobotState("rex", TWIN, "toy", "yard", self.clock.time(), **fields)
@@ -134,7 +140,28 @@ def test_a_reply_on_its_way_back_asks_nothing(bench):
 )
 def test_an_emergency_stop_goes_over_the_stop_lane_at_once(bench, message):
     bench.robot.read("command", json.dumps(message).encode(), way=Way.CLOUD)
+    assert bench.stopped() == [["rex"]]
+
+
+def test_a_bus_that_is_held_up_keeps_nobody_from_reading_the_stop_of_another(bench):
+    free, held = threading.Event(), []
+    bench.lane.subscribe(keys.stop("yard"), lambda _key, _payload: held.append(free.wait(DEADLINE)))
+    bench.robot.read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
+    assert held == []
+    assert bench.robot.state().emergency_stop
+    free.set()
+    wait_until("the stop has gone out", lambda: held == [True])
     assert bench.stops == [["rex"]]
+
+
+def test_a_stop_that_the_bus_refuses_is_told_and_the_worker_is_still_asked(bench, caplog, monkeypatch):
+    def refuse(*_arguments, **_options):
+        raise RuntimeError("the session is closed")
+
+    bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
+    monkeypatch.setattr(bench.lane, "put", refuse)
+    assert bench.answered(bench.ask({"command": "emergency_stop"})).ok
+    wait_until("the log", lambda: "rex: the emergency stop did not go out at once" in caplog.text)
 
 
 @pytest.mark.parametrize(
@@ -204,14 +231,14 @@ def test_an_emergency_stop_outlives_its_worker(bench):
     bench.says(health="ok", emergency_stop=True)
     bench.robot.worker_is("worker w: ended with exit code 1")
     bench.lane.token(keys.robot("yard", "rex"))
-    assert bench.stops == [["rex"]]
+    assert bench.stopped() == [["rex"]]
 
 
 def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(bench):
     bench.says(health="ok")
     bench.robot.read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
     bench.lane.token(keys.robot("yard", "rex"))
-    assert bench.stops == [["rex"], ["rex"]]
+    assert bench.stopped(2) == [["rex"], ["rex"]]
 
 
 def test_what_was_released_stays_released(bench):

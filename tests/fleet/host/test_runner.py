@@ -118,6 +118,16 @@ async def test_a_lost_link_is_opened_again_after_growing_waits(stage, asks, erro
     assert one.waited[:4] == [0, 1, 2, 3]
 
 
+async def test_a_velocity_that_raises_what_no_future_takes_ends_the_run(stage, asks, bench):
+    one = stage(serve, lambda robot: asyncio.Event().wait())
+    await asks.until(lambda: one.runner.health == Health())
+    bench.puppet.raises = StopIteration()
+    answers = bench.ask(asks.setpoint())
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert "StopIteration" in one.runner.health.cause
+    assert not answers[0].ok
+
+
 async def test_a_task_groups_lost_link_is_a_lost_link(stage, asks):
     async def run(robot):
         async with asyncio.TaskGroup() as group:

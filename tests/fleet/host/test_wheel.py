@@ -1,6 +1,7 @@
 """The wheel on a loop whose time the test sets: no waiting."""
 
 import asyncio
+import contextlib
 
 import pytest
 from hypothesis import given
@@ -33,7 +34,8 @@ class TurnedLoop:
 
     def turn(self, seconds=TICK):
         self.now += seconds
-        self.next()
+        call, self.next = self.next, None
+        call()
 
 
 @pytest.fixture
@@ -120,6 +122,61 @@ def test_a_call_that_raises_is_ended_and_told_and_the_others_go_on(loop, wheel):
     assert len(calls) >= 9
 
 
+def cancelled():
+    raise asyncio.CancelledError
+
+
+def exhausted():
+    next(iter(()))
+
+
+def exits():
+    raise SystemExit(3)
+
+
+@pytest.mark.parametrize(
+    ("bad", "why"),
+    [(cancelled, "CancelledError"), (exhausted, "StopIteration"), (exits, r"sys\.exit\(3\)")],
+)
+def test_a_call_that_raises_what_is_no_failure_is_told_as_one_and_the_others_go_on(loop, wheel, bad, why):
+    calls, failures = [], []
+    wheel.every(0.02, bad, owner="bad", failed=failures.append)
+    count(wheel, 0.02, calls)
+    for _ in range(10):
+        loop.turn()
+    (failure,) = failures
+    with pytest.raises(RuntimeError, match=why):
+        raise failure
+    assert len(calls) >= 9
+
+
+def test_a_failure_that_nobody_takes_is_logged_and_the_others_go_on(loop, wheel, caplog):
+    calls = []
+    wheel.every(0.02, lambda: 1 / 0, owner="bad", failed=refuse)
+    count(wheel, 0.02, calls)
+    for _ in range(10):
+        loop.turn()
+    assert "a timer of bad failed" in caplog.text
+    assert len(calls) >= 9
+
+
+@pytest.mark.parametrize("place", ["call", "end"])
+def test_what_ends_the_process_leaves_the_wheel_turning_until_it_has_ended(loop, wheel, place):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    calls = []
+    if place == "call":
+        wheel.every(0.02, interrupted, owner="bad", failed=refuse)
+    else:
+        wheel.at_end(interrupted)
+    count(wheel, 0.02, calls)
+    for _ in range(10):
+        with contextlib.suppress(KeyboardInterrupt):
+            loop.turn()
+    assert len(calls) >= 9
+
+
 def test_what_ends_a_turn_is_done_though_another_raises(loop, wheel):
     ended = []
     wheel.at_end(lambda: 1 / 0)
@@ -189,10 +246,9 @@ def test_a_wheel_that_is_stopped_by_one_of_its_calls_makes_no_other(loop):
     wheel.every(TICK, lambda: (wheel.stop(), clock.advance(SLICE)), owner="a", failed=refuse)
     count(wheel, TICK, done)
     wheel.start()
-    turn = loop.next
     loop.turn()
     assert done == []
-    assert loop.next == turn
+    assert loop.next is None
 
 
 async def test_it_turns_on_a_real_loop_until_it_is_stopped():

@@ -1,6 +1,6 @@
 """What must be left in the battery."""
 
-from fleet.host.safety.reserve import Reserve
+from fleet.host.safety.reserve import CHARGED, Reserve
 
 RESERVE = Reserve(keep=20.0, low=15.0, endurance=600.0)
 
@@ -27,3 +27,9 @@ def test_low_is_said_at_the_figure_and_below():
     assert RESERVE.is_low(15.0)
     assert not RESERVE.is_low(15.1)
     assert not RESERVE.is_low(None)
+
+
+def test_a_battery_that_wavers_about_low_has_not_been_charged():
+    assert not RESERVE.is_charged(15.1)
+    assert not RESERVE.is_charged(15.0 + CHARGED - 0.1)
+    assert RESERVE.is_charged(15.0 + CHARGED)
