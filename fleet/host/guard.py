@@ -118,7 +118,7 @@ class Guard:
         if self._action != "tell" and not self._acted and self._ours():
             ticket = Ticket(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
-            self._acted = ticket.receipt is None  # else it never reached the robot
+            self._acted = ticket.ended is None  # else it was refused at once: it is asked again
 
     def _tell(self, kind: str, **fields: object) -> None:
         """Say what happened, in the log and on the telemetry channel."""

@@ -193,15 +193,17 @@ class Journal:
         return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write what waits and close the files; a stop that comes so late is left to the next process."""
         self._closing.set()
         self._thread.join()
         if self._database is not None:
             self._database.close()
-        if self._begun is not None:
-            if not self.problem:
-                self._begun.clear()
-            self._begun.close()
+        with self._adding:
+            begun, self._begun = self._begun, None
+            if begun is not None:
+                if not self.problem and not self._waiting:
+                    begun.clear()
+                begun.close()
 
     def _put(self, entry: Entry) -> None:
         """Take an entry: what is begun, and a stop, outlive the process from here on."""

@@ -1,6 +1,7 @@
 """What is remembered of commands and stops when the process dies, is started anew, or its disk fails."""
 
 import asyncio
+import os
 import signal
 import subprocess
 import sys
@@ -192,6 +193,17 @@ def test_a_stop_that_is_not_on_the_disk_yet_is_set_again_and_a_release_is_not(tm
     journal = opened()
     assert journal.robot("rex").latched == "the stop key"
     assert not journal.robot("max").latched
+
+
+def test_a_stop_after_the_end_is_written_into_nobody_elses_file(tmp_path, clock):
+    journal = Journal(tmp_path, clock, tmp_path / "begun.main")
+    robot, number = journal.robot("rex"), journal._begun._file
+    journal.close()
+    with (tmp_path / "another").open("wb", buffering=0) as another:
+        os.dup2(another.fileno(), number)  # the number that was its own is another's now
+        robot.latch("too late")
+        os.close(number)
+    assert (tmp_path / "another").read_bytes() == b""
 
 
 def test_half_a_line_of_a_process_that_was_killed_is_none(tmp_path, opened):
