@@ -206,7 +206,6 @@ class RobotProcess:
         self._ending = True
         for task in self._tasks.values():
             task.cancel()
-        late: set[asyncio.Task[None]] = set()
         if self._tasks:
             _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
             for task in late:
@@ -216,10 +215,10 @@ class RobotProcess:
         if self._settling is not None:
             self._settling.cancel()
         gc.unfreeze()
-        if late or any(robot.runner.leftover for robot in self.robots.values()):
+        if any(robot.runner.leftover for robot in self.robots.values()):
             log.error("an adapter's run does not end: the watchdog ends this process if it never does")
         else:
-            # No robot has an adapter any more; to the watchdog a wheel that stands is a loop that is stuck.
+            # To the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
         await asyncio.to_thread(self.journal.close)
 

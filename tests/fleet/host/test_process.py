@@ -169,17 +169,3 @@ async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(
     async with run_edge(edge):
         await asks.until(lambda: edge.states()[0].health == "ok")
     assert watched == [False]
-
-
-async def test_the_watchdog_watches_on_while_a_robot_is_not_let_go_of(ending, run_edge, asks, monkeypatch):
-    edge, watched = ending
-    monkeypatch.setattr("fleet.host.process.SHUTDOWN", 0.01)
-    free = asyncio.Event()
-    async with run_edge(edge):
-        await asks.until(lambda: edge.states()[0].health == "ok")
-        desk = edge.process.robots["rex"].desk
-        desk.in_control, desk._adapter.stop = True, lambda reason: free.wait()
-    assert watched == [True]
-    assert watching()
-    free.set()
-    await asyncio.wait(edge.process._tasks.values())
