@@ -37,7 +37,9 @@ from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 HOGS, HOG_SECONDS = 4, 20
 STAND, WALK = 4.0, 10.0  # s
+STARTED = 30.0  # s in which a controller must have enabled its drives
 DOG = load_description(EXAMPLE)
+JOINTS = {TPDO1 + joint.id: (joint, Units(joint)) for joint in DOG.all_joints}
 
 
 class Timed(Controller):
@@ -152,11 +154,13 @@ def cycles(number: int) -> None:
 def kill() -> None:
     """Print what the drives do when the controller is killed in mid-trot."""
     with dog() as (url, _), start(url, 60.0) as running:
-        time.sleep(STAND + 2)
         _, _, group, port = url.replace("?port=", ":").split(":")
         with can.Bus(interface="udp_multicast", channel=group, port=int(port), fd=False, hop_limit=0) as bus:
+            walks(bus)
             running.send_signal(signal.SIGKILL)
             damped, beyond = watch(bus, time.monotonic())
+    if not damped:
+        sys.exit("no drive was seen enabled after the controller was killed")
     line(
         "controller killed in mid-trot: drives stop by themselves",
         f"{1000 * damped:.0f} ms",
@@ -165,21 +169,41 @@ def kill() -> None:
     line("  farthest a joint went beyond its limits", f"{max(0.0, beyond):.3f} rad")
 
 
+def walks(bus: can.BusABC) -> None:
+    """Wait until the dog has trotted for a second: it begins to stand up when its drives are enabled."""
+    end = time.monotonic() + STARTED
+    while time.monotonic() < end:
+        message = bus.recv(0.1)
+        if message is not None and enabled(message):
+            time.sleep(STAND + 1)
+            while bus.recv(0) is not None:
+                pass  # what it has said meanwhile
+            return
+    sys.exit("the dog's drives were never enabled")
+
+
+def enabled(message: can.Message) -> bool:
+    """Tell whether it is the feedback of a drive that is enabled."""
+    if message.arbitration_id not in JOINTS:
+        return False
+    _, units = JOINTS[message.arbitration_id]
+    return state_of(units.unpack(bytes(message.data))[0]) is DriveState.ENABLED
+
+
 def watch(bus: can.BusABC, killed: float) -> tuple[float, float]:
     """Ask the drives for 2 s; return when the last was seen enabled, and how far joints left their limits."""
-    joints = {TPDO1 + joint.id: (joint, Units(joint)) for joint in DOG.all_joints}
     last, beyond, asked = 0.0, -1.0, 0.0
     while (passed := time.monotonic() - killed) < 2.0:
         if passed - asked > 0.01:
             asked = passed
             bus.send(can.Message(arbitration_id=SYNC, is_extended_id=False))
         message = bus.recv(0.005)
-        if message is None or message.arbitration_id not in joints:
+        if message is None or message.arbitration_id not in JOINTS:
             continue
-        joint, units = joints[message.arbitration_id]
-        status, angle, _ = units.unpack(bytes(message.data))
+        joint, units = JOINTS[message.arbitration_id]
+        _, angle, _ = units.unpack(bytes(message.data))
         beyond = max(beyond, joint.low - angle, angle - joint.high)
-        if state_of(status) is DriveState.ENABLED:
+        if enabled(message):
             last = passed
     return last, beyond
 
