@@ -174,12 +174,17 @@ async def test_a_goal_beyond_the_battery_is_refused(make_bench, asks):
     assert bench.ask(goal(asks, near))[0].ok
 
 
-async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot(make_bench, asks):
+@pytest.mark.parametrize("before", [(), (14.0,)])
+async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot_also_when_it_was_low_before(
+    make_bench, asks, before
+):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
-    bench.ask(asks.setpoint(1.0))
-    for percent in (16.0, 15.0, 14.0):
+    for percent in before:
         bench.desk.guard.see(BatteryReport(0.0, percent))
-    await asks.settle()
+    bench.ask(asks.setpoint(1.0))
+    for percent in (16.0, 15.0, 14.0, 10.0, 5.0):
+        bench.desk.guard.see(BatteryReport(0.0, percent))
+        await asks.settle()
     assert bench.puppet.told.count("land") == 1
     assert len(told(bench, "battery_low")) == 1
 
@@ -190,17 +195,6 @@ async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench
     await asks.settle()
     assert bench.puppet.told == []
     assert told(bench, "battery_low")
-
-
-async def test_a_robot_that_becomes_ours_with_a_low_battery_is_acted_upon_once(make_bench, asks):
-    bench = make_bench(battery_policy={**POLICY, "action": "land"})
-    bench.desk.guard.see(BatteryReport(0.0, 14.0))
-    bench.ask(asks.setpoint(1.0))
-    for percent in (13.0, 10.0, 5.0):
-        bench.desk.guard.see(BatteryReport(0.0, percent))
-        await asks.settle()
-    assert bench.puppet.told.count("land") == 1
-    assert len(told(bench, "battery_low")) == 1
 
 
 async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
