@@ -73,7 +73,7 @@ class Desk:
         self._clock = clock
         self._journal = journal
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
-        self.pull = self._admission.latch.pull  # sets the emergency stop, from any thread; writes nothing
+        self.pull = self._admission.latch.pull  # any thread; the robot itself hears nothing of it
         self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None

@@ -44,6 +44,12 @@ class _Channel:
             self.sequence += 1
         self.last = report
 
+    def refuse(self, line: str, *values: object) -> None:
+        """Tell why a report cannot be said, the first of a row only."""
+        if not self.refused:
+            self.refused = True
+            log.warning(line, *values)
+
 
 class Outbox:
     """All reports of one process."""
@@ -114,9 +120,7 @@ class Outbox:
             channel.put(report, self._publishers)
         except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
-            if not channel.refused:
-                channel.refused = True
-                log.warning("a %s report of %s was dropped: %s", report.channel, place[0], error)
+            channel.refuse("a %s report of %s was dropped: %s", report.channel, place[0], error)
             return
         channel.refused = False
         if self.bridge is not None:
@@ -138,17 +142,17 @@ class Outbox:
         try:
             for channel in list(self._channels.values()):
                 if channel.last is not None and keys_meet(question.asked, channel.key):
-                    _reply(question, channel.key, channel.last, channel.sequence)
+                    _reply(question, channel, channel.last)
         finally:
             question.close()
 
 
-def _reply(question: Question, key: str, report: Report, sequence: int) -> None:
+def _reply(question: Question, channel: _Channel, report: Report) -> None:
     """Answer with one report; one that cannot be said, or sent, keeps the asker from no other."""
     try:
-        question.reply(encode_report(report, sequence), key)
+        question.reply(encode_report(report, channel.sequence), channel.key)
     except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
-        log.warning("%s cannot be told to who asks: %s", key, error)
+        channel.refuse("%s cannot be told to who asks: %s", channel.key, error)
 
 
 def _place(twin: str, report: Report) -> Place:
