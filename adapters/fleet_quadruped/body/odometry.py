@@ -19,7 +19,9 @@ Planar = tuple[float, float, float, float]  # foot place x, y (m) and its veloci
 
 
 class Odometry:
-    """Place (m), heading (rad) and velocity since the start; ``twist`` is smoothed over ``smooth`` s.
+    """Place since the start (m), heading (rad) and velocity; ``twist`` is smoothed over ``smooth`` s.
+
+    The heading is the IMU's own, so that the way it goes and the way it faces are told in one frame.
 
     ``reached``: by their numbers the feet that bore weight in this cycle, and their jacobians.
     """
@@ -28,7 +30,6 @@ class Odometry:
         self._legs = legs
         self._radius = foot_radius
         self._smooth = smooth
-        self._first_yaw: float | None = None
         self.x = self.y = self.yaw = 0.0
         self.twist = Twist()
         self.reached: dict[int, Reached] = {}
@@ -59,14 +60,9 @@ class Odometry:
         self.y += (sin * seen.x + cos * seen.y) * dt
 
     def _turn(self, dt: float, sense: Sense, rate: float) -> None:
-        """Take the heading from the IMU, relative to the first one; else integrate."""
-        if sense.imu is None:
-            self.yaw = wrap_angle(self.yaw + rate * dt)
-            return
-        heading = sense.imu.rotation.yaw
-        if self._first_yaw is None:
-            self._first_yaw = heading - self.yaw
-        self.yaw = wrap_angle(heading - self._first_yaw)
+        """Take the heading from the IMU; else integrate."""
+        imu = sense.imu
+        self.yaw = wrap_angle(self.yaw + rate * dt) if imu is None else imu.rotation.yaw
 
     def _motion(self, number: int, sense: Sense, gyro: Vector3 | None) -> Planar:
         """Return a foot's place and the velocity of its contact point, as the joints move it."""

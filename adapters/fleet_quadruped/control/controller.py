@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fleet.errors import LinkLost
+from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
 from fleet_quadruped.body.sense import ZEROS, Imu, Sense
@@ -107,7 +108,7 @@ class Controller:
     def state(self, now: float, timing: Timing) -> State:
         """Return the newest state."""
         imu, odometry = self._seen_imu, self.body.walker.odometry
-        turn = imu.rotation if imu else None
+        turn = imu.rotation if imu else quaternion_from_yaw(odometry.yaw)
         battery = self._battery
         return State(
             stamp=now,
@@ -125,7 +126,7 @@ class Controller:
             y=odometry.y,
             height=self.body.walker.height,
             twist=tuple(odometry.twist),
-            rotation=(turn.w, turn.x, turn.y, turn.z) if turn else (1.0, 0.0, 0.0, 0.0),
+            rotation=(turn.w, turn.x, turn.y, turn.z),
             gyro=(imu.gyro.x, imu.gyro.y, imu.gyro.z) if imu else None,
             accel=(imu.accel.x, imu.accel.y, imu.accel.z) if imu else None,
             battery=dict(battery.values) if battery else {},

@@ -11,6 +11,7 @@ from fleet.host.follow.follower import TOLERANCE, Follower
 from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove
 from fleet_quadruped import QuadrupedAdapter
 from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -67,6 +68,26 @@ def test_a_relative_move_goes_sideways_without_turning(dog_on_its_feet):
     end = lead(dog_on_its_feet, RelativeMove(Vector3(0.0, -0.5)))
     assert (end.position.x, end.position.y) == pytest.approx((0.0, -0.5), abs=0.15)
     assert abs(end.rotation.yaw) < 0.15
+
+
+def test_a_controller_that_begins_anew_on_a_dog_that_has_turned_leads_it_to_its_goal(dog_on_its_feet):
+    rig = dog_on_its_feet
+    rig.go(2.5, Twist(turn=0.8))
+    rig.ask(Ask.SIT)
+    rig.go(4.0)
+    rig.reconnect()
+    rig.stand()
+    assert pose_of(rig).rotation.yaw > 1.0
+    end = lead(rig, GoTo(Goal(Vector3(0.8, 0.0))))
+    assert (end.position.x, end.position.y) == pytest.approx((0.8, 0.0), abs=0.15)
+
+
+def test_a_dog_without_an_imu_is_led_to_its_goal(dog):
+    rig = Rig(dog.model_copy(update={"imu": None}))
+    rig.stand()
+    end = lead(rig, GoTo(Goal(Vector3(0.0, 0.6), yaw=1.5)))
+    assert (end.position.x, end.position.y) == pytest.approx((0.0, 0.6), abs=0.15)
+    assert end.rotation.yaw == pytest.approx(1.5, abs=0.15)
 
 
 def test_in_physics_the_dog_truly_is_at_its_goal(dog):
