@@ -58,6 +58,7 @@ class Body:
         self.walker = Walker(dog)
         self.mode = Mode.OFF
         self.fault = ""
+        self._before = Mode.OFF  # the mode before this one
         self._after = Mode.RISING
         self._since = 0.0  # s in this mode
         self._motion: Motion | None = None
@@ -140,6 +141,7 @@ class Body:
         return self._STEPS[self.mode](self, dt, sense, twist, waiting)
 
     def _enter(self, mode: Mode) -> None:
+        self._before = self.mode
         self.mode, self._since, self._motion = mode, 0.0, None
 
     def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
@@ -170,6 +172,8 @@ class Body:
         return Wanted(Wish.HOLD, targets)
 
     def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        if self._motion is None and self._before is Mode.RISING:  # the walker has not stood on these feet yet
+            self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
             return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
         self._motion = self._motion or sitting(self._dog, sense.angles, self.walker.height)

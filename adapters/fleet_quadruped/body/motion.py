@@ -62,9 +62,9 @@ def _smooth(share: float) -> float:
     return share**3 * (share * (6 * share - 15) + 10)
 
 
-def folding(dog: Description, start: Twelve) -> Motion:
+def folding(dog: Description, start: Twelve, seconds: float = _FOLD_TIME) -> Motion:
     """Fold the legs under the body."""
-    return Motion(start, [Segment(_FOLD_TIME, dog.posture(dog.poses.fold))])
+    return Motion(start, [Segment(seconds, dog.posture(dog.poses.fold))])
 
 
 def rising(dog: Description, start: Twelve, height: float) -> Motion:

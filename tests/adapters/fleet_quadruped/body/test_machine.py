@@ -1,0 +1,49 @@
+"""What a dog does that is told to sit down before it stands."""
+
+import msgspec
+import pytest
+
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.robot.description import leg_angles
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.rig import Rig
+
+
+def heights(rig):
+    """Return how high the hips are above each foot, as the joints were last sent, m."""
+    angles = tuple(motor.target for motor in rig.sim.world.motors)
+    return [-leg.foot(leg_angles(angles, number))[2] for number, leg in enumerate(rig.dog.legs)]
+
+
+def rise_and_leave(rig, after):
+    """Have a dog stand up, and tell it to leave meanwhile; return its heights, cycle by cycle."""
+    assert rig.ask(Ask.STAND) == ""
+    rig.go(after)
+    assert rig.mode is Mode.RISING
+    rig.order = msgspec.structs.replace(rig.order, leave=True)
+    seen = []
+    while rig.mode is not Mode.OFF:
+        rig.cycle()
+        if rig.mode is Mode.SITTING:
+            seen.append(heights(rig))
+    return seen
+
+
+@pytest.mark.parametrize("after", [0.4, 1.2, 2.1])
+def test_a_dog_that_is_told_to_leave_while_it_rises_only_goes_down(any_dog, after):
+    rig = Rig(any_dog)
+    rig.go(0.1)
+    seen = rise_and_leave(rig, after)
+    assert max(map(max, seen)) <= max(seen[0]) + 0.005
+    assert max(seen[-1]) == pytest.approx(heights(rig)[0], abs=0.01)
+
+
+def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(any_dog):
+    rig = Rig(any_dog)
+    rig.stand()
+    rig.go(1.05, Twist(0.4))
+    rig.emergency()
+    rig.go(4.0)
+    seen = rise_and_leave(rig, 1.2)
+    assert max(max(feet) - min(feet) for feet in seen) < 0.01  # no foot is lifted
