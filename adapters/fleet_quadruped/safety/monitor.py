@@ -181,10 +181,12 @@ class Monitor:
 
     def tilt(self, seen: Observed) -> Iterator[Trip]:
         """Stop for a dog that falls, or no longer knows whether it does."""
-        if self._dog.imu is None or seen.mode not in UPRIGHT:
+        if self._dog.imu is None or seen.mode not in POSITIONED:
             return
         if seen.imu is None or seen.imu_age > self._dog.imu.timeout:
             yield Trip(Stage.DAMP, f"imu: no valid frame for {seen.imu_age:.2f} s")
+            return
+        if seen.mode not in UPRIGHT:
             return
         self._same = self._same + seen.dt if seen.mode is Mode.WALKING and seen.imu == self._imu else 0.0
         self._imu = seen.imu

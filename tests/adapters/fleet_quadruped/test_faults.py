@@ -112,6 +112,17 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault
     assert rig.fault in rig.ask(Ask.STAND)
 
 
+def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
+    rig = Rig(any_dog)
+    rig.go(0.1)
+    assert rig.ask(Ask.RECOVER) == ""
+    rig.go(0.3)
+    rig.sim.fault("imu")
+    rig.go(0.2)
+    assert rig.mode is Mode.DAMPED
+    assert rig.fault.startswith("imu: no valid frame for ")
+
+
 # -- before it is asked to stand up ------------------------------------------------------------------
 
 
