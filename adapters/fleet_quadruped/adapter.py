@@ -11,7 +11,10 @@ import msgspec
 from fleet import (
     Adapter,
     Fault,
+    Health,
+    Level,
     Limits,
+    LinkLost,
     NotReady,
     Progress,
     Refused,
@@ -34,6 +37,7 @@ __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
 _FOREVER = 3600.0  # s: the host ends velocities; our own dead-man watches the host
 _ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
+_SILENT = 1.0  # s without a state after which the body controller counts as frozen
 _EMERGENCY = "emergency_stop"
 Condition = Callable[[], bool]
 _STANDS = frozenset({"standing", "walking"})
@@ -54,6 +58,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._order = Order()
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
         self._state = State()
+        self._heard = 0.0  # monotonic s: the newest state, or the start
         self._news = asyncio.Event()
         self._one_errand = asyncio.Lock()
 
@@ -62,7 +67,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._dog = load_body(self.config.body_file)
         self._robot = robot
         async with BodyProcess(self.config) as body:
-            self._body = body
+            self._body, self._heard = body, self._now()
             try:
                 self._send()
                 robot.every(_ALIVE, self._send)
@@ -234,17 +239,27 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         return self._robot.clock.monotonic() if self._robot else 0.0
 
     def _look(self) -> None:
-        """Take the newest state."""
+        """Take the newest state; raises LinkLost when the body controller tells none any more."""
         if self._body is None:
             return
         before = self._state
         self._state = self._body.states.get()
+        self._check_alive()
         if self._state is not before and self._state.stamp:  # before the first state nothing is known
             self._news.set()
             if self._dog is not None and self._robot is not None:
                 health = health_of(self._state, 1.0 / self._dog.dt)
                 if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
                     self._robot.health(health)
+
+    def _check_alive(self) -> None:
+        """Say at once that the body controller is frozen, and end the run; raises LinkLost."""
+        self._heard = max(self._heard, self._state.stamp)
+        silent = self._now() - self._heard
+        if silent > _SILENT and self._robot is not None:
+            cause = f"the body controller is frozen: it has told nothing for {silent:.1f} s"
+            self._robot.health(Health(Level.OFFLINE, cause))
+            raise LinkLost(cause)
 
     def _report_motion(self) -> None:
         if self._robot is not None and self._state.stamp:
