@@ -96,15 +96,26 @@ class BodyProcess:
         if process is not None:
             assert process.stdin is not None
             process.stdin.close()
-            try:
-                await asyncio.wait_for(process.wait(), _LEAVE)
-            except (TimeoutError, asyncio.CancelledError):
-                with contextlib.suppress(ProcessLookupError):
-                    process.kill()
-                await process.wait()
+            await _left(process)
         for descriptor in self._descriptors:
             os.close(descriptor)
         self._descriptors = []
+
+
+async def _left(process: asyncio.subprocess.Process) -> None:
+    """Wait until the process has left; kill one that takes too long.
+
+    Whoever cancels waits as well: a dog whose controller is killed while it sits down falls.
+    """
+    loop = asyncio.get_running_loop()
+    until = loop.time() + _LEAVE
+    while process.returncode is None and (rest := until - loop.time()) > 0:
+        with contextlib.suppress(TimeoutError, asyncio.CancelledError):
+            await asyncio.wait_for(process.wait(), rest)
+    if process.returncode is None:
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
 
 
 def _error(word: Word) -> LinkLost | LinkRefused:

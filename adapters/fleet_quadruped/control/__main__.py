@@ -27,6 +27,10 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.make import Simulated, on_buses
 
 
+_FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
+"""What ends or freezes all of a terminal or a service: the parent tells us to leave, or its end does."""
+
+
 class Memory:
     """The shared memory as an exchange."""
 
@@ -47,7 +51,8 @@ def main(arguments: list[str]) -> int:
     """Run until told to leave; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     logging.getLogger("canopen").setLevel(logging.WARNING)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which tells us to leave
+    for number in _FOR_THE_PARENT:
+        signal.signal(number, signal.SIG_IGN)
     plan = msgspec.json.decode(arguments[0], type=Plan)
     try:
         _run(plan, SystemClock())

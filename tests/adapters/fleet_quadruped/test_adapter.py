@@ -1,5 +1,6 @@
 """The adapter with its body controller as a real process and a simulated dog in it."""
 
+import asyncio
 import os
 import signal
 import threading
@@ -152,6 +153,38 @@ async def test_a_killed_body_controller_is_a_lost_link(running):
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost, match="ended with status -9"):
             await run
+
+
+async def test_a_frozen_body_controller_is_told_at_once_and_is_a_lost_link(running):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        os.kill(adapter._body.pid, signal.SIGSTOP)
+        await robot.until(lambda: robot.healths[-1].level is Level.OFFLINE)
+        assert "the body controller is frozen" in robot.healths[-1].cause
+        with pytest.raises(LinkLost, match="frozen"):
+            adapter._look()
+        os.kill(adapter._body.pid, signal.SIGKILL)
+
+
+async def test_a_signal_to_all_of_a_service_or_a_terminal_does_not_drop_the_dog(running):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGINT):
+            os.kill(adapter._body.pid, number)
+        cycles = adapter._state.timing.cycles
+        await robot.until(lambda: adapter._state.timing.cycles > cycles + 30)
+        assert adapter._state.mode == "standing"
+
+
+async def test_a_dog_sits_down_to_the_end_however_often_its_run_is_cancelled(running):
+    async with running() as (adapter, _, run):
+        await all_of(adapter.stand_up())
+        process, states = adapter._body._process, adapter._body.states
+        while not run.done():
+            run.cancel()
+            await asyncio.wait({run}, timeout=0.2)
+    assert process.returncode == 0
+    assert states.get().mode == "off"
 
 
 async def test_a_drive_that_is_another_device_is_told(running):
