@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from fleet.clock import Clock
+from fleet_quadruped.can.alone import make_sure
 from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
-from fleet_quadruped.drives.cia402.frames import HEARTBEAT
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SYNC
 from fleet_quadruped.drives.mit.frames import DISABLE
 from fleet_quadruped.frames import Decoder
 from fleet_quadruped.robot.description import Description, Joint
@@ -24,6 +25,9 @@ _SDO_REQUEST, _SDO_RESPONSE = 0x600, 0x580
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
 _IDS = range(1, 128)
 _ANSWERED = 0x43
+_MOTORS = range(1, 16)
+_ORDERS = frozenset({SYNC, HEARTBEAT + MASTER, *_MOTORS, *(RPDO1 + number for number in _IDS)})
+"""Frames that only a controller sends, whatever its drives are."""
 
 
 @contextlib.contextmanager
@@ -43,14 +47,16 @@ def open_buses(
 def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
     """Return a line for each device that is found. Nothing is asked that could move or change anything.
 
-    CANopen nodes are asked for their device type (1000h), MIT motors are told to be off, which they answer.
+    CANopen nodes are asked for their device type (1000h), MIT motors are told to be off, which they answer:
+    so a bus with a controller on it is left alone; raises LinkLost.
     """
+    make_sure({bus.name: bus}, {(bus.name, number) for number in _ORDERS}, clock)
     found: dict[tuple[str, int], str] = {}
     for number in _IDS:
         bus.send(Frame(_SDO_REQUEST + number, _READ_DEVICE_TYPE))
         for frame in bus.receive(0.001):
             _note(frame, found)
-    for number in range(1, 16):
+    for number in _MOTORS:
         bus.send(Frame(number, DISABLE))
     until = clock.monotonic() + seconds
     while clock.monotonic() < until:
@@ -92,6 +98,7 @@ class Bench:
         self._buses = buses
         self._clock = clock
         self.drives = drives_of(dog, buses, self.joints)
+        make_sure(buses, self.drives.addresses, clock)
         self.drives.configure()
 
     def look(self) -> tuple[JointFeedback, ...]:
@@ -153,6 +160,7 @@ class Heard(NamedTuple):
 def listen(walker: SelfWalker, buses: Mapping[str, CanBus], clock: Clock, seconds: float = 1.0) -> Heard:
     """Hear a machine for a while; it is asked for its state and told nothing else."""
     controller = SelfWalkController(walker, buses)
+    make_sure(buses, controller.addresses, clock)
     if walker.wire.node is not None:
         controller.configure()
     decoder, bus = Decoder((*walker.wire.state, *walker.wire.slow)), buses[walker.bus]

@@ -14,6 +14,7 @@ import msgspec
 from fleet.clock import Clock, SystemClock
 from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
 from fleet_quadruped.bodies import AnyBody, load_body
+from fleet_quadruped.can.alone import make_sure
 from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.frame import CanBus
@@ -80,6 +81,8 @@ def _run(plan: Plan, clock: Clock) -> None:
         controller = (
             Controller(body, buses) if isinstance(body, Description) else SelfWalkController(body, buses)
         )
+        if machine is None:
+            make_sure(buses, controller.addresses, clock)
         controller.configure()
         _say(Word(ready=True))
         moved = machine.advance if machine else None

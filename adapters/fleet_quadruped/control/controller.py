@@ -9,6 +9,7 @@ from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
 from fleet_quadruped.body.sense import ZEROS, Imu, Sense
+from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
@@ -53,6 +54,11 @@ class Controller:
         self._stops = 0
         self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
+
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """The frames that only one controller may send."""
+        return self.drives.addresses
 
     def configure(self) -> None:
         """Configure the drives; raises LinkLost or LinkRefused."""

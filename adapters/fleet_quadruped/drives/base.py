@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -93,6 +94,10 @@ class JointDrive(Protocol):
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
         """Return the bits a second that so many joints put on a bus, all frames counted."""
+
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """The frames that tell these drives where to go; only one controller may send them."""
 
     def configure(self) -> None:
         """Bring every drive into the state that the description wants and verify it by reading back.

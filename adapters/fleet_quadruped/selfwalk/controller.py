@@ -11,6 +11,7 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.body.pace import limited, ramped
 from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
@@ -56,6 +57,11 @@ class SelfWalkController:
         self._x = self._y = self._yaw = 0.0
         self._height = walker.height
         self._imu: Imu | None = None
+
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """The frames of the velocity, which only one controller may send."""
+        return frozenset((self.walker.bus, frame.id) for frame in self._wire.velocity)
 
     def configure(self) -> None:
         """Write and read back what a CANopen machine needs, and send what starts any other.

@@ -33,8 +33,8 @@ class Wall:
         if threading.current_thread() is not threading.main_thread():
             return SimBus.receive(self.bus, wait)  # canopen waits for answers
         frames = SimBus.receive(self.bus, 0.0)
+        self.clock.advance(0.002)
         if hasattr(self, "jogger"):
-            self.clock.advance(0.002)
             self.sim.advance(0.002)
             motor = self.motor
             if motor.kp:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, Joints, Power
@@ -97,6 +98,11 @@ class Cia402Drives:
         """Return the bits a second: PDOs, SYNC and heartbeats."""
         cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
         return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat
+
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """Each RPDO1."""
+        return frozenset((node.joint.bus, RPDO1 + node.joint.id) for node in self._nodes)
 
     def configure(self) -> None:
         """Configure and start all drives; see ``commission``."""

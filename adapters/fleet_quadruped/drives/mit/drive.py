@@ -11,6 +11,7 @@ from operator import attrgetter
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, Joints, Power
@@ -88,6 +89,11 @@ class MitDrives:
     def bits(drive: Drive, joints: int) -> float:
         """Return the bits a second: a command and a reply for each joint in each cycle."""
         return drive.cycle_hz * joints * 2 * frame_bits(8)
+
+    @property
+    def addresses(self) -> frozenset[Address]:
+        """Each motor's own identifier."""
+        return frozenset(self._by_id)
 
     def configure(self) -> None:
         """Check that all motors answer; of Damiao motors also the ranges, and set their watchdog."""
