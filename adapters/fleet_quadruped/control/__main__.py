@@ -27,7 +27,6 @@ from fleet_quadruped.robot.description import Description
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.sim.make import Simulated, on_buses
 
-
 _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 """What ends or freezes all of a terminal or a service: the parent tells us to leave, or its end does."""
 

@@ -28,6 +28,12 @@ class Kind(Protocol):
     def bits(self, drive: Drive, joints: int, /) -> float:
         """Return the bits a second that so many joints put on a bus."""
 
+    def identifiers(self, drive: Drive, number: int, /) -> tuple[int, ...]:
+        """Return the frames that a drive with this id says and hears; 0: those that are for all."""
+
+    def farthest(self, joint: Joint, drive: Drive, /) -> float:
+        """Return the greatest angle that its frames can say, rad of the motor."""
+
 
 PROTOCOLS: Mapping[str, Kind] = MappingProxyType({"cia402": Cia402Drives, "mit": MitDrives})
 

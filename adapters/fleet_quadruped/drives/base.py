@@ -82,7 +82,8 @@ class Joints(NamedTuple):
 class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
-    ``problem`` and ``bits`` are asked of the class. No method blocks but ``configure`` and ``limit_torque``.
+    ``problem``, ``bits``, ``identifiers`` and ``farthest`` are asked of the class. No method blocks but
+    ``configure`` and ``limit_torque``.
     ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
     each cycle until ``feedback`` says that all drives did it.
     """
@@ -94,6 +95,14 @@ class JointDrive(Protocol):
     @staticmethod
     def bits(drive: Drive, joints: int) -> float:
         """Return the bits a second that so many joints put on a bus, all frames counted."""
+
+    @staticmethod
+    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:
+        """Return the frames that a drive with this id says and hears; 0: those that are for all."""
+
+    @staticmethod
+    def farthest(joint: Joint, drive: Drive) -> float:
+        """Return the greatest angle that its frames can say, rad of the motor."""
 
     @property
     def addresses(self) -> frozenset[Address]:

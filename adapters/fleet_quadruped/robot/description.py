@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -73,7 +74,8 @@ class Description(Section):
     @model_validator(mode="after")
     def _whole(self) -> Description:
         """Refuse what cannot be walked with; every problem at once."""
-        problems = _protocol(self) or _missing(self) or [*_addresses(self), *_poses(self), *_loads(self)]
+        problems = _protocol(self) or _missing(self)
+        problems = problems or [*_addresses(self), *_ranges(self), *_poses(self), *_loads(self)]
         if problems:
             raise ValueError("; ".join(problems))
         return self
@@ -172,13 +174,47 @@ def _missing(dog: Description) -> list[str]:
 
 
 def _addresses(dog: Description) -> list[str]:
-    """Return the drives that have the same address."""
+    """Return who would say or hear the frames of somebody else."""
     taken: dict[tuple[str, int], str] = {}
-    problems = []
+    problems: dict[tuple[str, str], str] = {}
+    for name, bus, identifiers in _users(dog):
+        for number in identifiers:
+            other = taken.setdefault((bus, number), name)
+            if other != name:
+                both = f"{name} and {other} have the same frame {number:03X}h on bus {bus!r}"
+                problems.setdefault((name, other), both)
+    return list(problems.values())
+
+
+def _users(dog: Description) -> Iterator[tuple[str, str, tuple[int, ...]]]:
+    """Yield by name, on which bus, the frames of drives, of their protocol, of sensors and lamp."""
+    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+
+    identifiers = PROTOCOLS[dog.drive.protocol].identifiers
+    for bus in dict.fromkeys(wiring.bus for wiring in dog.joints.values()):
+        yield "the drives' protocol", bus, identifiers(dog.drive, 0)
     for name, wiring in dog.joints.items():
-        other = taken.setdefault((wiring.bus, wiring.id), name)
-        if other != name:
-            problems.append(f"joints: {name} and {other} are both id {wiring.id} on bus {wiring.bus!r}")
+        yield f"joints.{name} (id {wiring.id})", wiring.bus, identifiers(dog.drive, wiring.id)
+    for name, sensor in (("imu", dog.imu), ("battery", dog.battery)):
+        if sensor is not None:
+            yield name, sensor.bus, tuple(frame.id for frame in sensor.frames)
+    if dog.led is not None:
+        yield "led", dog.led.bus, (dog.led.id,)
+
+
+def _ranges(dog: Description) -> list[str]:
+    """Return the joints that can be where their drives' frames cannot say: there they stay at the end."""
+    from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
+
+    problems = []
+    for joint in dog.all_joints:
+        most = PROTOCOLS[dog.drive.protocol].farthest(joint, dog.drive)
+        ends = sorted(map(joint.motor, (joint.low, joint.high)))
+        if max(map(abs, ends)) > most:
+            problems.append(
+                f"{joint.name}: its limits are {ends[0]:.4g} to {ends[1]:.4g} rad of the motor, and its "
+                f"drive's frames end at {most:.4g}; look at its ratio and its offset"
+            )
     return problems
 
 

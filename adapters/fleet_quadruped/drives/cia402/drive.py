@@ -18,6 +18,7 @@ from fleet_quadruped.drives.cia402.frames import (
     EMERGENCY,
     HEARTBEAT,
     MASTER,
+    MOST_COUNTS,
     OPERATIONAL,
     RPDO1,
     SHORT,
@@ -98,6 +99,18 @@ class Cia402Drives:
         """Return the bits a second: PDOs, SYNC and heartbeats."""
         cyclic = joints * (2 + 1 / SLOW_EVERY) * frame_bits(8) + frame_bits(0) + frame_bits(1)
         return drive.cycle_hz * cyclic + joints * frame_bits(1) / drive.heartbeat
+
+    @staticmethod
+    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:  # noqa: ARG004 - the same for each make
+        """Return emergencies, PDOs, SDOs and heartbeat; of all: NMT, SYNC and our own heartbeat."""
+        if number == 0:
+            return 0, SYNC, HEARTBEAT + MASTER
+        return tuple(base + number for base in (EMERGENCY, TPDO1, RPDO1, TPDO2, 0x580, 0x600, HEARTBEAT))
+
+    @staticmethod
+    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - it hangs on the joint alone
+        """Return the angle of the greatest count."""
+        return MOST_COUNTS / joint.kind.counts_per_rad
 
     @property
     def addresses(self) -> frozenset[Address]:

@@ -30,7 +30,8 @@ SHORT = _WITHOUT_TORQUE.size  # bytes of a PDO without a torque
 _SLOW = struct.Struct("<IH")
 _TEMPERATURE = struct.Struct("<h")
 _EMERGENCY = struct.Struct("<HB")
-_I32 = (-(1 << 31), (1 << 31) - 1)
+MOST_COUNTS = (1 << 31) - 1
+_I32 = (-MOST_COUNTS - 1, MOST_COUNTS)
 _I16 = (-(1 << 15), (1 << 15) - 1)
 
 

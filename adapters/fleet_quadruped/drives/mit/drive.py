@@ -90,6 +90,19 @@ class MitDrives:
         """Return the bits a second: a command and a reply for each joint in each cycle."""
         return drive.cycle_hz * joints * 2 * frame_bits(8)
 
+    @staticmethod
+    def identifiers(drive: Drive, number: int) -> tuple[int, ...]:
+        """Return where a motor hears and answers; of all: Damiao's registers, or where the others answer."""
+        damiao = PROFILES[drive.profile].damiao
+        if number == 0:
+            return (wire.REGISTERS,) if damiao else (0,)
+        return (number, wire.MASTER + number) if damiao else (number,)
+
+    @staticmethod
+    def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - the same for all of its joints
+        """Return the range of the profile."""
+        return PROFILES[drive.profile].angle
+
     @property
     def addresses(self) -> frozenset[Address]:
         """Each motor's own identifier."""

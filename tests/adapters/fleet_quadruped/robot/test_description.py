@@ -33,7 +33,39 @@ def test_an_unknown_key_is_refused(write_dog):
 
 def test_two_drives_with_one_id_are_refused(write_dog):
     told = refused(write_dog(("FL_hip:  {bus: a, id: 2", "FL_hip:  {bus: a, id: 1")))
-    assert "FL_hip and FL_abad are both id 1 on bus 'a'" in told
+    assert "FL_hip (id 1) and joints.FL_abad (id 1) have the same frame 081h on bus 'a'" in told
+
+
+DAMIAO = ("protocol: cia402", "protocol: mit\n  profile: damiao-8006")
+
+
+def test_a_motor_that_would_obey_the_answers_of_another_is_refused(write_dog):
+    path = write_dog(DAMIAO, ("FR_abad: {bus: a, id: 4", "FR_abad: {bus: a, id: 17"))
+    assert "joints.FR_abad (id 17) and joints.FL_abad (id 1) have the same frame 011h" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("id: 0x361", "id: 0x201", "battery and joints.FL_abad (id 1) have the same frame 201h on bus 'a'"),
+        ("id: 0x110", "id: 0x181", "imu and joints.FL_abad (id 1) have the same frame 181h"),
+        ("id: 0x121", "id: 0x0", "led and the drives' protocol have the same frame 000h"),
+        ("id: 12,", "id: 127,", "RR_knee (id 127) and the drives' protocol have the same frame 77Fh"),
+    ],
+)
+def test_what_would_speak_with_the_frames_of_the_drives_is_refused(write_dog, old, new, told):
+    assert told in refused(write_dog((old, new)))
+
+
+def test_a_joint_that_its_drive_cannot_tell_to_the_end_is_refused(write_dog):
+    path = write_dog(DAMIAO, ("knee: {limits: [-2.75, -0.4],", "knee: {limits: [-2.75, -0.4], ratio: 6,"))
+    assert "FL_knee: its limits are -16.5 to -2.4 rad of the motor, and its drive's frames end at 12.5" in (
+        refused(path)
+    )
+    path = write_dog(
+        ("FL_hip:  {bus: a, id: 2, sign: 1, offset: 0.3", "FL_hip:  {bus: a, id: 2, offset: 1e6")
+    )
+    assert "rad of the motor, and its drive's frames end at 1.074e+05" in refused(path)
 
 
 def test_a_missing_joint_is_refused(write_dog):
