@@ -48,11 +48,12 @@ class SelfWalkController:
         self._lamp = Lamp(walker.led, buses)
         self._asks = Asks()
         self._errand = self._stops = 0
+        self._stopping = False  # an emergency stop that the machine has not obeyed yet
         self._stop_until = -math.inf
         self._sit_at = -math.inf
         self._since: float | None = None
         self._began = self._now = 0.0
-        self._error = ""
+        self._error = self._unnamed = ""  # what it says: an error, a mode that its description does not name
         self._twist = Twist()
         self._x = self._y = self._yaw = 0.0
         self._height = walker.height
@@ -77,7 +78,7 @@ class SelfWalkController:
     @property
     def resting(self) -> bool:
         """True when it may be left alone."""
-        return self.mode in _LOOSE
+        return self.mode in _LOOSE and not self._unnamed
 
     @property
     def oldest(self) -> float:
@@ -113,7 +114,7 @@ class SelfWalkController:
         self._obey(order, now)
         self._send(self._next(now, dt, order))
         emergency = self._wire.commands["emergency_stop"]
-        if now < self._stop_until or (self.fault == EMERGENCY_STOP and self.mode not in _LOOSE):
+        if self._is_stopping(now):
             self._bus.send(emergency)
         elif (frame := self._asks.step(now, self.mode, self._error)) is not None:
             self._bus.send(frame)
@@ -153,6 +154,8 @@ class SelfWalkController:
             return
         number = round(values.get("mode", -1))
         self.mode = self.walker.modes.get(number, Mode.OFF)
+        known = number in self.walker.modes
+        self._unnamed = "" if known else f"it says mode {number}, which modes does not name"
         error = round(values.get("error", 0))
         self._error = f"{self.walker.errors.get(error, 'error')} (error {error})" if error else ""
         self._imu = imu_of(values)
@@ -184,6 +187,8 @@ class SelfWalkController:
                 self._stop(f"imu: tilted {tilt:.2f} rad, more than {self.walker.safety.tilt:g}", now)
 
     def _warning(self) -> str:
+        if self._unnamed:
+            return self._unnamed
         percent = self._percent()
         return f"battery at {percent:.0f} %" if percent is not None and percent <= self.walker.warn else ""
 
@@ -201,7 +206,7 @@ class SelfWalkController:
             self._errand = errand.number
             self._asks.begin(errand.number, errand.ask, *self._answer(errand.ask, errand.value), now)
         if order.stop > self._stops:
-            self._stops = order.stop
+            self._stops, self._stopping = order.stop, True
             self._stop(EMERGENCY_STOP, now)
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
@@ -216,6 +221,8 @@ class SelfWalkController:
             return self._raise(value)
         frame = self._wire.commands.get(NAMES[ask])
         if ask is Ask.RESET:
+            if self._stopping:
+                return None, "it has not obeyed the emergency stop yet"
             self.fault = ""
             return frame, ""
         if frame is None:
@@ -245,10 +252,17 @@ class SelfWalkController:
         return self._wire.height(self._height), ""
 
     def _stop(self, cause: str, now: float) -> None:
-        """Stop as hard as the machine can, and latch why."""
-        self.fault = cause if cause == EMERGENCY_STOP else self.fault or cause
+        """Stop as hard as the machine can, and latch why; what was latched before needs its reset still."""
+        self.fault = self.fault or cause
         self._stop_until = max(self._stop_until, now + _AT_LEAST)
         self._asks.end(cause)
+
+    def _is_stopping(self, now: float) -> bool:
+        """Return True while the stop is repeated: for a moment, an emergency stop until it was obeyed."""
+        if now < self._stop_until:
+            return True
+        self._stopping = self._stopping and not self.resting
+        return self._stopping
 
     def _sit(self, cause: str) -> None:
         """Sit down while it stands; the command is repeated until it does."""
@@ -260,7 +274,7 @@ class SelfWalkController:
 
     def _next(self, now: float, dt: float, order: Order) -> Twist:
         """Return the velocity of this cycle."""
-        if self.fault or self.mode not in _STANDS or now < self._stop_until:
+        if self.fault or self.mode not in _STANDS or self._is_stopping(now):
             self._twist = _STILL
             return _STILL
         moving = now < order.until and now - order.alive < self.walker.safety.deadman

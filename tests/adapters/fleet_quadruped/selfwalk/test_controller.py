@@ -114,6 +114,35 @@ def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
     assert standing.machine.twist.x > 0.3
 
 
+def test_an_emergency_stop_does_not_make_up_for_the_reset_of_an_error(standing):
+    standing.machine.fault("error", 2)
+    standing.go(0.2)
+    standing.machine.fault("error", 0)
+    standing.emergency()
+    standing.go(2.0)
+    assert "motor too hot (error 2); look at the machine, then send reset_faults" in standing.ask(Ask.STAND)
+
+
+def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(standing):
+    obeyed, standing.machine._commands = standing.machine._commands, {}
+    standing.go(0.5, Twist(0.5))
+    standing.emergency()
+    standing.go(0.5, Twist(0.5))
+    assert standing.ask(Ask.RESET) == "it has not obeyed the emergency stop yet"
+    standing.go(0.5, Twist(0.5))
+    assert set(asked(standing)[-1].values()) == {0.0}
+    standing.machine._commands = obeyed
+    standing.go(0.1)
+    assert standing.machine.mode is Mode.DAMPED
+
+
+def test_a_mode_that_the_description_does_not_name_is_told_and_not_left_alone(standing):
+    standing.machine._numbers[Mode.STANDING] = 9
+    standing.go(0.2)
+    assert standing.state.warning == "it says mode 9, which modes does not name"
+    assert not standing.controller.resting
+
+
 def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
     standing.machine.fault("mute")
     standing.go(0.5, Twist(0.5))
