@@ -13,7 +13,17 @@ from fleet.errors import ConfigError, LinkRefused
 from fleet_quadruped.bench import Bench, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.capture import read_capture
-from fleet_quadruped.jog import MOST_DEGREES, MOST_SHARE, Jog, Jogger, Pressed, Stopped, direction
+from fleet_quadruped.jog import (
+    LEAST_DEGREES,
+    MOST_DEGREES,
+    MOST_SHARE,
+    Jog,
+    Jogger,
+    Pressed,
+    Stopped,
+    direction,
+    verdict,
+)
 from fleet_quadruped.replay import Replay
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import JOINTS
@@ -157,7 +167,9 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
     joint = dog.all_joints[JOINTS.index(name)]
     most = MOST_SHARE * joint.kind.torque
     jog = Jog(joint, math.radians(degrees), torque or 0.1 * joint.kind.torque)
-    if jog.torque > most:
+    if not abs(degrees) >= LEAST_DEGREES:
+        raise LinkRefused(f"--degrees {degrees:g}: less than {LEAST_DEGREES:g} is not seen")
+    if not jog.torque <= most:
         raise LinkRefused(f"--torque {jog.torque:g}: at most {most:.1f} N m for {name} on the bench")
     way = direction(joint, forwards=degrees > 0)
     click.echo(
@@ -173,7 +185,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
             with pressed.watching():
                 moved = jogger.move()
         except Stopped:
-            _show([f"{name}: stopped by a key, and off"])
+            _show([f"{name}: stopped by a key or a signal, and off"])
             return 1
     if abs(moved) < abs(jog.step) / 2:
         _show(
@@ -181,7 +193,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         )
         return 1
     right = click.confirm(f"Did it move {way}?", default=None, err=True)
-    _show([f"{name}: moved {math.degrees(moved):+.2f} degrees; sign: {joint.sign if right else -joint.sign}"])
+    _show([f"{name}: moved {math.degrees(moved):+.2f} degrees; {verdict(joint, right=right)}"])
     return 0
 
 

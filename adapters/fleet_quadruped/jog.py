@@ -28,11 +28,11 @@ from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description, Joint
 
 SPEED = 0.1  # rad/s
-MOST_DEGREES = 10.0
+LEAST_DEGREES, MOST_DEGREES = 0.5, 10.0
 MOST_SHARE = 0.3  # of the highest torque
 _ENABLE, _STOP, _OFF = 1.0, 0.3, 1.0  # s: until enabled, of quick stop, until off
 _HOLD = 0.5  # s at the end of the step
-_WATCHED = (signal.SIGTERM, signal.SIGHUP)
+_WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 
 
 class Jog(NamedTuple):
@@ -150,21 +150,34 @@ def direction(joint: Joint, *, forwards: bool) -> str:
     return f"the foot {grows if forwards else shrinks}"
 
 
+def verdict(joint: Joint, *, right: bool) -> str:
+    """Return what is to be written into the description when a joint went the right way, or the other."""
+    if right:
+        return f"sign: {joint.sign}"
+    return f"sign: {-joint.sign}; then calibrate again, the offset was measured with the other sign"
+
+
 class Pressed:
-    """Says whether a key was pressed, or the input has ended, since ``watching`` began."""
+    """Says whether a key was pressed, a signal came, or the input has ended, since ``watching`` began.
+
+    A signal is only noted: an exception out of nowhere would cut short what brakes the joint.
+    """
 
     def __init__(self) -> None:
         self._source: int | None = None
+        self._signalled = False
 
     def __call__(self) -> bool:
         """Return True when the jog must end."""
-        return self._source is not None and bool(select.select([self._source], [], [], 0.0)[0])
+        if self._signalled or self._source is None:
+            return self._signalled
+        return bool(select.select([self._source], [], [], 0.0)[0])
 
     @contextlib.contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch single keys while the block runs; SIGTERM and SIGHUP then end the block in order, too."""
+        """Watch single keys and signals while the block runs."""
         source = self._source = sys.stdin.fileno()
-        before = {number: signal.signal(number, _leave) for number in _WATCHED}
+        before = {number: signal.signal(number, self._note) for number in _WATCHED}
         modes = termios.tcgetattr(source) if os.isatty(source) else None
         if modes is not None:
             tty.setcbreak(source)
@@ -176,6 +189,5 @@ class Pressed:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-
-def _leave(number: int, _frame: FrameType | None) -> None:
-    sys.exit(128 + number)
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        self._signalled = True

@@ -1,14 +1,20 @@
 """Moving one joint on the bench: what moves, how hard, and that it always ends with the torque off."""
 
+import os
+import signal
+import sys
 import threading
 
+import click.testing
 import pytest
 
 from fleet.errors import Fault, LinkLost, LinkRefused, Refused
 from fleet.testing.clock import ManualClock
+from fleet_quadruped.cli import can
 from fleet_quadruped.drives.cia402.frames import RPDO1
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE
-from fleet_quadruped.jog import SPEED, Jog, Jogger, Stopped, ramp
+from fleet_quadruped.jog import SPEED, Jog, Jogger, Pressed, Stopped, ramp, verdict
+from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.lockstep import SimBus, lockstep
 
@@ -135,3 +141,33 @@ def test_the_way_is_slow(step):
     assert targets[-1] == pytest.approx(1.0 + step)
     steps = [abs(after - before) for before, after in zip([1.0, *targets], targets, strict=False)]
     assert max(steps) <= SPEED * 0.01 + 1e-9
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
+def test_a_signal_ends_it_in_order_and_the_next_one_does_not_cut_the_braking_short(wall, monkeypatch, number):
+    source, _ = ends = os.pipe()
+    monkeypatch.setattr(sys, "stdin", os.fdopen(source, closefd=False))
+    pressed = wall.jogger._interrupted = Pressed()
+    wall.on_the_way = lambda: os.kill(os.getpid(), number)
+    looked, braked = wall.jogger._cycle, wall.jogger._bench.drives.quick_stop
+    wall.jogger._cycle = lambda act: (wall.pressed(), looked(act))[1]
+    wall.jogger._bench.drives.quick_stop = lambda: (os.kill(os.getpid(), number), braked())
+    with pressed.watching(), pytest.raises(Stopped):
+        wall.jogger.move()
+    assert wall.off()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    for end in ends:
+        os.close(end)
+
+
+def test_a_sign_that_is_turned_over_asks_for_a_new_calibration(dog):
+    hip = dog.all_joints[NUMBER]
+    assert verdict(hip, right=True) == "sign: -1"
+    assert verdict(hip, right=False).startswith("sign: 1; then calibrate again")
+
+
+@pytest.mark.parametrize(("option", "value"), [("--degrees", "nan"), ("--degrees", "0"), ("--torque", "nan")])
+def test_a_step_that_nobody_sees_or_that_is_no_number_is_refused(option, value):
+    line = ["jog", str(EXAMPLE), "--joint", "FR_hip", option, value]
+    told = click.testing.CliRunner().invoke(can, line, standalone_mode=False)
+    assert isinstance(told.exception, LinkRefused)
