@@ -177,10 +177,10 @@ class Board:
 
     def _guarded(self, velocity: Velocity) -> Velocity:
         """Return a velocity that is slow enough for a base whose own stop is not sure."""
-        allowed = self._config.unguarded_speed
-        if self.readiness.health.cause == "" or velocity.linear.horizontal() <= allowed:
+        allowed, fastest = self._config.unguarded_speed, self._kinematics.fastest_wheel(velocity)
+        if self.readiness.health.cause == "" or fastest <= allowed:
             return velocity
-        scale = allowed / velocity.linear.horizontal()
+        scale = allowed / fastest
         return Velocity(Vector3(velocity.linear.x * scale), velocity.yaw_rate * scale)
 
     def _errors(self) -> tuple[dict[str, Any], ...]:

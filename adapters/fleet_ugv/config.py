@@ -83,7 +83,10 @@ class UgvConfig(AdapterConfig):
         0.5, ge=0.3, le=3.0, description="Seconds after which the board stops by itself, where it can be set."
     )
     unguarded_speed: float = Field(
-        0.15, gt=0, le=1.0, description="m/s that are allowed while the board's own stop is not confirmed."
+        0.15,
+        gt=0,
+        le=1.0,
+        description="m/s of a wheel while the board's own stop is not confirmed.",
     )
     calibration: Calibration = Field(Calibration(), description="Measured on this robot.")
     wheel_diameter: Positive | None = Field(None, description="Over the profile's, m.")

@@ -34,6 +34,10 @@ class Differential(msgspec.Struct, frozen=True):
         scale = min(1.0, self.fastest / max(abs(left), abs(right), STILL))
         return Wheels(left * scale, right * scale)
 
+    def fastest_wheel(self, velocity: Velocity) -> float:
+        """Return how fast (m/s over the ground) the faster side goes: a turn on the spot counts as well."""
+        return abs(velocity.linear.x) + abs(velocity.yaw_rate) * self.track / 2
+
     def forward(self, motion: Motion) -> Velocity:
         """Return the body velocity of wheel speeds."""
         assert isinstance(motion, Wheels)
@@ -70,6 +74,10 @@ class Ackermann(msgspec.Struct, frozen=True):
         angle = math.atan(self.wheelbase * yaw_rate / speed)
         angle = min(max(angle, -self.sharpest), self.sharpest)
         return Steering(min(max(speed / self.scale, -self.fastest), self.fastest), angle)
+
+    def fastest_wheel(self, velocity: Velocity) -> float:
+        """Return how fast (m/s) the driven axle goes."""
+        return abs(velocity.linear.x)
 
     def forward(self, motion: Motion) -> Velocity:
         """Return the body velocity of a speed and a steering angle."""

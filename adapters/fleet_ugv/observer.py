@@ -48,8 +48,8 @@ class Observer:
         if self._is_due("joints", now, JOINTS_EVERY):
             yield self._joints(feedback, stamp)
             if feedback.gyro is not None and feedback.accel is not None:
-                level = Vector3(feedback.gyro.x, feedback.gyro.y, feedback.gyro.z - self.odometry.bias)
-                yield ImuReport(stamp, level, feedback.accel)
+                turning = self.odometry.level(feedback.gyro.z)
+                yield ImuReport(stamp, Vector3(feedback.gyro.x, feedback.gyro.y, turning), feedback.accel)
         if self.voltage is not None and self._is_due("battery", now, BATTERY_EVERY):
             yield self.battery(stamp)
 
@@ -85,10 +85,8 @@ class Observer:
         positions = {"left_wheel": left / self._radius, "right_wheel": right / self._radius}
         velocities = {}
         if feedback.speeds is not None:
-            names = ("left_wheel", "right_wheel")
-            velocities = {
-                name: speed / self._radius for name, speed in zip(names, feedback.speeds, strict=True)
-            }
+            left, right = self.odometry.scaled(feedback.speeds)
+            velocities = {"left_wheel": left / self._radius, "right_wheel": right / self._radius}
         if feedback.pan is not None and feedback.tilt is not None:
             positions |= {"pan": feedback.pan, "tilt": feedback.tilt}
         elif self.camera is not None:

@@ -82,6 +82,14 @@ class Odometry:
         """Standard deviation of the heading, rad."""
         return math.sqrt(self._heading_variance)
 
+    def level(self, rate: float) -> float:
+        """Return the yaw rate (rad/s) of a gyro's, as calibrated and without what it says at rest."""
+        return rate * self._scale.gyro - self.bias
+
+    def scaled(self, sides: tuple[float, float]) -> tuple[float, float]:
+        """Return in metres, or m/s, what the two sides tell."""
+        return sides[0] * self._scale.left, sides[1] * self._scale.right
+
     def update(self, feedback: Feedback, now: float) -> Step | None:
         """Take a feedback measured at ``now`` (monotonic s); None when nothing can be said about the way.
 
@@ -111,8 +119,7 @@ class Odometry:
         """Return the speeds; the told ones, where there are, are finer than the counters' steps."""
         if feedback.speeds is None:
             return Step((sides[0] + sides[1]) / 2 / elapsed, turned / elapsed)
-        left, right = feedback.speeds
-        return Step((left * self._scale.left + right * self._scale.right) / 2, turned / elapsed)
+        return Step(sum(self.scaled(feedback.speeds)) / 2, turned / elapsed)
 
     def _sides(self, last: Feedback, now: Feedback, elapsed: float) -> tuple[float, float] | None:
         """Return the metres that each side went, None for a jump that no wheel can make."""
@@ -128,7 +135,7 @@ class Odometry:
             return None
         if max(map(abs, deltas)) > 1.5 * self._fastest * elapsed + SPARE:
             return None
-        return deltas[0] * scale.left, deltas[1] * scale.right
+        return self.scaled((deltas[0], deltas[1]))
 
     def _turned(
         self, sides: tuple[float, float], last: Feedback, now: Feedback, at: float, elapsed: float
@@ -136,15 +143,15 @@ class Odometry:
         """Return the change of heading, from the best that the base tells."""
         rate = _gyro(now)
         if rate is not None:
-            return self._by_gyro(rate * self._scale.gyro, elapsed, at, now)
+            return self._by_gyro(rate, elapsed, at, now)
         if now.yaw is not None and last.yaw is not None:
-            return wrap_angle(now.yaw - last.yaw)
+            return wrap_angle(now.yaw - last.yaw) * self._scale.gyro
         return (sides[1] - sides[0]) / self._scale.track
 
     def _by_gyro(self, rate: float, elapsed: float, at: float, now: Feedback) -> float:
         """Return the change of heading by the gyro; a standing base teaches its bias."""
         stands = at - self._stepped_at > STANDS_AFTER and _still(now)
-        off = rate - self.bias
+        off = self.level(rate)
         if stands and abs(off) < TURNED_BY_HAND:
             self._lessons += 1
             self.bias += max(LEARN, 1 / self._lessons) * off  # the first ones are averaged

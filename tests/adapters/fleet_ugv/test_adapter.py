@@ -169,6 +169,22 @@ async def test_a_board_that_does_not_confirm_its_dead_man_is_driven_slowly_and_t
     assert bench.motion() == b'{"T":1,"L":0.1500,"R":0.1500}\n'
 
 
+async def test_such_a_board_does_not_spin_fast_either(make_bench):
+    bench = make_bench("waveshare-rover", faults={"no_confirm": 1.0})
+    await bench.pass_time(5.0)
+    bench.motion()
+    bench.adapter.drive(forward(0.0, 2.0))
+    assert bench.motion() == b'{"T":1,"L":-0.1500,"R":0.1500}\n'
+
+
+async def test_a_side_whose_counter_is_reversed_turns_forward_in_its_joint(make_bench):
+    bench = await make_bench(calibration={"left": -1.0}).ready()
+    bench.adapter.drive(forward(0.3))
+    await bench.pass_time(1.0)
+    joints = bench.last(JointReport)
+    assert joints.positions["left_wheel"] * joints.velocities["left_wheel"] > 0
+
+
 async def test_a_board_that_restarts_is_set_up_again_and_does_not_drive_on(bench):
     bench.adapter.drive(forward(0.3))
     await bench.pass_time(3.0)

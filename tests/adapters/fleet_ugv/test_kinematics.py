@@ -74,3 +74,11 @@ def test_a_car_tells_how_fast_it_must_roll_for_a_turn():
 def test_a_car_cannot_turn_on_the_spot():
     with pytest.raises(Refused, match="on the spot"):
         CAR.inverse(velocity(0.0, 0.5))
+
+
+@given(st.floats(-2, 2), st.floats(-3, 3))
+def test_the_fastest_wheel_of_a_velocity_is_the_faster_side(speed, turn):
+    base = Differential(0.4, 100.0)
+    wheels = base.inverse(velocity(speed, turn))
+    fastest = max(abs(wheels.left), abs(wheels.right))
+    assert base.fastest_wheel(velocity(speed, turn)) == pytest.approx(fastest)

@@ -136,3 +136,16 @@ def test_whatever_is_told_the_pose_stays_finite_and_moves_no_faster_than_wheels_
         step = odometry.update(Feedback(distances=(left, right), gyro=gyro(rate)), now)
         assert (odometry.pose.position - before).norm() <= 1.5 * (now - taken_at) + 0.05 + 1e-9
         taken_at = taken_at if step is None else now
+
+
+def test_a_gyro_that_is_mounted_upside_down_is_told_the_right_way_up_and_without_its_bias():
+    odometry = Odometry(Scale(track=0.2, gyro=-1.0), 1.0)
+    run(odometry, [Feedback(distances=(0.0, 0.0), gyro=gyro(0.02))] * 400)
+    assert odometry.level(0.02) == pytest.approx(0.0, abs=0.001)
+    assert odometry.level(0.52) == pytest.approx(-0.5, abs=0.001)
+
+
+def test_a_heading_of_the_bases_own_is_calibrated_like_a_gyro():
+    odometry = Odometry(Scale(track=0.2, gyro=-1.0), 1.0)
+    run(odometry, [Feedback(speeds=(0.0, 0.0), yaw=0.1 * number) for number in range(5)])
+    assert odometry.yaw == pytest.approx(-0.4)
