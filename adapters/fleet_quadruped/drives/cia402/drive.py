@@ -77,6 +77,7 @@ class Cia402Drives:
         self._rpdos = Rpdos(joints)
         self._nothing = (0.0,) * len(joints)
         self._silence = _SILENT * dog.drive.heartbeat
+        self._half = dog.dt / 2
         self._full: dict[str, int] = {}  # joints to the torque limits they had
         self._by_frame = {
             (node.joint.bus, base + node.joint.id): (handler, node)
@@ -240,7 +241,7 @@ class Cia402Drives:
             return
         status, angle, node.torque = told
         passed = now - node.told_at
-        if passed > 1e-4:
+        if passed > self._half:  # a late answer and the next come together, and were measured a cycle apart
             node.speed = (angle - node.angle) / passed
         node.angle, node.told_at = angle, now
         if status != node.status:
