@@ -66,7 +66,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         """Start the body controller and report what it says until it ends."""
         self._dog = load_body(self.config.body_file)
         self._robot = robot
-        async with BodyProcess(self.config) as body:
+        async with BodyProcess(self.config, self._dog.leave_time) as body:
             self._body, self._heard = body, self._now()
             try:
                 self._send()

@@ -18,14 +18,17 @@ from fleet_quadruped.control.orders import Order, State
 from fleet_quadruped.control.plan import Plan, Word
 
 _START = 30.0  # s until it must be ready
-_LEAVE = 6.0  # s it may take to sit the dog down
 
 
 class BodyProcess:
-    """A running body controller; an async context manager that leaves the dog sitting and off."""
+    """A running body controller; an async context manager that leaves the dog sitting and off.
 
-    def __init__(self, config: QuadrupedConfig) -> None:
+    ``leave``: seconds that it may take to sit the dog down.
+    """
+
+    def __init__(self, config: QuadrupedConfig, leave: float) -> None:
         self._config = config
+        self._leave = leave
         self._descriptors = [new_memory(), new_memory()]
         self.orders = Slot(self._descriptors[0], Order)
         self.states = Slot(self._descriptors[1], State)
@@ -96,19 +99,19 @@ class BodyProcess:
         if process is not None:
             assert process.stdin is not None
             process.stdin.close()
-            await _left(process)
+            await _left(process, self._leave)
         for descriptor in self._descriptors:
             os.close(descriptor)
         self._descriptors = []
 
 
-async def _left(process: asyncio.subprocess.Process) -> None:
-    """Wait until the process has left; kill one that takes too long.
+async def _left(process: asyncio.subprocess.Process, within: float) -> None:
+    """Wait until the process has left; kill one that takes longer than ``within`` s.
 
     Whoever cancels waits as well: a dog whose controller is killed while it sits down falls.
     """
     loop = asyncio.get_running_loop()
-    until = loop.time() + _LEAVE
+    until = loop.time() + within
     while process.returncode is None and (rest := until - loop.time()) > 0:
         with contextlib.suppress(TimeoutError, asyncio.CancelledError):
             await asyncio.wait_for(process.wait(), rest)

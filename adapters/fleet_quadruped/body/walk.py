@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from fleet_quadruped.body.balance import GRAVITY
 from fleet_quadruped.body.gait import Steps, Twist
 from fleet_quadruped.body.legs import Point
@@ -12,7 +10,7 @@ from fleet_quadruped.body.pace import limited, ramped, within
 from fleet_quadruped.body.pattern import trot, walk
 from fleet_quadruped.body.sense import Sense, Targets
 from fleet_quadruped.robot.description import Description, leg_angles
-from fleet_quadruped.robot.names import Twelve
+from fleet_quadruped.robot.names import GaitName, Twelve
 
 _INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
 _CORRECTION = 0.25  # m/s, and half of it in rad/s: the most that the loop adds
@@ -35,7 +33,8 @@ class Walker:
         self.height = dog.gait.height
         self.wanted_height = dog.gait.height
         self.speed_share = 1.0
-        self.gait: Literal["trot", "walk"] = "trot"
+        self.gait: GaitName = "trot"
+        self._taken: GaitName = "trot"  # that of the steps it makes
         self._last: Twelve | None = None
         self._patterns = {
             "trot": (trot(dog.gait), dog.gait),
@@ -56,14 +55,15 @@ class Walker:
 
     @property
     def time_to_stand(self) -> float:
-        """Seconds after which it stands with all feet in place, told to at its highest speed."""
-        pattern, pace = self._patterns[self.gait]
-        return 2 * pattern.period + pace.speed / pace.acceleration + 0.5
+        """Seconds after which it stands with all feet in place; those of the gait that it is in."""
+        return self._dog.time_to_stand(self._taken)
 
     def step(self, dt: float, wanted: Twist, sense: Sense) -> Targets:
         """Return the joint targets after ``dt`` seconds; another gait than before begins from standing."""
         pattern, pace = self._patterns[self.gait]
-        if not self._steps.choose(pattern):
+        if self._steps.choose(pattern):
+            self._taken = self.gait
+        else:
             wanted = Twist()
         self.odometry.update(dt, sense, self._steps.loads, self._steps.balance.speed)
         before = self._ramped

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from fleet_quadruped.body.legs import Angles, Leg
 from fleet_quadruped.robot.busload import HIGHEST, bus_loads
-from fleet_quadruped.robot.names import JOINTS, LEGS, PARTS, Part, Twelve
+from fleet_quadruped.robot.names import JOINTS, LEGS, PARTS, GaitName, Part, Twelve
 from fleet_quadruped.robot.parts import (
     Actuator,
     Battery,
@@ -99,6 +99,17 @@ class Description(Section):
     def battery_timeout(self) -> float | None:
         """Seconds for which a word of its battery counts; None when it has none."""
         return self.battery.timeout if self.battery else None
+
+    def time_to_stand(self, gait: GaitName) -> float:
+        """Return the seconds after which it stands with all feet in place, told to at its highest speed."""
+        pace = self.gait if gait == "trot" else self.gait.walk
+        return 2 * pace.period + pace.speed / pace.acceleration + 0.5
+
+    @property
+    def leave_time(self) -> float:
+        """Seconds from any walk, or from a hard stop, until it is off, with some to spare."""
+        slowest = max(self.time_to_stand("trot"), self.time_to_stand("walk"))
+        return max(self.safety.damp_time, slowest + self.poses.sit_time) + 1.5
 
     @property
     def loads(self) -> dict[str, float]:

@@ -6,6 +6,7 @@ from typing import Literal
 
 Leg = Literal["FL", "FR", "RL", "RR"]
 Part = Literal["abad", "hip", "knee"]
+GaitName = Literal["trot", "walk"]
 
 LEGS: tuple[Leg, ...] = ("FL", "FR", "RL", "RR")
 PARTS: tuple[Part, ...] = ("abad", "hip", "knee")

@@ -16,6 +16,7 @@ from fleet_quadruped.selfwalk.by_frames import Frames
 from fleet_quadruped.selfwalk.by_objects import Objects
 from fleet_quadruped.selfwalk.wire import AXES, Wire
 
+_LEAVE = 6.0
 _MUST_TELL = ("mode", *AXES)
 _MUST_BE = (Mode.OFF, Mode.STANDING)
 
@@ -90,6 +91,11 @@ class SelfWalker(Section):
     def battery_timeout(self) -> float | None:
         """Seconds for which a word of its battery counts; None when it has none."""
         return self.slow_timeout if "percent" in names_of(self.wire.slow) else None
+
+    @property
+    def leave_time(self) -> float:
+        """Seconds that it is given to sit down."""
+        return _LEAVE
 
     @cached_property
     def wire(self) -> Wire:

@@ -39,6 +39,20 @@ def test_a_dog_that_is_told_to_leave_while_it_rises_only_goes_down(any_dog, afte
     assert max(seen[-1]) == pytest.approx(heights(rig)[0], abs=0.01)
 
 
+def test_a_dog_in_its_walk_is_given_the_time_of_the_walk_until_it_sits_down(mit_dog):
+    slow = mit_dog.gait.walk.model_copy(update={"period": 3.0})
+    rig = Rig(mit_dog.model_copy(update={"gait": mit_dog.gait.model_copy(update={"walk": slow})}))
+    rig.stand()
+    rig.order = msgspec.structs.replace(rig.order, gait="walk")
+    rig.go(3.0, Twist(0.15))
+    rig.order = msgspec.structs.replace(rig.order, gait="trot", leave=True)  # as every halt says
+    while max(heights(rig)) > 0.2:
+        rig.cycle()
+    assert not rig.controller.body.walker.walking
+    rig.go(2.0)
+    assert rig.mode is Mode.OFF
+
+
 def test_a_walk_that_an_emergency_stop_cut_off_is_not_taken_up_by_sitting_down(any_dog):
     rig = Rig(any_dog)
     rig.stand()
