@@ -19,7 +19,7 @@ from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.safety.limits import Limits
 from fleet_quadruped.safety.monitor import Monitor, Observed
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode, Stage, Trip
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode, Stage, Trip
 
 _GONE = 1.0  # s of silence after which the drives of a dog at rest are configured again
 _STOP_TRIP = Trip(Stage.DAMP, EMERGENCY_STOP)
@@ -183,9 +183,7 @@ class Controller:
                 self.body.fault = self.body.fault or _STOP_TRIP.cause
         if order.leave or now - order.alive > self.dog.safety.abandoned:
             why = (
-                "told to leave"
-                if order.leave
-                else f"nothing heard from its host for {now - order.alive:.0f} s"
+                TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {now - order.alive:.0f} s"
             )
             self.body.trip(Trip(Stage.SIT, why))
 

@@ -17,7 +17,7 @@ from fleet.clock import Clock
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.control.orders import Order, State, Timing
-from fleet_quadruped.safety.stages import EMERGENCY_STOP
+from fleet_quadruped.safety.stages import MEANT
 
 log = logging.getLogger(__name__)
 
@@ -169,7 +169,7 @@ class Loop:
 
     def _captured(self, state: State) -> State:
         """Return the state, with the file that its fault was written to."""
-        if self._capture is None or state.fault == EMERGENCY_STOP:
+        if self._capture is None or state.fault in MEANT:
             return state
         path = self._capture.look(state.fault, resting=self._controller.resting)
         return msgspec.structs.replace(state, capture=path) if path else state

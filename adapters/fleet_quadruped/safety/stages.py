@@ -37,6 +37,12 @@ class Mode(enum.StrEnum):
 EMERGENCY_STOP = "emergency stop"
 """The cause of the one latched stop that a new command to get up ends, once the host has released it."""
 
+TOLD_TO_LEAVE = "told to leave"
+"""The cause with which a dog sits down at the end of its controller."""
+
+MEANT = frozenset({EMERGENCY_STOP, TOLD_TO_LEAVE})
+"""Causes that somebody meant: no fault that would have to be understood."""
+
 
 class Trip(NamedTuple):
     """Why the dog is to be stopped, and how hard; the cause names joint, object, wanted and actual."""

@@ -18,7 +18,7 @@ from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives.cia402.commission import Addressed, write_node
 from fleet_quadruped.frames import encode
-from fleet_quadruped.safety.stages import EMERGENCY_STOP, Mode
+from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
 from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT, SDO_RESPONSE
 from fleet_quadruped.selfwalk.description import SelfWalker
@@ -210,7 +210,7 @@ class SelfWalkController:
             self._stop(EMERGENCY_STOP, now)
         silent = now - order.alive
         if order.leave or silent > self.walker.safety.abandoned:
-            self._sit("told to leave" if order.leave else f"nothing heard from its host for {silent:.0f} s")
+            self._sit(TOLD_TO_LEAVE if order.leave else f"nothing heard from its host for {silent:.0f} s")
         percent = self._percent()
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")

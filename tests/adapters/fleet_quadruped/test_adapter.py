@@ -185,6 +185,9 @@ async def test_a_dog_sits_down_to_the_end_however_often_its_run_is_cancelled(run
             await asyncio.wait({run}, timeout=0.2)
     assert process.returncode == 0
     assert states.get().mode == "off"
+    assert (
+        not states.get().capture
+    )  # that it was told to leave is no fault that takes the place of a real one
 
 
 async def test_a_drive_that_is_another_device_is_told(running):
