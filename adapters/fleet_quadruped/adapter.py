@@ -41,6 +41,8 @@ _SILENT = 1.0  # s without a state after which the body controller counts as fro
 _EMERGENCY = "emergency_stop"
 Condition = Callable[[], bool]
 _STANDS = frozenset({"standing", "walking"})
+_STILL = frozenset({"standing", "off", "damped"})
+_STOPPED = 4.5  # s until it must stand still; the host waits half a second longer
 
 
 class QuadrupedAdapter(Adapter[QuadrupedConfig]):
@@ -95,7 +97,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._until(lambda: self._state.stopped >= number, "the emergency stop")
             return
         self.halt()
-        await self._until(lambda: self._state.mode != "walking", "standing still", within=6.0)
+        await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
         """Order to stand still; from any thread."""

@@ -113,6 +113,15 @@ async def test_a_latched_fault_is_told_as_one_until_it_is_reset(running):
         await robot.until(lambda: robot.healths[-1].level is Level.OK)
 
 
+async def test_a_stop_has_not_ended_while_the_dog_still_rises(running):
+    async with running() as (adapter, robot, _):
+        rising = asyncio.create_task(all_of(adapter.stand_up()))
+        await robot.until(lambda: adapter._state.mode == "rising")
+        rising.cancel()
+        await adapter.stop("asked")
+        assert adapter._state.mode == "standing"
+
+
 async def test_an_emergency_stop_is_seen_to_be_obeyed(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())
@@ -185,9 +194,7 @@ async def test_a_dog_sits_down_to_the_end_however_often_its_run_is_cancelled(run
             await asyncio.wait({run}, timeout=0.2)
     assert process.returncode == 0
     assert states.get().mode == "off"
-    assert (
-        not states.get().capture
-    )  # that it was told to leave is no fault that takes the place of a real one
+    assert not states.get().capture  # told to leave is no fault that takes the place of a real one
 
 
 async def test_a_drive_that_is_another_device_is_told(running):
