@@ -95,6 +95,7 @@ class Layout:
         self._profile = profile
         self._damiao = profile.damiao
         self._warm_at, self._error_at = profile.temperature_at, profile.error_at
+        self._degrees = tuple(float(profile.coldest + step) for step in range(256))
 
     def pack_command(self, command: Command) -> bytes:
         """Return a command's eight bytes; see ``pack_target``."""
@@ -143,7 +144,7 @@ class Layout:
         second, last = turning << 4 | pushed >> 8, pushed & 0xFF
         if self._warm_at is None:
             return _REPLY.pack(first, moved, second, last)
-        warm = round(temperature or 0)
+        warm = round(temperature or 0) - self._profile.coldest
         warm = warm if 0 <= warm <= 0xFF else 0xFF * (warm > 0)
         if self._error_at is None:
             return _WHOLE_REPLY.pack(first, moved, second, last, 0, warm)
@@ -167,7 +168,7 @@ class Layout:
             (second >> 4) / self._speed - speed,
             ((second & 0xF) << 8 | last) / self._torque - torque,
             status,
-            float(data[warm_at]) if warm_at is not None and size > warm_at else None,
+            self._degrees[data[warm_at]] if warm_at is not None and size > warm_at else None,
         )
 
     def _raw(self, angle: float, speed: float, torque: float) -> tuple[int, int, int]:

@@ -11,6 +11,7 @@ class Profile(NamedTuple):
     """One motor: +- rad, rad/s, N m of its frames; highest kp and kd.
 
     ``damiao``: status in the reply, registers, its own watchdog. Others say no status and have no reset.
+    ``temperature_at``: which byte of a reply is the temperature; ``coldest``: degrees C that its zero means.
     """
 
     angle: float
@@ -20,6 +21,7 @@ class Profile(NamedTuple):
     kd: float = 5.0
     damiao: bool = False
     temperature_at: int | None = None
+    coldest: int = 0
     error_at: int | None = None
 
 
@@ -30,8 +32,8 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
         "tmotor-ak80-6-v1": Profile(95.5, 45.0, 18.0),
         "tmotor-ak80-6-v1.1": Profile(12.5, 22.5, 12.0),
         "tmotor-ak80-9-v1.1": Profile(12.5, 22.5, 18.0),
-        "cubemars-ak70-10": Profile(12.5, 50.0, 25.0, temperature_at=6, error_at=7),
-        "cubemars-ak10-9": Profile(12.5, 50.0, 65.0, temperature_at=6, error_at=7),
+        "cubemars-ak70-10": Profile(12.5, 50.0, 25.0, temperature_at=6, coldest=-40, error_at=7),
+        "cubemars-ak10-9": Profile(12.5, 50.0, 65.0, temperature_at=6, coldest=-40, error_at=7),
         "damiao-4310": Profile(12.5, 30.0, 10.0, damiao=True, temperature_at=7),
         "damiao-4310-48v": Profile(12.5, 50.0, 10.0, damiao=True, temperature_at=7),
         "damiao-4340": Profile(12.5, 8.0, 28.0, damiao=True, temperature_at=7),

@@ -78,3 +78,11 @@ def test_golden_registers():
 
 def test_an_answer_for_a_register_is_told_from_feedback():
     assert wire.unpack_register(bytes.fromhex("1380007ff7ff2a2c")) is None
+
+
+@pytest.mark.parametrize(("byte", "degrees"), [(0, -40.0), (35, -5.0), (125, 85.0), (255, 215.0)])
+def test_the_temperature_of_a_cubemars_motor_begins_at_40_below_zero(byte, degrees):
+    layout = Layout(PROFILES["cubemars-ak70-10"])
+    reply = bytes((3, 0x80, 0, 0x80, 8, 0, byte, 0))
+    assert layout.unpack_reply(reply)[5] == degrees
+    assert layout.pack_reply(layout.unpack_reply(reply))[6] == byte
