@@ -37,6 +37,11 @@ class Number(BaseModel):
     offset: float = Field(0.0, description="Value of raw zero.")
     invalid: int | None = Field(None, description="Raw number that means: not known.")
 
+    @property
+    def farthest(self) -> float:
+        """The value that is farthest from zero."""
+        return max(abs(raw * self.scale + self.offset) for raw in _RANGES[self.type])
+
 
 class FieldMap(Number):
     """One value of a frame, at byte ``at``."""

@@ -10,17 +10,27 @@ from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.frames import Decoder
 from fleet_quadruped.robot.parts import Sensor
 
+_POSSIBLE = {"qw": 2.0, "qx": 2.0, "qy": 2.0, "qz": 2.0, "gx": 100.0, "gy": 100.0, "gz": 100.0}
+"""What an IMU can say at most, rad/s for its rates; one number beyond would be in the odometry for ever."""
+
 
 class Values:
     """The newest values of one sensor, by name; a value that is told to be invalid is not known any more.
 
-    ``whole``: a frame with an invalid value does not count at all.
+    ``whole``: a frame with an invalid value, or with one that no IMU can say, does not count at all.
     """
 
     def __init__(self, sensor: Sensor, *, whole: bool = False) -> None:
         self.frames = frozenset((sensor.bus, frame.id) for frame in sensor.frames)
         self._names = {frame.id: frame.fields.keys() for frame in sensor.frames}
         self._whole = whole
+        self._doubtful = {
+            frame.id: [
+                name for name, field in frame.fields.items() if field.farthest > _POSSIBLE.get(name, math.inf)
+            ]
+            for frame in sensor.frames
+            if whole
+        }
         self._decoder = Decoder(sensor.frames)
         self._times: dict[int, float] = {}
         self.values: dict[str, float] = {}
@@ -28,7 +38,7 @@ class Values:
     def take(self, frame: Frame, now: float) -> None:
         """Take one of ``frames`` (bus, id) that was received at ``now``."""
         found = self._decoder.decode(frame.id, frame.data)
-        if not found:
+        if not found or not self._is_possible(frame.id, found):
             return
         if len(found) < len(self._names[frame.id]):
             if self._whole:
@@ -37,6 +47,11 @@ class Values:
                 self.values.pop(name, None)
         self.values.update(found)
         self._times[frame.id] = now
+
+    def _is_possible(self, identifier: int, found: dict[str, float]) -> bool:
+        """Return False for a frame in which a value is beyond what there is."""
+        doubtful = self._doubtful.get(identifier)
+        return not doubtful or all(abs(found.get(name, 0.0)) <= _POSSIBLE[name] for name in doubtful)
 
     def age(self, now: float) -> float:
         """Return the age of the oldest frame; infinite while one has never come."""

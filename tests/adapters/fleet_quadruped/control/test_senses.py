@@ -46,3 +46,13 @@ def test_an_imu_frame_with_a_value_that_is_no_number_does_not_count(floats):
 def test_a_rotation_that_is_none_is_no_imu(floats):
     floats.take(turn(0, 0, 0, 0), 1.0)
     assert imu_of(floats.values | dict.fromkeys(("gx", "gy", "gz"), 0.0)) is None
+
+
+@pytest.mark.parametrize("wild", [3.0e38, -1.0e30, 101.0])
+def test_an_imu_frame_that_no_imu_can_mean_does_not_count(wild):
+    fields = {name: FieldMap(at=4 * place, type="f32") for place, name in enumerate(("gx", "gy", "gz"))}
+    rates = Values(Sensor(bus="a", frames=(FrameMap(id=0x11, fields=fields),)), whole=True)
+    rates.take(Frame(0x11, struct.pack("<3f", 0.1, 0.2, 0.3)), 1.0)
+    rates.take(Frame(0x11, struct.pack("<3f", 0.1, wild, 0.3)), 2.0)
+    assert rates.values["gy"] == pytest.approx(0.2)
+    assert rates.age(2.0) == 1.0
