@@ -168,7 +168,8 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
         if message is None:
             return
         frame = Frame(message.arbitration_id, bytes(message.data))
-        yield Packet(frame, message.is_error_frame, message.is_remote_frame)
+        foreign = message.is_extended_id and frame.id <= raw.STANDARD_ID
+        yield Packet(frame, message.is_error_frame, message.is_remote_frame or foreign)
         wait = 0.0
 
 

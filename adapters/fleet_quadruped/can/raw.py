@@ -14,12 +14,15 @@ from fleet_quadruped.can.frame import Frame
 
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 1 << 31, 1 << 30, 1 << 29
-_STANDARD_ID, _EXTENDED_ID = 0x7FF, 0x1FFFFFFF
+STANDARD_ID, _EXTENDED_ID = 0x7FF, 0x1FFFFFFF
 _PACKET = 72  # bytes of the longest frame, one with flexible data rate
 
 
 class Packet(NamedTuple):
-    """What was read: a frame, and whether it is one that tells of errors, or one without data."""
+    """What was read: a frame, and whether it is one that tells of errors, or one that is for nobody here.
+
+    ``remote``: one without data, or an extended one with the number of a standard one, which it is not.
+    """
 
     frame: Frame
     error: bool = False
@@ -28,7 +31,7 @@ class Packet(NamedTuple):
 
 def pack(frame: Frame) -> bytes:
     """Return a frame as the kernel takes it."""
-    identifier = frame.id | _EXTENDED if frame.id > _STANDARD_ID else frame.id
+    identifier = frame.id | _EXTENDED if frame.id > STANDARD_ID else frame.id
     return _FRAME.pack(identifier, len(frame.data), frame.data)
 
 
@@ -37,10 +40,11 @@ def unpack(data: bytes) -> Packet:
     if len(data) < _FRAME.size:
         return Packet(Frame(0, b""), remote=True)
     word, length, payload = _FRAME.unpack_from(data)
-    mask = _EXTENDED_ID if word & _EXTENDED else _STANDARD_ID
     if word & _ERROR:
         return Packet(Frame(word & _EXTENDED_ID, payload[:length]), error=True)
-    return Packet(Frame(word & mask, payload[:length]), remote=bool(word & _REMOTE))
+    identifier = word & (_EXTENDED_ID if word & _EXTENDED else STANDARD_ID)
+    foreign = word & _EXTENDED and identifier <= STANDARD_ID
+    return Packet(Frame(identifier, payload[:length]), remote=bool(word & _REMOTE or foreign))
 
 
 def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:

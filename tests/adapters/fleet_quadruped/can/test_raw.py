@@ -43,6 +43,22 @@ def test_a_frame_comes_back_as_it_was(frame):
     assert raw.unpack(raw.pack(frame)) == (frame, False, False)
 
 
+def test_an_extended_frame_with_the_number_of_a_drive_is_not_the_drives(wire):
+    bus, theirs = wire
+    theirs.send(build_can_frame(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True)))
+    theirs.send(raw.pack(Frame(0x182, b"")))
+    assert bus.receive(0.1) == [Frame(0x182, b"")]
+
+
+def test_nor_is_it_by_python_cans_own_way():
+    ours = Bus("a", "can:virtual:foreign", 1_000_000, ManualClock())
+    with can.Bus(interface="virtual", channel="foreign") as other:
+        other.send(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True))
+        other.send(can.Message(arbitration_id=0x182, is_extended_id=False))
+        assert ours.receive(0.1) == [Frame(0x182, b"")]
+    ours.close()
+
+
 def test_golden_bytes():
     assert raw.pack(Frame(0x201, b"\x0f\x00")).hex() == "01020000020000000f00000000000000"
     assert raw.pack(Frame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"

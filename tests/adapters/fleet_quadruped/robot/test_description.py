@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from fleet.errors import ConfigError
@@ -25,6 +27,12 @@ def test_a_file_that_is_not_there_is_told(tmp_path):
 
 def test_a_slip_in_the_yaml_is_told_with_its_line(write_dog):
     assert "dog.yaml:7" in refused(write_dog(("robot: {name: example, mass: 12.6}", "robot: {name: example")))
+
+
+def test_a_joint_that_is_there_twice_is_refused(write_dog):
+    line = "  RR_knee: {bus: a, id: 12, sign: -1}\n"
+    told = refused(write_dog((line, line + line.replace("12", "13"))))
+    assert re.search(r"dog.yaml:\d\d: the key 'RR_knee' is there twice$", told)
 
 
 def test_an_unknown_key_is_refused(write_dog):
