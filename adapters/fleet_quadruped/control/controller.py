@@ -111,6 +111,11 @@ class Controller:
         self._write(wanted, sense, dt)
         self._lamp.show(order.lamp)
 
+    def abandon(self) -> None:
+        """Have the drives that can still be reached give way: nobody follows."""
+        self.drives.damp(self.dog.safety.kd)
+        self.drives.begin_cycle(0.0)  # with the SYNC on which they obey
+
     def state(self, now: float, timing: Timing) -> State:
         """Return the newest state."""
         imu, odometry = self._seen_imu, self.body.walker.odometry

@@ -60,6 +60,9 @@ class Controlled(Protocol):
     def state(self, now: float, timing: Timing) -> State:
         """Return the newest state."""
 
+    def abandon(self) -> None:
+        """Have what can still be reached give way: nobody follows."""
+
 
 class Exchange(Protocol):
     """Where orders come from and states go."""
@@ -132,7 +135,11 @@ class Loop:
         """Run; raises LinkLost when a bus dies."""
         self._priority = realtime()
         with no_collector():
-            self._cycle_on()
+            try:
+                self._cycle_on()
+            except Exception:  # with one bus dead, drives on another would go on to their last targets
+                self._controller.abandon()
+                raise
 
     def _cycle_on(self) -> None:
         dt = self._controller.dt

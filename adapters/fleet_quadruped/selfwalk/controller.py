@@ -120,6 +120,10 @@ class SelfWalkController:
             self._bus.send(frame)
         self._lamp.show(order.lamp)
 
+    def abandon(self) -> None:
+        """Have it stand still, if it can still be reached: nobody follows."""
+        self._send(_STILL)
+
     def state(self, now: float, timing: Timing) -> State:
         """Return the newest state."""
         turn = self._imu.rotation if self._imu else quaternion_from_yaw(self._yaw)

@@ -1,0 +1,56 @@
+"""How the loop of a body controller ends."""
+
+import pytest
+
+from fleet.errors import LinkLost
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.orders import State
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.rig import Rig
+
+
+@pytest.fixture(params=[("cia402", ""), ("mit", "tmotor-ak80-9-v1.1"), ("mit", "damiao-8006")])
+def two_buses(dog, request):
+    """Return a walking dog whose right legs are on a bus of their own."""
+    told = dog.model_dump()
+    for name, wiring in told["joints"].items():
+        wiring["bus"] = "b" if name[1] == "R" else "a"
+    protocol, profile = request.param
+    told["drive"] |= {"protocol": protocol, "profile": profile}
+    rig = Rig(Description.model_validate(told | {"buses": {"a": {}, "b": {}}}))
+    rig.stand()
+    rig.go(0.6, Twist(0.4))
+    return rig
+
+
+class Orders:
+    """An exchange that says what the rig's host says."""
+
+    def __init__(self, rig):
+        self._rig = rig
+
+    def order(self):
+        return self._rig.order
+
+    def put(self, state: State):
+        """Nobody reads it."""
+
+
+def test_drives_on_the_other_bus_give_way_when_one_bus_dies(two_buses, monkeypatch):
+    rig = two_buses
+    monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
+    assert rig.mode is Mode.WALKING, rig.fault
+    rig.buses["a"].cut = True
+    with pytest.raises(LinkLost, match="bus 'a' is gone"):
+        Loop(rig.controller, rig.buses, Orders(rig), ManualClock()).run()
+    rig.sim.advance(0.002)  # long before the drives' own watchdogs, which some do not have
+    right = [
+        motor
+        for joint, motor in zip(rig.dog.all_joints, rig.sim.world.motors, strict=True)
+        if joint.bus == "b"
+    ]
+    assert len(right) == 6
+    assert all(motor.kp == 0 < motor.kd for motor in right)
