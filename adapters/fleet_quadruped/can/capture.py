@@ -111,7 +111,8 @@ def _save(path: Path, frames: list[Captured]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w", encoding="ascii") as file:
             file.writelines(map(_line, frames))
-        for old in sorted(path.parent.glob("*.log"))[:-FILES]:
+        others = sorted(other for other in path.parent.glob("*.log") if other != path)
+        for old in others[: 1 - FILES]:  # never the new one, whatever the clock said before
             old.unlink()
     except OSError as error:
         log.warning("what was on the buses before the fault could not be written: %s", error)

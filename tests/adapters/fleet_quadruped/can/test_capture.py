@@ -70,6 +70,16 @@ def test_only_the_newest_files_are_kept(capture, tmp_path):
     assert str(files(tmp_path)[-1]) == last
 
 
+def test_the_newest_is_kept_although_the_clock_was_set_back(capture, tmp_path):
+    (tmp_path / "captures").mkdir()
+    for number in range(FILES):
+        (tmp_path / "captures" / f"9{number}95000000.000.log").touch()
+    last = capture.look("a fault", resting=True)
+    capture.finish()
+    assert len(files(tmp_path)) == FILES
+    assert last in map(str, files(tmp_path))
+
+
 def test_a_disk_that_does_not_take_it_is_a_line_in_the_log(bus, tmp_path, caplog):
     (tmp_path / "captures").write_text("a file")
     capture = Capture({"a": bus}, tmp_path / "captures", ManualClock())
