@@ -21,6 +21,7 @@ from fleet.model.state import RobotState
 WAY = 1.0  # m
 SPEED = 0.15  # m/s; slow, so that nothing slips
 WITHIN = 120.0  # s for each drive
+STOP_WITHIN = 5.0  # s for the answer to a stop
 SANE = (0.5, 2.0)  # factors beyond are a mistake in measuring
 
 
@@ -105,12 +106,24 @@ def _go(edges: Edges, name: str, command: str, **fields: Any) -> None:
     message = {"command": command, "action_id": uuid.uuid4().hex, "timestamp": time.time(), **fields}
     message["constraints"] = {"max_speed_ms": SPEED}
     payload = json.dumps(message).encode()
-    last = None
-    for last in edges.command(_robot(edges, name), payload, kind="navigate", wait=True, timeout=WITHIN):
-        if not last.ok:
-            raise Refused(f"{name}: {last.reason}")
-    if last is None or not last.done:
-        raise Refused(f"{name} did not get there within {WITHIN:g} s")
+    robot, standing = _robot(edges, name), False
+    try:
+        for last in edges.command(robot, payload, kind="navigate", wait=True, timeout=WITHIN):
+            standing = last.done or not last.ok
+            if not last.ok:
+                raise Refused(f"{name}: {last.reason}")
+        if not standing:
+            raise Refused(f"{name} did not get there within {WITHIN:g} s")
+    finally:  # whoever interrupts this means the robot
+        if not standing:
+            _stop(edges, robot)
+
+
+def _stop(edges: Edges, robot: RobotState) -> None:
+    """Have a robot stand still."""
+    payload = json.dumps({"command": "stop", "data": {}, "timestamp": time.time()}).encode()
+    for _ in edges.command(robot, payload, kind="command", wait=False, timeout=STOP_WITHIN):
+        pass
 
 
 def _place(edges: Edges, name: str) -> Vector3:

@@ -75,6 +75,26 @@ def test_it_drives_a_metre_and_a_turn_and_writes_what_follows(place, play_edge, 
     assert not (place / "beast.calibration.yaml").exists()
 
 
+@pytest.mark.parametrize("interrupted", [True, False])
+def test_who_interrupts_it_or_hears_no_end_of_it_stops_the_robot(
+    place, play_edge, answer, monkeypatch, interrupted
+):
+    (place / "fleet.yaml").write_text(FLEET)
+    play_edge("yard-1", robots={"beast": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}})
+    asked = []
+
+    def command(_edges, robot, payload, *, kind, **_):
+        asked.append((robot.name, kind, json.loads(payload)["command"]))
+        yield DONE[0]
+        if kind == "navigate" and interrupted:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("fleet.cli.calibrate.Edges.command", command)
+    answer()
+    assert main(["calibrate", "beast"]) != 0
+    assert asked == [("beast", "navigate", "relative_move"), ("beast", "command", "stop")]
+
+
 def test_a_robot_that_is_not_in_the_file_is_told(place, capsys):
     (place / "fleet.yaml").write_text(FLEET)
     assert main(["calibrate", "rex"]) != 0
