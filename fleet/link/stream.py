@@ -68,7 +68,13 @@ class StreamLink:
     def unsent(self) -> int:
         """Return how many bytes wait in the kernel, 0 once the link ended; from any thread."""
         with self._lock:
-            return 0 if self._ending.ended else _unsent(self._descriptor)
+            if self._ending.ended:
+                return 0
+            try:
+                return _unsent(self._descriptor)
+            except OSError as error:  # an unplugged device, before the loop has noticed it
+                self._ending.fall(str(error.strerror or error))
+                return 0
 
     def _write(self, data: bytes) -> None:
         """Hand the bytes to the kernel; half a frame cannot be taken back, so it ends the link."""

@@ -8,8 +8,12 @@ import tty
 import pytest
 import serialx
 
-from fleet.errors import LinkLost, LinkRefused
+from fleet.errors import LinkLost, LinkRefused, NotReady
+from fleet.link.motion import Motion
+from fleet.link.slot import MotionSlot
 from fleet.link.url import open_link
+from fleet.model.geometry import Vector3, Velocity
+from fleet.testing.clock import ManualClock
 
 
 class Port:
@@ -73,6 +77,25 @@ async def test_an_unplugged_device_is_noticed(port, opened, told_why):
     assert opened[0].url in await told_why(opened[0])
     with pytest.raises(LinkLost):
         opened[0].send(b"M 1 0\n")
+
+
+async def test_an_unplugged_device_is_a_lost_link_also_to_who_moves_the_robot_before_the_loop_notices(
+    port, opened, told_why
+):
+    link, _ = opened
+    motion = Motion(
+        MotionSlot(link, ManualClock(), baud=115200),
+        ManualClock(),
+        encode=lambda velocity: (b"M %.1f\n" % velocity.linear.x,),
+        stop=lambda: (b"M 0\n",),
+        every=0.1,
+    )
+    motion.drive(Velocity(Vector3(0.5)))
+    port.unplug()
+    with pytest.raises(NotReady, match="Input/output error"):
+        motion.drive(Velocity(Vector3(0.4)))
+    motion.halt()
+    assert "Input/output error" in await told_why(link)
 
 
 async def test_a_robot_that_does_not_read_costs_the_link_not_the_loop(opened):
