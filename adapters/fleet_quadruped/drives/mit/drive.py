@@ -46,7 +46,8 @@ class _Motor:
     temperature: float | None = None
     told_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
-    enabled: bool = False  # we asked for it and it answered since
+    enabled: bool = False  # we asked for it
+    answered: bool = False  # since it was asked to be enabled
     held: bool = False  # a Damiao motor that said it is enabled, since we wanted it
     restarted: bool = False  # it let go by itself, so its watchdog is not trusted any more
 
@@ -158,7 +159,7 @@ class MitDrives:
             return
         _, angle, speed, torque, motor.status, motor.temperature = reply
         motor.angle, motor.speed, motor.torque = motor.units.joint(angle, speed, torque)
-        motor.told_at = now
+        motor.told_at, motor.answered = now, True
         motor.answers.take(data)
         self._note_hold(motor)
 
@@ -205,8 +206,8 @@ class MitDrives:
                 here = MitCommand(motor.joint.motor(motor.angle))
                 self._send(motor, self._layout.pack_command(here))
             else:
+                motor.answered = motor.answered and motor.enabled
                 motor.enabled = True
-                motor.told_at = motor.told_at if self._damiao else NEVER
                 self._send(motor, wire.ENABLE)
 
     def write(self, targets: Targets) -> None:
@@ -266,7 +267,7 @@ class MitDrives:
     def _is_enabled(self, motor: _Motor) -> bool:
         if self._damiao:
             return motor.status == wire.ENABLED
-        return motor.enabled and motor.told_at > NEVER
+        return motor.enabled and motor.answered
 
     def _send(self, motor: _Motor, data: bytes) -> None:
         motor.bus.send(Frame(motor.id, data))
