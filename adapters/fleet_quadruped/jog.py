@@ -7,6 +7,7 @@ exception, the end) the joint is stopped by the drive's own means and the torque
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import os
 import select
@@ -26,6 +27,8 @@ from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description, Joint
+
+log = logging.getLogger(__name__)
 
 SPEED = 0.1  # rad/s
 LEAST_DEGREES, MOST_DEGREES = 0.5, 10.0
@@ -89,8 +92,13 @@ class Jogger:
             moved = self._stepped()
         except BaseException:
             self._brake()
-            with contextlib.suppress(LinkError):  # why it ended matters more
+            try:
                 drives.limit_torque(None)
+            except LinkError:  # why the jog ended matters more, and is raised
+                name = self._jog.joint.name
+                log.warning(
+                    "%s: its torque is limited still; take its power off and on before it stands", name
+                )
             raise
         self._brake()
         drives.limit_torque(None)

@@ -102,6 +102,14 @@ def test_a_drive_that_falls_silent_ends_it(wall):
         wall.jogger.move()
 
 
+def test_a_torque_limit_that_could_not_be_taken_back_is_told(dog, caplog):
+    wall = Wall(dog)
+    wall.on_the_way = lambda: wall.sim.fault("mute", NUMBER + 1)
+    with pytest.raises(LinkLost):
+        wall.jogger.move()
+    assert "FR_hip: its torque is limited still; take its power off and on" in caplog.text
+
+
 def test_a_silent_drive_is_not_moved(wall):
     wall.sim.fault("mute", NUMBER + 1)
     with pytest.raises((Refused, LinkLost), match=r"FR_hip: id 5 on bus 'a' (is silent|does not answer)"):
