@@ -8,7 +8,7 @@ import click
 import msgspec
 
 from fleet.cli.connect import Edges
-from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.output import NotRunning, Output, counted, with_output
 from fleet.model.state import EdgeState, RobotState
 
 file_option = click.option("-f", "--file", type=click.Path(), help="Reach the edge of this fleet file.")
@@ -77,11 +77,14 @@ def edge_line(edge: EdgeState) -> str:
 def cloud_line(edge: EdgeState) -> str:
     """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say.
 
-    States that only wait for their turn are no backlog: a newer one replaces them.
+    States that only wait for their turn are no backlog: a newer one replaces them. Nor is what the cloud
+    could take, if anybody there subscribed to it.
     """
+    waiting = max(0, edge.spooled - edge.unheard)
     parts = [
         (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
-        (edge.spooled, f"{edge.spooled} messages wait for it"),
+        (waiting, f"{counted(waiting, 'message')} not sent yet"),
+        (edge.unheard, f"{counted(edge.unheard, 'message')} kept until somebody subscribes"),
         (edge.dropped, f"{edge.dropped} dropped"),
         (edge.refused, f"{edge.refused} refused"),
     ]

@@ -85,6 +85,11 @@ class Line:
         """True when nothing of the topic is left."""
         return not (self.back or self.memory or self.cold or self.flying)
 
+    @property
+    def waiting(self) -> int:
+        """How many messages are left, those under way not counted."""
+        return len(self.back) + len(self.memory) + self.cold
+
     def see(self, sign: Sign) -> bool:
         """Take a sign; tell whether the state changed by it."""
         before = self.state
