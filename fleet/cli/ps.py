@@ -49,8 +49,12 @@ def for_programs(value: msgspec.Struct) -> dict[str, Any]:
 
 def _row(state: RobotState) -> tuple[str, str, str, str, str, str]:
     """Return a robot's row."""
-    last = f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
-    return state.name, state.health, mode_of(state), battery_of(state), state.activity or "-", last
+    return state.name, state.health, mode_of(state), battery_of(state), state.activity or "-", last_of(state)
+
+
+def last_of(state: RobotState) -> str:
+    """Return the last command and how it ended."""
+    return f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
 
 
 def mode_of(state: RobotState) -> str:
