@@ -22,7 +22,7 @@ USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [options of pytest]"""
 # What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
 PACKAGES = {
-    "demo": ["--no-default-groups", "--extra", "mavlink", "--extra", "serial", "--inexact"],
+    "demo": ["--no-default-groups", "--extra", "all", "--inexact"],
     "test": ["--all-extras"],
 }
 PROGRAMS = {
