@@ -240,7 +240,7 @@ class Desk:
         if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
-        if not takes(spec, ask, ticket):
+        if spec.moves and not takes(spec, ask, ticket):
             return
         superseding = self.in_motion
         if spec.moves:
