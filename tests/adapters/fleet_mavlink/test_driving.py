@@ -240,3 +240,19 @@ def test_cancelling_a_return_takes_it_even_from_the_fail_safe_that_began_it(fly,
             assert it.mode == HOLD[flavour]
 
     fly(main())
+
+
+@both
+@pytest.mark.parametrize("rest", [1.1, 1.5])
+def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(fly, sky, flavour, rest):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 3.0)
+            await it.drive(STILL, rest)  # its own hold is under way
+            await it.do("land")
+            assert not it.armed
+            assert it.robot.losses == []
+
+    fly(main())
