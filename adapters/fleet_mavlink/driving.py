@@ -36,7 +36,8 @@ class Driver:
     """The stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``, nothing here blocks.
 
     ``enter`` asks for the mode that takes setpoints, ``hold`` for the one that keeps the place; both run in
-    the background, by ``spawn``, until the heartbeat shows them.
+    the background, by ``spawn``, until the heartbeat shows them. ``busy`` tells that another command is under
+    way: its mode may be shown late, and a hold behind it would undo it.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Driver:
         enter: Callable[[], Awaitable[None]],
         hold: Callable[[], Awaitable[None]],
         spawn: Callable[[Awaitable[None]], asyncio.Task[None]],
+        busy: Callable[[], bool],
     ) -> None:
         self.phase = Phase.IDLE
         self.halted = False  # set by another thread: brake at the next tick
@@ -57,6 +59,7 @@ class Driver:
         self._enter = enter
         self._hold = hold
         self._spawn = spawn
+        self._busy = busy
         self._wanted = ZERO_VELOCITY
         self._since = 0.0  # when motion was last asked for
         self._since_phase = 0.0
@@ -194,7 +197,7 @@ class Driver:
         """Go on until the mode is left; then be silent, or start again for a velocity that came."""
         if mode != flavour.external:
             self._to(Phase.IDLE if self._wanted.is_zero else Phase.STARTING)
-        elif self._now() >= self._again_at:
+        elif not self._busy():
             self._ask(self._hold)
 
     def _ask(self, what: Callable[[], Awaitable[None]]) -> None:

@@ -64,6 +64,7 @@ class Session:
             enter=self.flight.enter_external,
             hold=self.flight.hold,
             spawn=self._spawn,
+            busy=self.commander.turn.locked,
         )
         self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)

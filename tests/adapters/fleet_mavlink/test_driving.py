@@ -256,3 +256,21 @@ def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(fly, sky, flavo
             assert it.robot.losses == []
 
     fly(main())
+
+
+@both
+def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_hold(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 3.0)
+            landing = asyncio.ensure_future(it.do("land"))
+            it.radio = False
+            await asyncio.sleep(0.1)
+            it.radio = True
+            await landing
+            assert not it.armed
+            assert it.robot.losses == []
+
+    fly(main())
