@@ -14,9 +14,8 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError, Refused, TimedOut
+from fleet.errors import CommandError, LinkError, Refused
 from fleet.host.aside import HALT_WAIT, aside
-from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
@@ -28,6 +27,7 @@ from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
+from fleet.host.standstill import stand_still
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -79,6 +79,7 @@ class Desk:
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
+        self._adrift = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal)
         ready = self._executor.standing
         self._navigator = Navigator(
@@ -114,10 +115,18 @@ class Desk:
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
         self.offline = self._admission.fault = ""
+        self._catch()
+
+    def _catch(self) -> None:
+        """Stop a robot that was lost while it moved, and is back: it may still be at it."""
+        if self._adrift:
+            self._adrift = False
+            self._executor.stop(self._settle("it was lost while it moved", anyway=True), "stop")
 
     def faulted(self, why: str) -> None:
         """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
         before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        self._catch()
         if before or self._executor.safe:
             return
         if self.in_control:
@@ -130,6 +139,7 @@ class Desk:
         A robot that somebody else moves is not touched.
         """
         if not self.offline and self.in_control:
+            self._adrift = (self.in_motion or self._executor.stopping) and not self._executor.safe
             self.halt()
         self.offline, self._admission.fault = why, ""
         self._end_motion(why)
@@ -145,7 +155,7 @@ class Desk:
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
-        self.in_control = False
+        self.in_control = self._adrift = False
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
     def _end_motion(self, why: str) -> None:
@@ -185,17 +195,8 @@ class Desk:
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
         self._driving.let_go()
-        if self._adapter is None:
-            return
-        try:
-            await bounded(self._adapter.stop(why), STOP_TIMEOUT)
-        except TimeoutError:
-            self.halt()
-            log.error("%s: the adapter did not stop within %g s", self.name, STOP_TIMEOUT)  # noqa: TRY400
-            raise TimedOut(f"{self.name} did not stop within {STOP_TIMEOUT:g} s; it was halted") from None
-        except Exception:
-            self.halt()
-            raise
+        if self._adapter is not None:
+            await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
 
     # -- asking --------------------------------------------------------------------------------------
 
@@ -279,9 +280,9 @@ class Desk:
         else:
             ticket.done()
 
-    async def _settle(self, why: str) -> None:
-        """Stop the robot for nobody in particular, after something failed; not one that another has."""
-        if not self.in_control:
+    async def _settle(self, why: str, *, anyway: bool = False) -> None:
+        """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""
+        if not (anyway or self.in_control):
             return
         log.warning("%s: %s: it is brought to a standstill", self.name, why)
         await self._hold_for(why, Ticket("stop", lambda _: None))
