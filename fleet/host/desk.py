@@ -27,7 +27,7 @@ from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
-from fleet.host.standstill import stand_still
+from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -64,8 +64,8 @@ class Desk:
         self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        ours = partial(getattr, self, "in_control")
-        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, ours=ours, publish=publish)
+        free = partial(getattr, self, "free")
+        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, free=free, publish=publish)
         self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
         self.deadman = self._driving.deadman
         self._publish = publish
@@ -105,6 +105,11 @@ class Desk:
     def in_motion(self) -> bool:
         """True while the robot moves, or may move, because of us."""
         return bool(self.deadman.armed or self._executor.moving or self._navigator.active)
+
+    @property
+    def free(self) -> bool:
+        """True when the host may do with the robot what makes it safer: it is ours, and not at that already."""
+        return self.in_control and not self._executor.safe
 
     # -- the robot comes and goes --------------------------------------------------------------------
 
@@ -166,7 +171,7 @@ class Desk:
 
     def end(self, why: str) -> None:
         """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
-        if self.in_control and self.in_motion and not self._executor.safe:
+        if self.free and self.in_motion:
             self._end_motion(why)
             self._executor.stop(self._settle(why), "stop")
 
@@ -179,12 +184,7 @@ class Desk:
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
-        adapter = self._adapter
-        try:
-            if adapter is not None:
-                adapter.emergency_halt() if emergency else adapter.halt()
-        except Exception:
-            log.exception("%s: its halt failed", self.name)
+        write_halt(self._adapter, self.name, emergency=emergency)
 
     def lease_ran_out(self) -> None:
         """Follow the watchdog's halt with the adapter's own zero velocity."""

@@ -35,8 +35,8 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 class Guard:
     """One robot's fence and battery.
 
-    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``ours``
-    tells whether nobody else has it.
+    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``free``
+    tells whether nobody else has it, and nothing makes it safer already.
     ``held`` is the body velocity that is being held.
     """
 
@@ -48,7 +48,7 @@ class Guard:
         *,
         end: Callable[[str], None],
         ask: Callable[[Command, Ticket], None],
-        ours: Callable[[], bool],
+        free: Callable[[], bool],
         publish: Callable[[Report], None],
     ) -> None:
         self._name = config.name
@@ -58,7 +58,7 @@ class Guard:
         self._clock = clock
         self._end = end
         self._ask = ask
-        self._ours = ours
+        self._free_to_act = free
         self._publish = publish
         self.held = ZERO_VELOCITY
         policy = config.battery_policy
@@ -105,7 +105,7 @@ class Guard:
             self._end("fence: the velocity leads out of it")
 
     def _look_at_battery(self) -> None:
-        """Tell once of a low battery, and act on it once the robot is ours; again after it was charged."""
+        """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
         if self._reserve is None or self._percent is None:
             return
         if self._reserve.is_charged(self._percent):
@@ -115,7 +115,7 @@ class Guard:
         if not self._told_low:
             self._told_low = True
             self._tell("battery_low", percent=self._percent, action=self._action)
-        if self._action != "tell" and not self._acted and self._ours():
+        if self._action != "tell" and not self._acted and self._free_to_act():
             ticket = Ticket(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
             self._acted = ticket.ended is None  # else it was refused at once: it is asked again

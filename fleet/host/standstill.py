@@ -1,4 +1,4 @@
-"""Bringing a robot to a standstill in time, whatever its adapter does."""
+"""Bringing a robot to a standstill, whatever its adapter does."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ from fleet.errors import TimedOut
 from fleet.host.bounded import bounded
 
 log = logging.getLogger(__name__)
+
+
+def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
+    """Have an adapter write its halt at once; from any thread; never raises."""
+    try:
+        if adapter is not None:
+            adapter.emergency_halt() if emergency else adapter.halt()
+    except Exception:
+        log.exception("%s: its halt failed", name)
 
 
 async def stand_still(

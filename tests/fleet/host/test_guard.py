@@ -220,3 +220,20 @@ async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(mak
         bench.desk.guard.see(BatteryReport(0.0, percent))
     await asks.settle()
     assert bench.puppet.told.count("land") == 1
+
+
+async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon_after_it(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "stop"})
+    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    landing = bench.ask(asks.command("land"), waits=True)
+    await asks.settle()
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert told(bench, "battery_low")
+    assert bench.puppet.told == []
+    bench.puppet.go.set()
+    await asks.settle()
+    assert landing[-1].done
+    bench.desk.guard.see(BatteryReport(0.0, 13.0))
+    await asks.settle()
+    assert bench.puppet.told == ["stop"]
