@@ -108,7 +108,7 @@ class Desk:
 
     @property
     def free(self) -> bool:
-        """True when the host may do with the robot what makes it safer: it is ours, and not at that already."""
+        """True when the host may act by itself: the robot is ours, and nothing safer is under way."""
         return self.in_control and not self._executor.safe
 
     # -- the robot comes and goes --------------------------------------------------------------------
@@ -152,15 +152,14 @@ class Desk:
     def detach(self, why: str) -> None:
         """Take the adapter away."""
         self.lost(why)
-        self._adapter = None
-        self.in_control = False
+        self._adapter, self.in_control = None, False
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
-        self.in_control = self._adrift = False
+        self.in_control, self._adrift, self.guard.taken = False, False, True
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
     def _end_motion(self, why: str) -> None:
@@ -244,6 +243,7 @@ class Desk:
         superseding = self.in_motion
         if spec.moves:
             self.in_control = True
+            ticket.watch(self.guard.obeyed)
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
 
@@ -348,6 +348,7 @@ class Desk:
         self.in_control = True
         ticket.accept()
         self.last.follow(ask.name, ticket)
+        ticket.watch(self.guard.obeyed)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:

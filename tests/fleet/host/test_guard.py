@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.errors import Refused
+from fleet.errors import NotReady, Refused
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, quaternion_from_yaw
@@ -237,3 +237,29 @@ async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon
     bench.desk.guard.see(BatteryReport(0.0, 13.0))
     await asks.settle()
     assert bench.puppet.told == ["stop"]
+
+
+@pytest.mark.parametrize("kind", ["setpoint", "command", "goal", "zero"])
+async def test_what_is_refused_because_a_pilot_has_the_robot_does_not_make_it_ours(make_bench, asks, kind):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.guard.see(BatteryReport(0.0, 90.0))
+    tell(bench)
+    bench.ask(asks.setpoint())
+    bench.desk.authority_lost("the pilot switched to POSHOLD")
+    bench.puppet.raises = None if kind == "zero" else NotReady("a pilot has it")
+    what = {"command": asks.command("takeoff"), "zero": asks.setpoint(0.0)}
+    bench.ask(what[kind] if kind in what else getattr(asks, kind)())
+    await asks.settle()
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert told(bench, "battery_low")
+    assert "land" not in bench.puppet.told
+
+
+async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.authority_lost("the pilot switched to POSHOLD")
+    bench.ask(asks.setpoint())
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "land"
