@@ -68,6 +68,11 @@ class Driver:
         self._again_at = -math.inf
         self._must_ask = False
 
+    @property
+    def drives(self) -> bool:
+        """True while the newest velocity is streamed."""
+        return self.phase in {Phase.STARTING, Phase.DRIVING}
+
     def drive(self, velocity: Velocity) -> None:
         """Take the newest velocity, and send it at once, not with the next tick.
 
@@ -94,7 +99,7 @@ class Driver:
 
         Who drives in bursts need not wait for two changes of mode between them.
         """
-        if self.phase not in {Phase.STARTING, Phase.DRIVING}:
+        if not self.drives:
             return False
         self.drive(ZERO_VELOCITY)
         return True

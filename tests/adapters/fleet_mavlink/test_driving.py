@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fleet import NotReady, Vector3, Velocity
+from fleet import Goal, GoTo, NotReady, Vector3, Velocity
 from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
@@ -272,5 +272,25 @@ def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_h
             await landing
             assert not it.armed
             assert it.robot.losses == []
+
+    fly(main())
+
+
+def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velocities(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            await it.do("takeoff")
+            steps = it.adapter.navigate(GoTo(Goal(Vector3(300.0, 0.0, 10.0))))
+            await anext(steps)
+            await asyncio.sleep(4)
+            vehicle = it.adapter._session.vehicle
+            send = vehicle._send
+            vehicle._send = lambda message, address: (
+                None if getattr(message, "command", 0) == Cmd.DO_SET_MODE else send(message, address)
+            )
+            it.adapter.drive(FORWARD)
+            await it.adapter.stop("stop")
+            await it.until(lambda: it.speed < 0.2, within=6.0)
 
     fly(main())
