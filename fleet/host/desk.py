@@ -387,8 +387,8 @@ class Desk:
             if first is not None:
                 ticket.follow(first)
                 return
-        refusal, who = self._admission.navigate(ask), self._pilot()
-        if refusal is not None or who is None or self.offline:
+        refusal = self._admission.navigate(ask) or self.guard.task(self._navigator.ahead)
+        if refusal is not None or (who := self._pilot()) is None or self.offline:
             ticket.reject(refusal or self._absence())
         elif self._navigator.resume(who):
             ticket.done()

@@ -141,9 +141,9 @@ class Guard:
             return f"it is {self._trouble}"
         return (self._reserve.trouble(self._percent) or None) if self._reserve else None
 
-    def task(self, task: Task) -> str | None:
-        """Return why a task may not begin, None when it may."""
-        if self._reserve is None and self._free:
+    def task(self, task: Task | None) -> str | None:
+        """Return why a task may not begin, or go on, None when it may, or is none."""
+        if task is None or (self._reserve is None and self._free):
             return None
         try:
             start, points = self._way(task)

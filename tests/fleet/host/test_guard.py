@@ -6,7 +6,7 @@ from fleet.errors import NotReady, Refused
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, quaternion_from_yaw
-from fleet.model.navigation import FollowPath, Goal, GoTo, Navigate, RelativeMove
+from fleet.model.navigation import Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, TelemetryReport
 
 YARD = [(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]
@@ -263,3 +263,34 @@ async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench
     bench.desk.guard.see(BatteryReport(0.0, 14.0))
     await asks.settle()
     assert bench.puppet.told[-1] == "land"
+
+
+WALL = [(4.0, -2.0), (6.0, -2.0), (6.0, 2.0), (4.0, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("moved_to", "percent", "refusal"),
+    [
+        ((0.0, 0.0), 90.0, ""),
+        ((0.0, 0.0), 21.0, "20 % must be left"),
+        ((2.0, -10.0), 90.0, "the straight way to goal 1 leads out"),
+    ],
+)
+async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
+    make_bench, asks, moved_to, percent, refusal
+):
+    bench = make_bench(fence={**FENCE, "exclusion": [WALL]}, battery_policy=POLICY)
+
+    tell(bench)
+    bench.desk.guard.see(BatteryReport(0.0, 90.0))
+    bench.ask(goal(asks, GoTo(Goal(Vector3(8, 10, 0)))))
+    await asks.settle()
+    paused = bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
+    await asks.settle()
+    assert paused[0].ok
+    tell(bench, *moved_to)
+    bench.desk.guard.see(BatteryReport(0.0, percent))
+    await asks.settle()
+    (answer,) = bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    assert answer.ok is not bool(refusal)
+    assert refusal in answer.reason
