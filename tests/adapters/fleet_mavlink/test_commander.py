@@ -258,6 +258,35 @@ def test_something_urgent_ends_what_is_under_way_at_once(talk):
     talk(test)
 
 
+def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
+    async def test(it):
+        queue = [asyncio.ensure_future(it.commander.ask(ARM)) for _ in range(4)]
+        await asyncio.sleep(0.1)
+        began = it.loop.time()
+        it.commander.supersede("stop")
+        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        await it.commander.ask(offboard())
+        assert it.loop.time() - began == pytest.approx(0.1)
+        ends = await asyncio.gather(*queue, return_exceptions=True)
+        assert [str(end) for end in ends] == ["superseded: stop"] * 4
+        assert [sent.command for sent in it.sent] == [Cmd.COMPONENT_ARM_DISARM, Cmd.DO_SET_MODE]
+
+    talk(test)
+
+
+def test_what_was_superseded_while_it_waited_to_ask_again_is_not_sent_again(talk):
+    async def test(it):
+        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        it.later(0.1, ack(Result.TEMPORARILY_REJECTED))
+        await asyncio.sleep(0.2)
+        it.commander.supersede("stop")
+        with pytest.raises(Refused, match="superseded: stop"):
+            await doing
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
 def offboard():
     return Px4().mode_command("OFFBOARD")
 
