@@ -260,7 +260,7 @@ class Desk:
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
-        self._admission.lease.let_go(ask.origin.session)
+        self._admission.stopped(ask)
         if self._adapter is None or self.offline:
             aside(self.halt, wait=HALT_WAIT)
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
@@ -371,7 +371,7 @@ class Desk:
     def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
         """Stop, pause or resume the running action; a stop and a pause are never a repeat."""
         if control is Control.STOP:
-            self._stop(Command("stop", origin=ask.origin), ticket)
+            self._stop(Command("stop", origin=ask.origin, stamp=ask.stamp), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
             self._executor.stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:

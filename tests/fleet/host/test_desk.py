@@ -640,3 +640,30 @@ async def test_what_an_earlier_process_left_moving_is_stopped(make_bench, asks):
     bench = make_bench(journal=journal)
     await asks.settle()
     assert bench.puppet.told == ["stop"]
+
+
+@pytest.mark.parametrize("how", ["stop", "control"])
+@pytest.mark.parametrize("late", ["setpoint", "goal", "takeoff"])
+async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(bench, asks, how, late):
+    now = bench.clock.time()
+
+    async def asked(kind, action, stamp, session="anna"):
+        make = {
+            "setpoint": lambda: asks.setpoint(stamp=stamp, session=session),
+            "goal": lambda: asks.goal(action, stamp=stamp, session=session),
+            "takeoff": lambda: asks.command("takeoff", stamp=stamp, session=session),
+        }
+        answers = bench.ask(make[kind]())
+        await asks.settle()
+        return answers[0]
+
+    await asked("setpoint", "", now - 0.4)
+    stop = asks.command("stop", stamp=now - 0.2)
+    bench.ask(stop if how == "stop" else Navigate(Control.STOP, "", stop.origin, now - 0.2))
+    await asks.settle()
+    refused = await asked(late, "a1", now - 0.3)
+    assert refused.reason == "asked before a stop that came before it"
+    assert (await asked(late, "a2", now - 0.3, session="bert")).ok  # whose clock is another
+    bench.ask(asks.command("stop", session="bert"))
+    await asks.settle()
+    assert (await asked(late, "a3", now - 0.1)).ok
