@@ -131,6 +131,12 @@ class Session:
                 task.cancel()
             await asyncio.gather(*work, *self._tasks, return_exceptions=True)
 
+    @property
+    def comes_down(self) -> bool:
+        """True while the autopilot shows that it lands, or returns home; from any thread."""
+        state, flavour = self.vehicle.state, self.vehicle.flavour
+        return flavour is not None and flavour.mode_of(state) in {flavour.land, flavour.return_home}
+
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
