@@ -7,6 +7,7 @@ does not say which of two equal commands it answers.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Self
 
@@ -33,6 +34,7 @@ class Timing(msgspec.Struct, frozen=True):
 
 
 NEVER_SENT = "answers to commands that were never sent"
+_LATE = 2.0  # s in which a command that was left unanswered may still be answered
 _CROSSING = 0.1  # s in which a heartbeat and an answer may cross
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
@@ -95,6 +97,7 @@ class Commander:
         self.exchange: _Exchange | None = None
         self.waiting: set[_Exchange] = set()  # for their turn
         self._ever: set[int] = set()  # the commands that were ever sent
+        self._unanswered: dict[int, float] = {}  # when each was sent that has no answer yet
         vehicle.on_ack = self._acknowledged
 
     def supersede(self, reason: str) -> None:
@@ -146,6 +149,7 @@ class Commander:
         """
         async with _Exchange(self, ask) as exchange:
             already = shows(self._vehicle.state) == mode
+            late = self.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
             for attempt in range(self.timing.tries):
                 began = self.now()
                 exchange.refusal = None
@@ -159,6 +163,9 @@ class Commander:
 
                 if already:
                     ack = await self._answer(exchange, None)
+                    if late and ack is not None:  # it may be for the same command with another meaning
+                        late, exchange.refusal = False, None
+                        ack = await self._answer(exchange, None)
                     entered = ack is not None and ack.result == Result.ACCEPTED
                 else:
                     await self._vehicle.until(settled, self.timing.heartbeat)
@@ -185,6 +192,7 @@ class Commander:
     def _acknowledged(self, ack: CommandAck) -> None:
         """Note an answer to the command that is under way; others are late or somebody else's."""
         exchange = self.exchange
+        self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
             self._vehicle.trust.counts[NEVER_SENT] += 1
         if exchange is None or ack.command != exchange.command:
@@ -223,6 +231,7 @@ class Commander:
         addressed = self.addressed(ask)
         if isinstance(addressed, CommandLong):
             addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
+        self._unanswered[ask.command] = self.now()
         self._vehicle.send(addressed)
 
     async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:

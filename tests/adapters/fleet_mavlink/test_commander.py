@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from fleet import NotReady, Refused, TimedOut, Unsupported
+from fleet import GeoPoint, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
 from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusText
 from fleet_mavlink.px4 import Px4
@@ -351,5 +351,32 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
         it.told.say(StatusText(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
+
+    talk(test)
+
+
+def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
+    async def test(it):
+        px4 = Px4()
+        go = px4.go_command(GeoPoint(47.0, 8.0, 500.0), 488.0, 5.0, None)
+        going = asyncio.ensure_future(it.commander.enter("AUTO.LOITER", MODE, go))
+        await asyncio.sleep(0.1)
+        it.commander.supersede("stop")
+        await asyncio.gather(going, return_exceptions=True)
+        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))  # to ``go``; the first hold is lost
+        it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        await it.commander.enter("AUTO.LOITER", MODE, px4.hold_command())
+        assert [type(sent) for sent in it.sent] == [CommandInt, CommandLong, CommandLong]
+
+    talk(test)
+
+
+def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
+    async def test(it):
+        hold = Px4().hold_command()
+        for _ in range(2):
+            it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+            await it.commander.enter("AUTO.LOITER", MODE, hold)
+        assert len(it.sent) == 2
 
     talk(test)
