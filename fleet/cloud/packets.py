@@ -17,6 +17,8 @@ from fleet.errors import WireError
 Protocol = Literal[5, 311]
 
 _CONNECT = 1
+_PUBACK = 0x40  # and the flags that it must have: none
+_LONG = 0x80  # a length from which on it takes more than a byte
 _ONLY_OLDER = b"\x20\x02\x00\x01"
 """How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
 
@@ -74,7 +76,8 @@ class Decoder:
 
     def _end(self, data: bytes, start: int) -> int | None:
         """Return where the frame ends, None when it is not whole; note how much is needed then."""
-        length = frame_length(data, start)
+        short = data[start + 1] if start + 1 < len(data) else _LONG
+        length = 2 + short if short < _LONG else frame_length(data, start)
         if length is None:
             self._needed = 0
             return None
@@ -85,6 +88,8 @@ class Decoder:
 
     def _read(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
         """Return the packet of one whole frame."""
+        if self.protocol == 5 and end - start == 4 and data[start] == _PUBACK:
+            return _acknowledged(data[start + 2] << 8 | data[start + 3])
         frame = memoryview(data)[start:end]
         if self.protocol is None:
             self.protocol = _spoken(frame)
@@ -96,8 +101,20 @@ class Decoder:
         if isinstance(packet, mqtt5.PublishPacket) and _is_wild(packet.topic):
             raise WireError("a message to a topic with a wildcard or a NUL in it")
         if getattr(packet, "packet_id", None) == 0:
-            raise WireError("a packet with the identifier 0")
+            raise _nameless()
         return packet
+
+
+def _acknowledged(identifier: int) -> mqtt5.PubAckPacket:
+    """Return the packet that acknowledges a message and says nothing else, as nearly all do."""
+    if not identifier:
+        raise _nameless()
+    return mqtt5.PubAckPacket(identifier)
+
+
+def _nameless() -> WireError:
+    """Return the error for a packet whose identifier is none."""
+    return WireError("a packet with the identifier 0")
 
 
 def _spoken(frame: memoryview) -> Protocol:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import struct
 
 import msgspec
 
@@ -15,9 +16,12 @@ from fleet.spool.message import Outgoing
 _PUBLISH = 0x30
 _LIGHT = _PUBLISH.to_bytes()  # QoS 0
 _DUPLICATE = 0x08
+_FIRST = [[(_PUBLISH | again | qos << 1).to_bytes() for qos in range(3)] for again in (0, _DUPLICATE)]
+"""The first byte, by whether it was sent before and QoS."""
 _EXPIRY, _CONTENT_TYPE, _CORRELATION = b"\x02", b"\x03", b"\x09"
 _NO_PROPERTIES = b"\0"
 _ONLY_EXPIRY = b"\x05" + _EXPIRY
+_USUAL = struct.Struct(">H2sI")  # identifier, and how long it is worth sending
 _LONGEST = 0xFFFF_FFFF  # s
 
 _topic = functools.lru_cache(maxsize=16384)(text)  # an edge says the same few topics again and again
@@ -29,12 +33,18 @@ def publish(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
     Raises ValueError or TypeError for what MQTT cannot carry.
     """
     topic, payload = _topic(message.topic), message.payload
-    middle = identifier.to_bytes(2)
-    if protocol == 5:
-        middle += _properties(message, now)
-    first = _PUBLISH | message.qos << 1 | (_DUPLICATE if message.again else 0)
-    size = length(len(topic) + len(middle) + len(payload))
-    return b"".join((first.to_bytes(), size, topic, middle, payload))
+    middle = _middle(message, identifier, now, protocol)
+    first = _FIRST[message.again][message.qos]
+    return b"".join((first, length(len(topic) + len(middle) + len(payload)), topic, middle, payload))
+
+
+def _middle(message: Outgoing, identifier: int, now: float, protocol: Protocol) -> bytes:
+    """Return what stands between topic and payload."""
+    if protocol != 5:
+        return identifier.to_bytes(2)
+    if message.deadline is None or message.content_type is not None or message.correlation is not None:
+        return identifier.to_bytes(2) + _properties(message, now)
+    return _USUAL.pack(identifier, _ONLY_EXPIRY, _whole(message.deadline - now))
 
 
 class Address(msgspec.Struct, frozen=True, gc=False):
@@ -83,8 +93,6 @@ def _whole(left: float) -> int:
 def _properties(message: Outgoing, now: float) -> bytes:
     """Return the properties of MQTT 5."""
     expiry = b"" if message.deadline is None else _whole(message.deadline - now).to_bytes(4)
-    if message.content_type is None and message.correlation is None:
-        return _ONLY_EXPIRY + expiry if expiry else _NO_PROPERTIES
     properties = _EXPIRY + expiry if expiry else b""
     if message.content_type is not None:
         properties += _CONTENT_TYPE + text(message.content_type)

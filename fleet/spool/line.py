@@ -85,6 +85,13 @@ class Line:
         """True when nothing of the topic is left."""
         return not (self.back or self.memory or self.cold or self.flying)
 
+    @property
+    def quiet(self) -> bool:
+        """True when nothing of it waits, somebody hears it, and it stays known: as nearly always."""
+        if self.memory or self.back or self.cold:
+            return False
+        return self.state is State.OPEN and self.traffic is not Traffic.REPLY
+
     def see(self, sign: Sign) -> bool:
         """Take a sign; tell whether the state changed by it."""
         before = self.state

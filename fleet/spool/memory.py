@@ -18,6 +18,7 @@ class Memory:
     def __init__(self, messages: int, size: int) -> None:
         self.count = 0
         self._bytes = [0 for _ in DURABLE]
+        self._all_bytes = 0
         self._most = messages
         self._most_bytes = size
         self._held: list[OrderedDict[int, Outgoing]] = [OrderedDict() for _ in DURABLE]
@@ -25,7 +26,7 @@ class Memory:
     @property
     def full(self) -> bool:
         """True when there is no room for another message of common size."""
-        return self.count >= self._most or sum(self._bytes) >= self._most_bytes
+        return self.count >= self._most or self._all_bytes >= self._most_bytes
 
     @property
     def room(self) -> int:
@@ -34,7 +35,7 @@ class Memory:
 
     def fits(self, message: Outgoing, share: int = 1) -> bool:
         """Tell whether there is room; ``share``: for how many times the bound."""
-        size = sum(self._bytes) + message.size
+        size = self._all_bytes + message.size
         return self.count < share * self._most and size <= share * self._most_bytes
 
     def can_fit(self, message: Outgoing, share: int) -> bool:
@@ -48,6 +49,7 @@ class Memory:
         self._held[message.traffic][message.seq] = message
         self.count += 1
         self._bytes[message.traffic] += message.size
+        self._all_bytes += message.size
 
     def add_again(self, message: Outgoing) -> None:
         """Count in a message that is older than all others of its kind."""
@@ -59,6 +61,7 @@ class Memory:
         if self._held[message.traffic].pop(message.seq, None) is not None:
             self.count -= 1
             self._bytes[message.traffic] -= message.size
+            self._all_bytes -= message.size
 
     def in_the_way(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
         """Yield what has to go for it to fit in, as it can: the oldest of those that matter least.

@@ -97,8 +97,9 @@ class Queue:
                 line = ring.popleft()
                 line.queued = False
                 size -= self._take(line, batch, min(most, len(batch) + BURST), size, now)
-                self._lines.stand(line)
-                self._lines.forget(line)
+                if not line.quiet:
+                    self._lines.stand(line)
+                    self._lines.forget(line)
         return batch
 
     def settle(self, message: Outgoing, outcome: Outcome, now: float, wall: float) -> None:
@@ -112,9 +113,10 @@ class Queue:
         if outcome is Outcome.REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
-        self._lines.holds.heard(line, now)
-        self._lines.stand(line)
-        self._lines.forget(line)
+        if not line.quiet:
+            self._lines.holds.heard(line, now)
+            self._lines.stand(line)
+            self._lines.forget(line)
 
     def put_back(self, messages: Iterable[Outgoing]) -> None:
         """Take back messages, oldest first, that were under way when the connection ended."""

@@ -88,6 +88,7 @@ class Spool:
         self._lock: Lock | None = None
         self._thread: threading.Thread | None = None
         self._dirty = False
+        self._damaged = False  # the file is never opened again, but set aside first
         self._next_sync = self._next_look = clock.monotonic()
         if settings.folder is not None:
             self._open(settings.folder)
@@ -198,6 +199,7 @@ class Spool:
     def _open_store(self, path: Path) -> bool:
         """Open the file, or make it anew; while that fails return False, and memory alone serves."""
         try:
+            self._set_aside(path)
             self._store = store = Store(path, self._settings.size)
             self._take_over(store)
         except (StateError, sqlite3.Error, OSError) as error:
@@ -210,6 +212,13 @@ class Spool:
         if store.aside is not None:
             self.problem = f"{path.name} could not be read and was set aside as {store.aside.name}"
         return True
+
+    def _set_aside(self, path: Path) -> None:
+        """Move a file out of the way that was found to be damaged; raises OSError while it stays there."""
+        if self._damaged:
+            with contextlib.suppress(FileNotFoundError):
+                set_aside(path)
+            self._damaged = False
 
     def _take_over(self, store: Store) -> None:
         """Take over what an earlier process left."""
@@ -265,7 +274,7 @@ class Spool:
                 fine = False
                 self._fail(error)
                 if is_corrupt(error):
-                    self._abandon(self._store)
+                    self._abandon()
                     break
         return fine
 
@@ -338,11 +347,10 @@ class Spool:
             for topic, seqs in by_topic.items():
                 self._queue.removed(topic, seqs, reason, self._clock.time())
 
-    def _abandon(self, store: Store) -> None:
+    def _abandon(self) -> None:
         """Leave a file that is damaged, to be set aside; what is in memory goes to a new one."""
         self._close_store()
-        with contextlib.suppress(OSError):
-            set_aside(store.path)
+        self._damaged = True
         with self._using:
             self._queue.lost_disk(self._clock.time())
 

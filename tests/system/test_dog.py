@@ -43,13 +43,18 @@ class Operator:
 
     def hold(self, verb, until, **data):
         """Hold a verb until something is seen."""
+        receipt = {}
 
         def again():
-            self.ask(verb, **data)
+            receipt.update(self.ask(verb, **data))
             time.sleep(0.1)  # as often as a thumb on a stick
             return until()
 
-        wait_until(f"{verb} to be seen", again, within=60)
+        try:
+            wait_until(f"{verb} to be seen", again, within=60)
+        except AssertionError as error:
+            error.add_note(f"the last answer was {receipt}")
+            raise
 
 
 @pytest.fixture

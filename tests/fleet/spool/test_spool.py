@@ -11,6 +11,7 @@ import pytest
 
 from fleet.clock import SystemClock
 from fleet.errors import StateError
+from fleet.spool.database import set_aside
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outgoing
 from fleet.spool.place import SPOOL
@@ -178,6 +179,26 @@ def test_a_file_that_is_damaged_under_way_is_replaced_and_memory_goes_to_the_new
     wait_until("it is replaced", (tmp_path / "state" / f"{SPOOL}.broken").exists)
     wait_until("all is on disk again", lambda: not spool.spool._queue.unwritten)
     assert [payload for _, payload in opened().online().drain()] == payloads(11)
+
+
+def test_a_damaged_file_that_cannot_be_set_aside_at_once_is_not_read_again(opened, monkeypatch):
+    spool = opened().put(*payloads(10)).written()
+    broken = sqlite3.DatabaseError("database disk image is malformed")
+    broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+    monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
+    busy = iter([OSError("busy")])
+    monkeypatch.setattr("fleet.spool.spool.set_aside", lambda path: fail_once(busy, path))
+    spool.put(b"10")
+    wait_until("it cannot be moved", lambda: "busy" in spool.spool.problem)
+    assert spool.online().drain() == [("t", payload) for payload in payloads(11)]
+    wait_until("there is a new file", lambda: not spool.spool.problem)
+
+
+def fail_once(failures, path):
+    """Set a file aside, but for the first time, which fails."""
+    for failure in failures:
+        raise failure
+    set_aside(path)
 
 
 def test_a_full_disk_is_told_costs_nothing_that_fits_in_memory_and_heals(opened):

@@ -1,7 +1,8 @@
+import contextlib
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
@@ -87,12 +88,13 @@ def test_a_document_from_the_cloud_is_bounded_and_strict():
 
 
 @given(st.sampled_from(sorted(GOOD)), st.binary(max_size=80))
+@example("environment:update", b'{"":0}')
 def test_arbitrary_bytes_raise_nothing_but_a_wire_error(leaf, payload):
     for read in (
         lambda: out(leaf, payload),
         lambda: document_in(leaf, payload, size=1000, now=1.0),
     ):
-        with pytest.raises(WireError):
+        with contextlib.suppress(WireError):  # an update of an environment may be any object, such as {"":0}
             read()
 
 
