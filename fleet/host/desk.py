@@ -277,8 +277,8 @@ class Desk:
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
             ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
-        else:
-            ticket.done()
+        else:  # an adapter says nothing of a link that fell meanwhile
+            ticket.reject(self._absence()) if self.offline else ticket.done()
 
     async def _settle(self, why: str, *, anyway: bool = False) -> None:
         """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""

@@ -667,3 +667,14 @@ async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(benc
     bench.ask(asks.command("stop", session="bert"))
     await asks.settle()
     assert (await asked(late, "a3", now - 0.1)).ok
+
+
+async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_told_as_done(bench, asks):
+    bench.puppet.stops = "never"
+    answers = bench.ask(asks.command("stop"), waits=True)
+    await asks.settle()
+    bench.desk.lost("no heartbeat")
+    bench.puppet.go.set()
+    await asks.settle()
+    assert statuses(answers) == [REJECTED]
+    assert "no heartbeat" in answers[0].reason
