@@ -79,7 +79,7 @@ class Desk:
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
-        self._adrift = journal.cut_off  # it moved because of us when it was lost, and may still
+        self.adrift = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal)
         ready = self._executor.standing
         self._navigator = Navigator(
@@ -124,8 +124,8 @@ class Desk:
 
     def _catch(self) -> None:
         """Stop a robot that was lost while it moved, and is back: it may still be at it."""
-        if self._adrift:
-            self._adrift = False
+        if self.adrift:
+            self.adrift = False
             self._executor.stop(self._settle("it was lost while it moved", anyway=True), "stop")
 
     def faulted(self, why: str) -> None:
@@ -144,7 +144,7 @@ class Desk:
         A robot that somebody else moves is not touched.
         """
         if not self.offline and self.in_control:
-            self._adrift = (self.in_motion or self._executor.stopping) and not self._executor.safe
+            self.adrift = (self.in_motion or self._executor.stopping) and not self._executor.safe
             self.halt()
         self.offline, self._admission.fault = why, ""
         self._end_motion(why)
@@ -159,7 +159,7 @@ class Desk:
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
-        self.in_control, self._adrift, self.guard.taken = False, False, True
+        self.in_control, self.adrift, self.guard.taken = False, False, True
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
     def _end_motion(self, why: str) -> None:

@@ -225,8 +225,10 @@ async def test_a_person_can_begin_a_run_anew_and_the_robot_is_stopped_first(stag
     bench.ask(asks.setpoint())
     one.runner.restart()
     await asks.until(lambda: len(one.made) == 2)
-    words = [told for told in bench.puppet.told if isinstance(told, str)]
-    assert words[: words.index("stop") + 1][-2:] == ["halt", "stop"]
+    await asks.until(lambda: one.runner.health == Health())
+    await asks.settle()
+    assert [told for told in bench.puppet.told if isinstance(told, str)][-2:] == ["halt", "stop"]
+    assert bench.puppet.told.count("stop") == 1
 
 
 async def test_a_person_need_not_wait_for_the_slow_retry(stage, asks):
