@@ -54,6 +54,7 @@ class _Slot:
         "channel",
         "credit",
         "document",
+        "due",
         "durable",
         "expiry",
         "fresh",
@@ -92,6 +93,7 @@ class _Slot:
         self.sample: Report | bytes = b""
         self.fresh = False
         self.sent = float("-inf")
+        self.due = float("-inf")  # when the next one may go
         self.credit = 0.0  # events that may go now
         self.refused = False  # the last sample could not be translated
 
@@ -106,6 +108,14 @@ class _Slot:
             return False
         self.credit -= 1.0
         return True
+
+    def goes(self, now: float) -> None:
+        """Note that its newest sample goes.
+
+        One that was late does not put off those behind it: that would add up, and now and then lose one.
+        """
+        self.sent = now
+        self.due = max(self.due + self.period, now + self.period / 2)
 
     @property
     def leaf(self) -> str:
@@ -194,7 +204,7 @@ class Uplink:
         now = self._clock.monotonic()
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(slot.info.robot):
-                slot.sent = now
+                slot.goes(now)
                 self._send(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
@@ -202,14 +212,14 @@ class Uplink:
         waiting = self._waiting() if self._fresh else 0
         for number in range(len(self._fresh)):
             slot = self._fresh.popleft()
-            if now - slot.sent < slot.period:
+            if now < slot.due:
                 self._fresh.append(slot)
                 continue
             slot.fresh = False
             if slot.streams and waiting >= slot.info.rules.backlog:
                 self.dropped.add(slot.rule.traffic)
                 continue
-            slot.sent = now
+            slot.goes(now)
             self._send(slot, slot.sample)
             if not number % STEP:
                 yield
@@ -229,7 +239,7 @@ class Uplink:
             early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
             due = slot.sample and not slot.refused and now - slot.sent >= early
             if due and self._alive(slot.info.robot):
-                slot.sent = now
+                slot.goes(now)
                 self._send(slot, slot.sample)
                 yield
 

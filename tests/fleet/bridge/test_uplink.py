@@ -281,8 +281,21 @@ def test_no_sequence_of_arrivals_is_above_the_rate_or_loses_the_newest(arrivals)
         assert told[-1][1]["timestamp"] == number
         stamps = [message["timestamp"] for _, message in told]
         assert stamps == sorted(stamps), "an older value after a newer one"
-        times = [when for when, _ in told]
-        assert all(b - a >= 1 / rate - SLACK - 1e-6 for a, b in itertools.pairwise(times))
+        for (first, start), (last, end) in itertools.combinations(enumerate(when for when, _ in told), 2):
+            assert end - start >= (last - first - 0.5) * (1 / rate - SLACK) - 1e-6
+
+
+@given(st.lists(st.floats(0.0, 0.02), min_size=20, max_size=200))
+def test_a_source_of_just_its_rate_loses_nothing_by_turns_that_are_late(lateness):
+    bench = Bench()
+    begun = bench.now
+    for number, late in enumerate(lateness):
+        bench.clock.advance(max(0.0, begun + number * 0.05 - bench.now))
+        sample = {"ts": number, "x": 1, "y": 1, "z": 1, "qx": 0, "qy": 0, "qz": 0, "qw": 1}
+        bench.uplink.arrived(POSITION, json.dumps(sample).encode())
+        bench.turn(late)
+    bench.run(0.1)
+    assert [message["timestamp"] for _, message in bench.of("position")] == list(range(len(lateness)))
 
 
 @pytest.fixture
