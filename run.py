@@ -22,7 +22,7 @@ USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [options of pytest]"""
 # What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
 PACKAGES = {
-    "demo": ["--no-default-groups", "--extra", "mavlink", "--extra", "serial", "--inexact"],
+    "demo": ["--no-default-groups", "--extra", "all", "--inexact"],
     "test": ["--all-extras"],
 }
 PROGRAMS = {
@@ -102,11 +102,14 @@ def check_mosquitto() -> None:
 
 
 def start(arguments: list[str]) -> None:
-    """Install, then become the program that was asked for; raises Impossible."""
+    """Install, then become the program that was asked for, or show the usage; raises Impossible."""
     if sys.version_info < OLDEST_PYTHON:
         raise Impossible(
             f"this is Python {sys.version.split()[0]}; at least 3.11 is needed: python3.11 run.py ..."
         )
+    if arguments[:1] in (["-h"], ["--help"]):
+        print(USAGE)
+        return
     if not arguments or arguments[0] not in PROGRAMS:
         raise Impossible(f"what shall be run?\n{USAGE}")
     word, *options = arguments

@@ -40,7 +40,7 @@ def exit_codes() -> Iterator[str]:
 
 def command_section(name: str, command: click.Command, parent: click.Context) -> Iterator[str]:
     """Yield the section of one command: usage, words, options."""
-    context = click.Context(command, info_name=name, parent=parent, terminal_width=100)
+    context = click.Context(command, info_name=command.name, parent=parent, terminal_width=100)
     yield from (
         "",
         f"## fleet {name}",
@@ -61,7 +61,7 @@ def command_section(name: str, command: click.Command, parent: click.Context) ->
         for option, words in records:
             yield f"| `{option}` | {words} |"
     for each, inner in getattr(command, "commands", {}).items():
-        yield from command_section(f"{name} {each}", inner, parent)
+        yield from command_section(f"{name} {each}", inner, context)
 
 
 def render() -> str:

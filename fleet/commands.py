@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import re
 import typing
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -14,6 +15,18 @@ from fleet.errors import Refused
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
 _MARK = "__fleet_commands__"
+_WRONG_TYPE = re.compile(r"Expected `([^`]+)`, got `([^`]+)`(?: - at `\$\.?([^`]*)`)?")
+_MISSING = re.compile(r"Object missing required field `([^`]+)`")
+_TYPES = {
+    "float": "a number",
+    "int": "a whole number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "an object",
+    "null": "nothing",
+}
+"""What msgspec calls a type, and people do."""
 
 
 class CommandSpec(msgspec.Struct, frozen=True):
@@ -107,5 +120,14 @@ def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
     try:
         values = msgspec.convert(dict(data), spec.parameters, strict=True)
     except msgspec.ValidationError as error:
-        raise Refused(f"{spec.name}: {error}") from None
+        raise Refused(f"{spec.name}: {_plainly(str(error))}") from None
     return {name: getattr(values, name) for name in known}
+
+
+def _plainly(words: str) -> str:
+    """Return what msgspec says is wrong in words for whoever sent it, without its name for types."""
+    if wrong := _WRONG_TYPE.fullmatch(words):
+        wanted = " or ".join(_TYPES.get(each, each) for each in wrong[1].split(" | ") if each != "null")
+        return f"{wrong[3] or 'its data'} must be {wanted}, not {_TYPES.get(wrong[2], wrong[2])}"
+    missing = _MISSING.match(words)
+    return f"{missing[1]} is missing" if missing else words

@@ -83,10 +83,12 @@ class FenceConfig(Model):
         "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
     )
     inclusion: tuple[Corners, ...] = Field(
-        (), max_length=20, description="Polygons of 3 to 100 corners; the robot must be in one of them."
+        (),
+        max_length=20,
+        description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; it must be in one.",
     )
     exclusion: tuple[Corners, ...] = Field(
-        (), max_length=20, description="Polygons that the robot must not be in."
+        (), max_length=20, description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]], that it must not be in."
     )
     margin: float = Field(1.0, ge=0, le=100, description="Metres that a held velocity keeps from the border.")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import enum
-import logging
 import math
 from collections.abc import Awaitable, Callable
 
@@ -17,7 +16,6 @@ from fleet_mavlink.authority import Authority
 from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
 from fleet_mavlink.vehicle import Vehicle
 
-_LOG = logging.getLogger(__name__)
 PERIOD = 0.05  # s between setpoints
 _REST = 1.0  # s of zero velocity after which the vehicle is left to its own hold
 _AGAIN = 1.0  # s until a mode that was refused is asked for again
@@ -216,7 +214,7 @@ class Driver:
             await what()
             self._refusal = None
         except FleetError as error:
-            _LOG.warning("system %s: %s", self._vehicle.system, error)
+            self._vehicle.log.warning("%s", error)
             self._refusal = error
             self._again_at = self._now() + _AGAIN
         finally:

@@ -7,7 +7,6 @@ written only where fleet.yaml, or a command, says so, and never while the motors
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping
 from typing import Literal
 
@@ -20,7 +19,6 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
-_LOG = logging.getLogger(__name__)
 _FOREVER = 3600.0  # s between looks when nothing happens
 _BEATS_TO_TELL = 5  # heartbeats in which it tells what it is fitted with, if it ever does
 _AGAIN = 10.0  # s until parameters that could not be read are read again
@@ -148,9 +146,7 @@ class Failsafes:
             name, value = await self._read(rule)
             if value not in rule.good:
                 await self._parameters.write(name, rule.wanted)
-                _LOG.warning(
-                    "system %s: %s was %g and is %g now", self._vehicle.system, name, value, rule.wanted
-                )
+                self._vehicle.log.warning("%s was %g and is %g now", name, value, rule.wanted)
         await self.verify()
 
     async def _set_on_the_ground(self) -> None:
@@ -166,7 +162,7 @@ class Failsafes:
             return told and self._vehicle.connected and self._vehicle.flavour is not None
 
         while not await self._vehicle.until(known, _FOREVER):
-            _LOG.debug("system %s is still not met", self._vehicle.system)
+            self._vehicle.log.debug("it is still not met")
 
     async def _rebooted(self, reboots: int, seconds: float) -> None:
         """Wait for the next reboot, so long at most."""

@@ -6,7 +6,6 @@ parameters. A fence is brought there on the ground only: in flight what is there
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable, Mapping
 
 from fleet import GeoOrigin, GeoPoint, Limits, Refused, Vector3
@@ -21,7 +20,6 @@ from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import Cmd, Frame
 
-_LOG = logging.getLogger(__name__)
 _FOREVER = 3600.0  # s between looks when nothing happens
 _AGAIN = 10.0  # s until a fence that could not be brought there is tried again
 _WIDER = 2.0  # m by which the autopilot's limits are wider, so that the host acts first
@@ -132,7 +130,7 @@ class FenceKeeper:
             if not same(kept.value, value):
                 await self._landed()
                 await self._parameters.write(name, value)
-        _LOG.info("system %s has its fence of %d corners", self._vehicle.system, len(items))
+        self._vehicle.log.info("it has its fence of %d corners", len(items))
 
     async def _landed(self) -> None:
         """Wait until the motors stand still."""

@@ -24,6 +24,7 @@ _OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between looks at something that takes long
 _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
+FARTHEST = 100_000.0  # m; a goal beyond is a mistake, such as a wrong unit or a latitude for a longitude
 _SAME_HOME = 2.0  # m
 _LOWEST = 1.0  # m above home; below it only landing goes
 _SLOW = 0.5  # m/s that counts as standing
@@ -47,6 +48,7 @@ class Flight:
         self.commander = commander
         self.authority = authority
         self.ceiling = limits.altitude or math.inf
+        self._farthest = limits.distance or FARTHEST
         self._give_way = give_way
 
     @property
@@ -207,6 +209,15 @@ class Flight:
             raise Refused(
                 f"{height:.1f} m above home is below {_LOWEST:g} m", hint="use land, or check the origin"
             )
+
+    def require_distance(self, point: GeoPoint) -> None:
+        """Raise unless a place is within the limit of distance from home, or of what is no mistake."""
+        home = self.vehicle.state.home
+        if home is None:
+            raise NotReady("home is unknown", hint="wait for a position")
+        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), point).horizontal()
+        if away > self._farthest:
+            raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
     async def _home_altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""

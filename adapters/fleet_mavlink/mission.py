@@ -240,9 +240,7 @@ class Missions:
         if item.point is None:
             return
         self._flight.require_altitude(item.point.altitude + (0.0 if mission.above_sea else home.altitude))
-        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), item.point).horizontal()
-        if self._limits.distance is not None and away > self._limits.distance:
-            raise Refused(f"{away:.0f} m from home is beyond the limit of {self._limits.distance:g} m")
+        self._flight.require_distance(item.point)
 
 
 class _Progress:

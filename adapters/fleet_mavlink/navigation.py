@@ -27,7 +27,7 @@ from fleet.model.geodesy import geo_from_world, world_from_geo
 from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_angle
 from fleet.model.navigation import Constraints
 from fleet_mavlink.driving import require_control
-from fleet_mavlink.flight import Flight, is_standing
+from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
 from fleet_mavlink.state import VehicleState
 
@@ -63,7 +63,11 @@ def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Targe
 
 
 def _target(goal: Goal, origin: GeoOrigin) -> Target:
-    """Return the place of a goal on Earth."""
+    """Return the place of a goal on Earth; one so far off that it would be round the Earth is refused."""
+    if goal.position is not None and goal.position.horizontal() > FARTHEST:
+        raise Refused(
+            f"the goal is more than {FARTHEST / 1000:g} km away from the origin; it counts in metres"
+        )
     point = goal.geo or geo_from_world(origin, goal.position or Vector3())
     numbers = (point.latitude, point.longitude, point.altitude, goal.yaw or 0.0, goal.wait)
     if not all(map(math.isfinite, numbers)) or not abs(point.latitude) < 90:
@@ -176,12 +180,7 @@ class Navigator:
     def _require_reachable(self, target: Target) -> None:
         """Raise Refused for a target beyond the limits."""
         self._flight.require_altitude(target.point.altitude)
-        home, farthest = self._vehicle.state.home, self._limits.distance
-        if home is None or farthest is None:
-            return
-        away = world_from_geo(GeoOrigin(home.latitude, home.longitude), target.point).horizontal()
-        if away > farthest:
-            raise Refused(f"{away:.0f} m from home is beyond the limit of {farthest:g} m")
+        self._flight.require_distance(target.point)
 
     def _speed(self, constraints: Constraints) -> float:
         """Return the speed to fly at: what was asked, within the limit."""

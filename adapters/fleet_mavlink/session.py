@@ -97,6 +97,7 @@ class Session:
             vehicle, self.commander, config.rates.pose, imu=config.rates.imu, motors=motors
         )
         self._reporter = Reporter(vehicle, config, robot, self.origin, self.counts)
+        vehicle.log = robot.log
         vehicle.on_heartbeat = self._heartbeat
         vehicle.on_sentence = self._sentence
 

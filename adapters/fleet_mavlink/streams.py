@@ -6,7 +6,6 @@ ArduPilot sends nothing but heartbeats and texts unless asked, and forgets the r
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 from collections.abc import Mapping
 
@@ -31,7 +30,6 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT, Cmd
 
-_LOG = logging.getLogger(__name__)
 _LOOK = 1.0  # s between looks at what comes
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is asked for again
 _ASK_AGAIN = 5.0  # s between asking for the same message
@@ -126,7 +124,7 @@ class Streams:
         try:
             await self._commander.ask(ask, tries=1)
         except CommandError as error:
-            _LOG.info("system %s does not send message %s: %s", self._vehicle.system, message_id, error)
+            self._vehicle.log.info("it does not send message %s: %s", message_id, error)
             if error.device_result is not None:
                 self._refused.add(message_id)
 

@@ -23,7 +23,6 @@ from fleet_mavlink.trust import Trust
 from fleet_mavlink.ways import way_of
 from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
 
-_LOG = logging.getLogger(__name__)
 _REMEMBERED = 64  # sentences
 _SWITCH_AFTER = 1.5  # s without a word after which another way is taken
 
@@ -55,6 +54,7 @@ class Vehicle:
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
         self.camera: Part | None = None
+        self.log = logging.getLogger(__name__)  # its robot's, once it has one
         self._send = send
         self._joiner = Joiner()
         self.switches = 0  # of the way to it
@@ -125,14 +125,14 @@ class Vehicle:
             known = address
         elif address != known:
             if not self.clashing:
-                _LOG.error("two vehicles use system id %s: at %s and %s", self.system, self.address, address)
+                self.log.error("two vehicles use id %s: at %s and %s", self.system, self.address, address)
             self._clash_at = now
             self.trust.counts["messages of a second vehicle with this id"] += 1
             return False
         self._ways[way] = known, now
         best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
         if best != way_of(self.address):
-            _LOG.info("system %s is reached by way %s from now on", self.system, best)
+            self.log.info("it is reached by way %s from now on", best)
             self.switches += 1
         self.address = self._ways[best][0]
         return way == best

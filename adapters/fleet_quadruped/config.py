@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from fleet import AdapterConfig
 from fleet.camera.picture import CameraText
 from fleet.sim.faults import parse_faults
+from fleet.yaml_model import ExistingPath, NewPath
 from fleet_quadruped.can.bus import BusText
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.sim.faults import ALL_FAULTS, WALKER_FAULTS
@@ -38,7 +39,7 @@ class QuadrupedConfig(AdapterConfig):
     """A quadruped's fields in fleet.yaml: a real one has ``buses``, a simulated one ``link``."""
 
     adapter: Literal["quadruped"]
-    body: Path | None = Field(
+    body: ExistingPath | None = Field(
         None, description="The dog's description, a YAML file; left out, the example dog."
     )
     buses: dict[str, BusText] = Field(
@@ -50,7 +51,7 @@ class QuadrupedConfig(AdapterConfig):
     trim: float = Field(1.0, gt=0.5, lt=2.0, description="Real distance over leg odometry, measured once.")
     camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
-    captures: Path | None = Field(
+    captures: NewPath | None = Field(
         None,
         description="Folder for what was on the buses before each of the last 5 faults, 1 MB each. "
         "Left out: fleet/captures/<name> in XDG_STATE_HOME, ~/.local/state.",

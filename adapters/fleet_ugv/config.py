@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from fleet import AdapterConfig, LinkRefused
 from fleet.camera.picture import CameraText
@@ -94,17 +94,27 @@ class UgvConfig(AdapterConfig):
     )
     camera: CameraText | None = Field(None, description="Where take_photo gets a JPEG picture.")
 
+    def identity(self) -> str | None:
+        """Return what makes this the same machine as another entry: its link, whatever the speed."""
+        return None if self.link.startswith("sim:") else self.link.partition("?")[0]
+
+    @field_validator("profile")
+    @classmethod
+    def _known(cls, profile: str) -> str:
+        """Return the profile; raises ValueError for one that there is not."""
+        known = cls.profiles()
+        if profile not in known:
+            raise ValueError(f"there is no profile {profile!r}; there are {', '.join(known)}")
+        return profile
+
     @model_validator(mode="after")
     def _possible(self) -> UgvConfig:
         """Check what belongs together; raises ValueError."""
-        known = self.profiles()
-        if self.profile not in known:
-            raise ValueError(f"there is no profile {self.profile!r}; there are {', '.join(known)}")
         if self.steering is not None and self.profile != "ros-arduino":
             raise ValueError(f"steering: the profile {self.profile} steers by its wheels")
         if self.battery is not None:
             checked_curve(self.battery)
-        self.__dict__["limits"] = self.limits.over(known[self.profile].limits)
+        self.__dict__["limits"] = self.limits.over(self.base.limits)
         return self
 
     @classmethod

@@ -46,7 +46,9 @@ class Bus:
 def open_edge(settings: BusSettings, directory: Path) -> Bus:
     """Open the bus of an edge, listening; raises BusError (an edge of this id runs already, port taken)."""
     if is_running(settings.edge, directory):
-        raise BusError(f"edge {settings.edge!r} runs already on this machine; stop it, or change edge.id")
+        raise BusError(
+            f"edge {settings.edge!r} runs already on this machine (fleet ps); stop it, or change edge.id"
+        )
     users = users_file(settings, directory)
     try:
         return _open_lanes(settings, directory, users)

@@ -68,7 +68,10 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
         "ugvs": [
             _robot(f"ugv-{n}", adapter="ugv", profile=UGV, link=f"sim:{UGV}") for n in range(1, ugvs + 1)
         ],
-        "dogs": [_robot(f"dog-{n}", adapter="quadruped", link="sim:auto") for n in range(1, dogs + 1)],
+        "dogs": [
+            _robot(f"dog-{n}", adapter="quadruped", link="sim:auto", captures="captures")
+            for n in range(1, dogs + 1)
+        ],
     }
     fleet = {
         "edge": {"id": "demo", "spool": {"path": "state"}},
@@ -96,6 +99,8 @@ def demo(  # noqa: PLR0917 - click's options
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
     robots that speak on a serial device, the bus and the bridge, and shows one line a robot until Ctrl-C.
     """
+    if drones + ugvs + dogs == 0:
+        raise click.UsageError("there is nothing to show: ask for one of --drones, --ugvs, --dogs at least")
     with contextlib.ExitStack() as stack:
         host, port = _address(broker) if broker else ("127.0.0.1", 0)
         if broker is None:

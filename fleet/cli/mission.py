@@ -16,7 +16,7 @@ import click
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option
+from fleet.cli.ps import file_option, last_of
 from fleet.cli.send import RECEIPT_WITHIN, ask, timeout_option, wait_option
 from fleet.errors import Refused
 from fleet.model.state import RobotState
@@ -88,10 +88,17 @@ def status(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Show what ROBOT is doing, and how its last command ended."""
     with Edges.reach(file) as edges:
         state = Asker(edges, robot).robot
-    out.data({"robot": state.name, "doing": state.activity, "last_outcome": state.last_outcome})
+    out.data(
+        {
+            "robot": state.name,
+            "doing": state.activity,
+            "last_command": state.last_command,
+            "last_outcome": state.last_outcome,
+        }
+    )
     out.say(f"{state.name}: {state.activity or 'nothing under way'}")
-    if state.last_outcome:
-        out.note(state.last_outcome)
+    if state.last_command:
+        out.say(f"{state.name}: last command {last_of(state)}")
     return ExitCode.OK
 
 

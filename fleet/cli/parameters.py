@@ -49,8 +49,10 @@ def read(path: Path) -> dict[str, float]:
     """
     try:
         text = path.read_text(encoding="utf-8") if path.stat().st_size <= _LONGEST else None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: {error}") from None
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path} is not UTF-8 text; it is no parameter file") from None
     if text is None:
         raise ConfigError(f"{path}: longer than {_LONGEST} bytes; it is no parameter file")
     return dict(_pairs(path, text))

@@ -8,7 +8,7 @@ import click
 import msgspec
 
 from fleet.cli.connect import Edges
-from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.output import NotRunning, Output, counted, with_output
 from fleet.model.state import EdgeState, RobotState
 
 file_option = click.option("-f", "--file", type=click.Path(), help="Reach the edge of this fleet file.")
@@ -49,8 +49,12 @@ def for_programs(value: msgspec.Struct) -> dict[str, Any]:
 
 def _row(state: RobotState) -> tuple[str, str, str, str, str, str]:
     """Return a robot's row."""
-    last = f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
-    return state.name, state.health, mode_of(state), battery_of(state), state.activity or "-", last
+    return state.name, state.health, mode_of(state), battery_of(state), state.activity or "-", last_of(state)
+
+
+def last_of(state: RobotState) -> str:
+    """Return the last command and how it ended."""
+    return f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
 
 
 def mode_of(state: RobotState) -> str:
@@ -77,11 +81,14 @@ def edge_line(edge: EdgeState) -> str:
 def cloud_line(edge: EdgeState) -> str:
     """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say.
 
-    States that only wait for their turn are no backlog: a newer one replaces them.
+    States that only wait for their turn are no backlog: a newer one replaces them. Nor is what the cloud
+    could take, if anybody there subscribed to it.
     """
+    waiting = max(0, edge.spooled - edge.unheard)
     parts = [
         (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
-        (edge.spooled, f"{edge.spooled} messages wait for it"),
+        (waiting, f"{counted(waiting, 'message')} not sent yet"),
+        (edge.unheard, f"{counted(edge.unheard, 'message')} kept until somebody subscribes"),
         (edge.dropped, f"{edge.dropped} dropped"),
         (edge.refused, f"{edge.refused} refused"),
     ]

@@ -26,7 +26,7 @@ LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 def serve(
     loaded: Loaded, path: Path, out: Output, *, verbose: int, started: Callable[[Edge], None]
 ) -> ExitCode:
-    """Run until Ctrl-C or SIGTERM; ``started`` is told once the edge is built."""
+    """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
     log_to_stderr(LEVELS[min(verbose, 2)])
     run_loop(_serve(loaded, path, out, started))
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
@@ -36,8 +36,7 @@ async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edg
     """Run the edge and its live view."""
     edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock())
     ended = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, _end, ended)
+    end_by_signal(ended)
     started(edge)
     view = asyncio.create_task(show(edge, out), name="view")
     try:
@@ -48,9 +47,17 @@ async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edg
             await view
 
 
+def end_by_signal(ended: asyncio.Event) -> None:
+    """Set ``ended`` on Ctrl-C, on SIGTERM, and when the terminal is closed, unless under nohup."""
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    for number in (signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up):
+        asyncio.get_running_loop().add_signal_handler(number, _end, ended)
+
+
 def _end(ended: asyncio.Event) -> None:
     """End in order; the second time at once, for whoever cannot wait."""
     if ended.is_set():
         os._exit(ExitCode.INTERRUPTED)
     ended.set()
-    sys.stderr.write("\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n")
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        sys.stderr.write("\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n")

@@ -11,6 +11,10 @@ from fleet.cloud.session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
 
+_OF_ANOTHER = frozenset({62, 63, 64})
+"""OpenSSL's X509_V_ERR_*_MISMATCH: the certificate is for another host name, e-mail or address."""
+_PLAIN = "is it the port for TLS? (a plain one wants tls: false)"
+
 
 def tls_context(settings: CloudSettings) -> ssl.SSLContext | None:
     """Return what verifies the broker, None for a plain connection.
@@ -36,19 +40,27 @@ async def open_socket(settings: CloudSettings, tls: ssl.SSLContext | None) -> so
     place = f"{settings.host}:{settings.port}"
     try:
         opened = await dial(settings.host, settings.port)
-        return await secure(opened, tls, settings.host) if tls else opened
-    except ssl.SSLCertVerificationError as error:
-        raise SessionRefused(
-            f"the certificate of {place} is not trusted: {error.verify_message}; "
-            "set ca_file if it is your own"
-        ) from None
-    except ssl.SSLError as error:
-        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}") from None
     except socket.gaierror as error:
         raise CloudError(f"the name {settings.host} cannot be looked up: {error.strerror}") from None
     except OSError as error:
-        why = error.strerror or str(error) or "it ended the TLS handshake"
-        raise CloudError(f"{place} cannot be reached: {why}") from None
+        raise CloudError(f"{place} cannot be reached: {error.strerror or error}") from None
+    return await _secured(opened, tls, settings.host, place) if tls else opened
+
+
+async def _secured(opened: socket.socket, tls: ssl.SSLContext, host: str, place: str) -> socket.socket:
+    """Return the connection encrypted; raise CloudError, or SessionRefused for an untrusted certificate."""
+    try:
+        return await secure(opened, tls, host)
+    except ssl.SSLCertVerificationError as error:
+        named = error.verify_code in _OF_ANOTHER
+        cure = "name it in cloud.host as the certificate does" if named else "set ca_file if it is your own"
+        why = error.verify_message.rstrip(".")
+        raise SessionRefused(f"the certificate of {place} is not trusted: {why}; {cure}") from None
+    except ssl.SSLError as error:
+        raise CloudError(f"{place} does not speak TLS as expected: {error.reason}; {_PLAIN}") from None
+    except OSError as error:
+        why = error.strerror or str(error) or "the connection was ended"
+        raise CloudError(f"{place} does not finish the TLS handshake: {why}; {_PLAIN}") from None
 
 
 def _is_local(host: str) -> bool:

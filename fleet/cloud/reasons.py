@@ -7,8 +7,8 @@ import mqtt5
 _SENTENCES = {
     0x84: "the broker does not speak this protocol version; set the other one (5 or 311)",
     0x85: "the broker does not accept the client id",
-    0x86: "the broker does not accept the user name or password; check the token",
-    0x87: "the broker does not allow this client; check what the token may do",
+    0x86: "the broker does not accept the user name or password; check cloud.token or cloud.password",
+    0x87: "the broker does not allow this client; check cloud.token or cloud.password, and what it may do",
     0x88: "the broker is not available",
     0x89: "the broker is busy",
     0x8A: "the broker has banned this client",

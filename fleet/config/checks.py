@@ -11,6 +11,12 @@ from fleet.config.yaml import Document
 from fleet.robot_config import AdapterConfig
 
 Identity = tuple[type[AdapterConfig], str]
+_WAY = "way to the robot"
+_APART = {
+    "name": "give each robot a name of its own",
+    "twin": "give each robot a twin of its own",
+    _WAY: "give each robot a link of its own; several vehicles on one link have each its own system_id",
+}
 
 
 def check_robots(listed: Any, identities: Mapping[int, Identity], document: Document) -> None:
@@ -25,7 +31,7 @@ def check_robots(listed: Any, identities: Mapping[int, Identity], document: Docu
             if other != index:
                 before = document.marks["robots", other]
                 message = f"robots[{other}] ({before.file}:{before.line}) has the same {what}"
-                document.report(_place(index, key, document), message)
+                document.report(_place(index, key, document), message, _APART[what])
 
 
 def identity_of(config: AdapterConfig) -> Identity | None:
@@ -45,7 +51,7 @@ def _unique(robot: Any, identity: Identity | None) -> Iterator[tuple[str, object
         if isinstance(robot, dict) and isinstance(robot.get(key), str):
             yield key, robot[key].lower(), key
     if identity is not None:
-        yield "way to the robot", identity, "link"
+        yield _WAY, identity, "link"
 
 
 def _place(index: int, key: str, document: Document) -> Mark:

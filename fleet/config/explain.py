@@ -40,7 +40,8 @@ _MESSAGES: Mapping[str, str] = {
     "literal_error": "must be {expected}",
     "enum": "must be {expected}",
     "string_too_short": "must not be empty",
-    "too_short": "must not be empty",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
     "uuid_parsing": "must be a uuid",
     "uuid_type": "must be a uuid",
     "path_type": "must be a path",
@@ -151,6 +152,8 @@ def _message(error: _Error, context: Mapping[str, Any]) -> str:
         if context["pattern"] == _NAME_PATTERN:
             return "must be lower-case letters, digits, - and _, beginning with a letter"
         return f"must match {context['pattern']}"
+    if kind == "too_short" and context["min_length"] == 1:
+        return "must not be empty"
     words = _MESSAGES.get(kind)
     return words.format(**context) if words else error["msg"]
 
@@ -231,7 +234,9 @@ def _keys(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
 
 
 def _field(model: type[BaseModel], location: tuple[str | int, ...]) -> FieldInfo | None:
-    """Return the field at a location; None inside lists and the like."""
+    """Return the field at a location, or the one whose list it is in; None elsewhere."""
+    while location and isinstance(location[-1], int):
+        location = location[:-1]
     if not location:
         return None
     name = str(location[-1])

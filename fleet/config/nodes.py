@@ -21,8 +21,9 @@ _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C parser is fi
 class BadYaml(Exception):
     """The text is no YAML, or more of it than is read; line and column count from 1."""
 
-    def __init__(self, message: str, line: int = 1, column: int = 1) -> None:
+    def __init__(self, message: str, line: int = 1, column: int = 1, *, hint: str = "") -> None:
         super().__init__(message)
+        self.hint = hint
         self.line = line
         self.column = column
 
@@ -43,6 +44,22 @@ _CONSTANTS = {
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
 _HEX_OR_OCTAL = re.compile(r"0x[0-9a-fA-F]{1,16}|0o[0-7]{1,22}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?")
+_HINTS = (
+    ("did not find expected ','", "${", 'inside {...} and [...] a variable stands in quotes: "${NAME}"'),
+    ("did not find expected ','", "", "is a comma or a closing bracket or quote missing, here or above?"),
+    ("did not find expected node", "", "is a closing bracket or a value missing, here or above?"),
+    (
+        "mapping values are not allowed",
+        "",
+        "indent it as the lines around it; text with ': ' stands in quotes",
+    ),
+    ("did not find expected key", "", "indent it as the lines around it"),
+    ("did not find expected '-'", "", "indent it as the lines around it"),
+    ("could not find expected ':'", "", "a key is followed by a colon and a space"),
+    ("found unexpected end of stream", "", "is a closing quote missing?"),
+    ("found undefined alias", "", "text that begins with * stands in quotes"),
+)
+"""What a parser's words mean: a part of them, what stands in the line, what is probably wrong there."""
 _SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
@@ -100,11 +117,13 @@ def _bad_from(error: yaml.MarkedYAMLError, text: str) -> BadYaml:
     line, column = (mark.line, mark.column) if mark else (0, 0)
     lines = text.split("\n")
     message = f"{error.problem or error}"
-    if line < len(lines) and "\t" in lines[line][: column + 1]:
-        message = "a tab cannot indent; use spaces"
+    shown = lines[line] if line < len(lines) else ""
+    hint = next((hint for part, words, hint in _HINTS if part in message and words in shown), "")
+    if "\t" in shown[: column + 1]:
+        message, hint = "a tab cannot indent; use spaces", ""
     elif error.context and error.context not in message:
         message = f"{message} {error.context}"
-    return BadYaml(message, line + 1, column + 1)
+    return BadYaml(message, line + 1, column + 1, hint=hint)
 
 
 def scalar(node: yaml.ScalarNode) -> Any:

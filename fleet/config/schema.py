@@ -8,23 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, Field, SecretStr, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
-from fleet.yaml_model import Model, wrong
+from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
 _LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
-
-
-def _existing(path: Path, info: ValidationInfo) -> Path:
-    """Take a path as seen from the folder of fleet.yaml; it must exist."""
-    folder: Path = (info.context or {}).get("folder", Path())
-    found = folder / path
-    if not found.exists():
-        raise ValueError(f"there is no {found}")
-    return found
 
 
 def _folder(path: Path) -> Path:
@@ -66,15 +57,7 @@ def _stays_here(locator: str) -> bool:
     return is_local(address.partition("?")[0].partition("#")[0].rpartition(":")[0])
 
 
-def _beside(path: Path, info: ValidationInfo) -> Path:
-    """Take a path as seen from the folder of fleet.yaml, or from the user's home; it need not exist."""
-    folder: Path = (info.context or {}).get("folder", Path())
-    return folder / path.expanduser()
-
-
-ExistingPath = Annotated[Path, AfterValidator(_existing)]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
-StatePath = Annotated[Path, AfterValidator(_beside)]
 Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(_locator)]
 
@@ -93,7 +76,7 @@ class SpoolAges(Model):
 class SpoolConfig(Model):
     """What outlives the edge: messages that the cloud has not taken yet, and what safety must remember."""
 
-    path: StatePath | None = Field(
+    path: NewPath | None = Field(
         None,
         description="Folder, for this edge alone. Left out: fleet/<edge id> in XDG_STATE_HOME, "
         "else in ~/.local/state.",

@@ -23,6 +23,8 @@ from fleet.config.variables import UndefinedVariable, expand
 MAX_NODES = 100_000
 SECRETS = "secrets.yaml"
 SHORTEST_SECRET = 4  # a shorter one cannot be told from the words around it
+MERGE = "<<"
+NO_MERGE = "write what robots share under  defaults:"
 _COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
@@ -97,10 +99,11 @@ class _Reader:
             self.document.lines[shown] = text.splitlines()
             node = compose(text)
         except OSError as error:
-            return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}")
+            hint = "" if where else "fleet init writes an example"
+            return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}", hint)
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)
-            return self.document.spoil(where, mark, str(error))
+            return self.document.spoil(where, mark, str(error), error.hint)
         if node is None:
             self.document.marks[where] = Mark(shown, 1, 1, where)
             return None
@@ -142,6 +145,9 @@ class _Reader:
                 continue
             path = (*where, key.value)
             mark = _mark(key, file, path)
+            if key.value == MERGE and not key.style:
+                self.document.spoil(where, mark, f"{MERGE} merges nothing in YAML 1.2", NO_MERGE)
+                continue
             if key.value in data:
                 first = self.document.keys[path].line
                 self.document.report(mark, f"the key is there twice, first in line {first}")

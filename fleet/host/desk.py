@@ -17,7 +17,7 @@ from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, Refused
 from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.driving import Driving
-from fleet.host.executor import Executor, may_still_move
+from fleet.host.executor import Executor, may_still_move, takes
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
 from fleet.host.guard import Guard
 from fleet.host.journal import RobotJournal
@@ -240,6 +240,8 @@ class Desk:
         if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
+        if spec.moves and not takes(spec, ask, ticket):
+            return
         superseding = self.in_motion
         if spec.moves:
             self.in_control = True
@@ -249,7 +251,7 @@ class Desk:
 
         def failed() -> None:
             if may_still_move(spec, ticket, superseding=superseding):
-                self._executor.stop(self._settle(f"{ask.name} failed"), "stop")
+                self._executor.stop(self._settle(f"{ask.name} failed: {ticket.reason}"), "stop")
 
         self._executor.start(self._adapter, spec, ask, ticket, failed=failed)
 

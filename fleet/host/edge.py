@@ -187,6 +187,7 @@ class Edge:
             queued=stats.queued if stats else 0,
             queued_bytes=stats.queued_bytes if stats else 0,
             spooled=bridge.client.spool.waiting if bridge else 0,
+            unheard=bridge.client.spool.unheard if bridge else 0,
             waiting=bridge.uplink.waiting if bridge else 0,
             refused=bridge.refusals.total if bridge else 0,
             round_trip=bridge.round_trip.seconds if bridge else None,

@@ -8,8 +8,8 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from fleet.adapter import Adapter
-from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError, TimedOut
+from fleet.commands import CommandSpec, arguments
+from fleet.errors import CommandError, LinkError, Refused, TimedOut
 from fleet.host.bounded import closing, insist, walled, was_cancelled
 from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
@@ -155,6 +155,16 @@ class Executor:
             async for _ in steps:
                 ticket.accept()
         return None
+
+
+def takes(spec: CommandSpec, ask: Command, ticket: Ticket) -> bool:
+    """Return whether a command takes its data, refused else: what the robot does is not broken off for it."""
+    try:
+        arguments(spec, ask.data)
+    except Refused as error:
+        ticket.fail(error)
+        return False
+    return True
 
 
 def may_still_move(spec: CommandSpec, ticket: Ticket, *, superseding: bool) -> bool:

@@ -172,8 +172,8 @@ class LocalRobot:
             self._log.exception("the emergency stop did not go through at once")
 
     def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
-        """Say that a goal, or a mission, that could not be read has failed, where its id could be."""
-        if action_id:
+        """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
+        if kind in ("navigate", "mission"):
             step = 0 if kind == "mission" else None
             now = self._clock.time()
             self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why, step))

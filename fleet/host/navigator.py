@@ -241,4 +241,5 @@ def _answer(ticket: Ticket, status: NavigationReport) -> None:
     if status.state is ActionState.COMPLETED:
         ticket.done()
     else:
-        ticket.reject(f"{status.state.value}: {status.message}")
+        cancelled = f"{status.state.value}: " if status.state is ActionState.CANCELLED else ""
+        ticket.reject(f"{cancelled}{status.message}")

@@ -33,6 +33,11 @@ class Ticket:
         self.receipt: Reply | None = None
         self.ended: Reply | None = None
 
+    @property
+    def reason(self) -> str:
+        """Why it failed; empty before it ended, and when it was done."""
+        return self.ended.reason if self.ended is not None else ""
+
     def watch(self, seen: Callable[[Reply], None]) -> None:
         """Also tell ``seen`` the receipt and the end, those that are out already at once."""
         self._watchers.append(seen)

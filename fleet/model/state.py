@@ -38,8 +38,9 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One edge, now: its own roll-up and what it rests on. ``robots``: how many by health.
 
     On the way to the cloud ``waiting`` samples wait for their turn and ``queued`` messages to be sent:
-    ``spooled`` ones that are kept until the cloud has them, and light ones (``queued_bytes``); ``refused``
-    were refused in either direction, ``dropped`` lost.
+    ``spooled`` ones that are kept until the cloud has them, ``unheard`` of these because nobody there
+    subscribes to their topics, and light ones (``queued_bytes``); ``refused`` were refused in either
+    direction, ``dropped`` lost.
     ``round_trip`` is seconds to the cloud and back.
     """
 
@@ -56,6 +57,7 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     queued: int = 0
     queued_bytes: int = 0
     spooled: int = 0
+    unheard: int = 0
     waiting: int = 0
     refused: int = 0
     round_trip: float | None = None

@@ -18,6 +18,11 @@ class Holds:
     def __len__(self) -> int:
         return len(self._lines)
 
+    @property
+    def messages(self) -> int:
+        """How many messages wait in all of them."""
+        return sum(line.waiting for line in self._lines.values())
+
     def unheard(self, line: Line, now: float) -> None:
         """Hold a line; the wait grows with the tries, not with the messages that were under way."""
         if line.see(Sign.UNHEARD):

@@ -86,6 +86,11 @@ class Line:
         return not (self.back or self.memory or self.cold or self.flying)
 
     @property
+    def waiting(self) -> int:
+        """How many messages are left, those under way not counted."""
+        return len(self.back) + len(self.memory) + self.cold
+
+    @property
     def quiet(self) -> bool:
         """True when nothing of it waits, somebody hears it, and it stays known: as nearly always."""
         if self.memory or self.back or self.cold:

@@ -170,6 +170,11 @@ class Queue:
         """How many topics wait for somebody to hear them."""
         return len(self._lines.holds)
 
+    @property
+    def unheard(self) -> int:
+        """How many messages wait for somebody to hear their topics."""
+        return self._lines.holds.messages
+
     def standing(self) -> dict[Traffic, Standing]:
         """Return what waits of each class."""
         return standing(self._lines.values())

@@ -154,6 +154,12 @@ class Spool:
         return self._queue.waiting
 
     @property
+    def unheard(self) -> int:
+        """How many of them wait for somebody to hear their topics, and not for the cloud."""
+        with self._using:
+            return self._queue.unheard
+
+    @property
     def lost(self) -> int:
         """How many messages were lost since the start."""
         return self._queue.losses.total

@@ -5,8 +5,8 @@ r"""The contract of an adapter, as tests: subclass, name the adapter and an exam
         config = {"adapter": "rover", "link": "tcp:127.0.0.1:9000"}
         said = (b"B 24.1 87\n",)
 
-No robot and no link is needed. Whoever passes can be run by the host; what its robot does is for tests of
-its own.
+No robot and no link is needed, and of pytest no plugin. Whoever passes can be run by the host; what its
+robot does is for tests of its own.
 """
 
 from __future__ import annotations
@@ -91,27 +91,39 @@ class AdapterContract:
         can = capabilities(self.adapter)
         assert can.limits.speed or not can.drives
 
-    async def test_stop_without_a_link_ends_and_does_not_fail(self) -> None:
-        async with asyncio.timeout(SOON):
-            await self.make().stop("a test")
-
-    async def test_halt_works_on_another_thread_while_the_loop_is_stuck(self) -> None:
-        adapter = self.make()
-        for halt in (adapter.halt, adapter.emergency_halt):
-            in_time(halt)
-            in_time(halt)
-
-    async def test_a_velocity_without_a_link_raises_nothing_but_a_refusal(self) -> None:
-        adapter = self.make()
-        for velocity in EXTREMES:
-            unless_refused(adapter.drive, velocity)
-
-    async def test_a_command_without_a_link_is_refused_in_time(self) -> None:
-        for name, spec in self._commands().items():
+    def test_stop_without_a_link_ends_and_does_not_fail(self) -> None:
+        async def stopped() -> None:
             async with asyncio.timeout(SOON):
-                assert await _refused(self.make(), spec, Command(name)), name
+                await self.make().stop("a test")
 
-    async def test_two_robots_share_no_state(self) -> None:
+        asyncio.run(stopped())
+
+    def test_halt_works_on_another_thread_while_the_loop_is_stuck(self) -> None:
+        async def halted() -> None:
+            adapter = self.make()
+            for halt in (adapter.halt, adapter.emergency_halt):
+                in_time(halt)
+                in_time(halt)
+
+        asyncio.run(halted())
+
+    def test_a_velocity_without_a_link_raises_nothing_but_a_refusal(self) -> None:
+        async def driven() -> None:
+            adapter = self.make()
+            for velocity in EXTREMES:
+                unless_refused(adapter.drive, velocity)
+
+        asyncio.run(driven())
+
+    def test_a_command_without_a_link_is_refused_in_time(self) -> None:
+        async def asked(name: str, spec: CommandSpec) -> bool:
+            async with asyncio.timeout(SOON):
+                return await _refused(self.make(), spec, Command(name))
+
+        for name, spec in self._commands().items():
+            assert asyncio.run(asked(name, spec)), name
+
+    def test_two_robots_share_no_state(self) -> None:
         mine, other = self.make(), self.make()
         assert containers_of(mine).isdisjoint(containers_of(other))
 

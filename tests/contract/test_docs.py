@@ -1,11 +1,12 @@
 """What the documents say is true: their Python runs, and no dependency is left unexplained."""
 
-import inspect
+import json
 import re
 
 import pytest
 
 from fleet.testing.contract import AdapterContract, FrameContract
+from fleet.wire.missions import plan_of
 
 
 def python_in(path):
@@ -23,7 +24,7 @@ def guide(root):
 
 @pytest.mark.parametrize(("name", "contract"), [("Crawler", FrameContract), ("Walker", AdapterContract)])
 def test_the_adapters_in_the_guide_keep_the_contract(guide, name, contract):
-    """The contract's tests without a loop, for adapters that only exist in a document."""
+    """The contract's tests, for adapters that only exist in a document."""
     kept = type(
         name,
         (contract,),
@@ -34,9 +35,8 @@ def test_the_adapters_in_the_guide_keep_the_contract(guide, name, contract):
         },
     )()
     tests = [getattr(kept, test) for test in dir(kept) if test.startswith("test_")]
-    plain = [test for test in tests if not inspect.iscoroutinefunction(test)]
-    assert len(plain) >= 7
-    for test in plain:
+    assert len(tests) >= 12
+    for test in tests:
         test()
 
 
@@ -45,6 +45,12 @@ def test_the_example_in_the_plugins_folder_is_a_test(root, monkeypatch):
     names = {}
     exec(compile(python_in(root / "plugins" / "README.md"), "README.md", "exec"), names)
     names["TestTheContract"]().test_each_example_of_what_the_robot_says_means_something()
+
+
+def test_the_mission_in_the_guide_can_be_flown(root):
+    (text,) = re.findall(r"```json\n(.*?)```", (root / "docs" / "drone-safety.md").read_text(), re.DOTALL)
+    mission = plan_of(json.loads(text), "mission")
+    assert [item.kind for item in mission.items] == ["waypoint", "loiter_time", "return_to_launch"]
 
 
 def test_every_dependency_is_explained(root, project):

@@ -16,6 +16,12 @@ def test_an_unknown_word_is_answered_with_how_to_use_it(root, words):
     assert "Traceback" not in told.stderr
 
 
+@pytest.mark.parametrize("word", ["-h", "--help"])
+def test_help_is_given(bootstrap, capsys, word):
+    bootstrap.start([word])
+    assert "python3 run.py demo" in capsys.readouterr().out
+
+
 def test_the_users_own_uv_is_used(bootstrap, tmp_path, monkeypatch):
     uv = program(tmp_path / "uv", "echo uv 0.9.1")
     monkeypatch.setenv("PATH", str(tmp_path))

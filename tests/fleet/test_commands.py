@@ -84,12 +84,12 @@ def test_nothing_in_its_data_keeps_a_landing_from_happening(data):
 @pytest.mark.parametrize(
     ("name", "data", "reason"),
     [
-        ("takeoff", {"altitude": "2"}, "altitude"),
-        ("takeoff", {"altitude": True}, "altitude"),
-        ("set_mode", {}, "mode"),
-        ("set_mode", {"mode": 5}, "mode"),
-        ("set_mode", {"mode": "auto", "slot": 1.5}, "slot"),
-        ("set_mode", {"mode": None}, "mode"),
+        ("takeoff", {"altitude": "2"}, "altitude must be a number, not text"),
+        ("takeoff", {"altitude": True}, "altitude must be a number, not true or false"),
+        ("set_mode", {}, "mode is missing"),
+        ("set_mode", {"mode": 5}, "mode must be text, not a whole number"),
+        ("set_mode", {"mode": "auto", "slot": 1.5}, "slot must be a whole number"),
+        ("set_mode", {"mode": None}, "mode must be text, not nothing"),
     ],
 )
 def test_a_wrong_or_missing_field_is_refused_by_name(name, data, reason):

@@ -58,6 +58,9 @@ def test_a_goal_that_cannot_be_read_has_failed_and_says_where(pilot):
     failed = pilot.heard("navigate/status", "failed", lambda each: ended(each, action))
     assert failed["status"] == "failed"
     assert "position.x" in failed["message"]
+    pilot.say("navigate/command", command="go", position={"x": 5, "y": 0, "z": 5})
+    failed = pilot.heard("navigate/status", "failed, without an id", lambda each: each["action_id"] == "")
+    assert "'go' is not navigation" in failed["message"]
 
 
 def test_a_mission_with_a_hole_has_failed_and_says_where(pilot):

@@ -192,4 +192,5 @@ def _open(url: str, bitrate: int) -> can.BusABC:
     except (can.CanError, OSError, ValueError, ImportError) as error:
         code = getattr(error, "error_code", None) or getattr(error, "errno", None)
         kind = LinkRefused if isinstance(error, (ValueError, ImportError)) or code in _FOR_GOOD else LinkLost
-        raise kind(f"{url}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise kind(f"{url}: {why}") from error

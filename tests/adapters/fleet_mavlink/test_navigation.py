@@ -116,6 +116,27 @@ def test_goals_beyond_the_limits_are_refused_before_anything_is_sent(fly, sky, f
 
 
 @both
+def test_a_goal_that_can_only_be_a_mistake_is_refused_without_any_limit(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            before = len(it.commands)
+            mistakes = (
+                Goal(position=Vector3(1e9, 0, 5)),
+                Goal(position=Vector3(0, -1e300, 5)),
+                Goal(position=Vector3(99_000, 99_000, 5)),
+                Goal(geo=GeoPoint(8.545594, 47.397742, 493.0)),
+            )
+            for goal in mistakes:
+                with pytest.raises(Refused, match=r"100 km|limit of 100000 m"):
+                    await anext(aiter(it.adapter.navigate(GoTo(goal))))
+            assert [each for each in it.commands[before:] if each.command != Cmd.SET_MESSAGE_INTERVAL] == []
+
+    fly(main())
+
+
+@both
 def test_a_goal_against_too_much_wind_is_blocked_then_given_up(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:

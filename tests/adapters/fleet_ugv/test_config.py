@@ -47,3 +47,9 @@ def test_a_simulated_base_is_said_in_its_link():
         "sim:waveshare-rover?fault=loss:0.1,echo&seed=7&firmware=general", ticks=0.0, diameter=0.08
     )
     assert asked == SimSpec("waveshare-rover", 7, {"loss": 0.1, "echo": 1.0}, 0.0, 0.08, "general")
+
+
+def test_two_bases_on_one_device_are_one_whatever_their_speed_and_simulated_ones_are_not(make_config):
+    one, other = (make_config(link=f"serial:/dev/ttyUSB0?baud={baud}").identity() for baud in (9600, 115200))
+    assert one == other != make_config(link="serial:/dev/ttyUSB1?baud=9600").identity()
+    assert make_config(link="sim:hoverboard").identity() is None

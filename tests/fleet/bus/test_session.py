@@ -37,7 +37,8 @@ def test_a_port_that_is_taken_is_told_once_and_does_without(directory, opened, p
 
 def test_a_second_edge_of_the_same_id_is_refused(directory, edge):
     with pytest.raises(
-        BusError, match=r"edge 'yard' runs already on this machine; stop it, or change edge.id"
+        BusError,
+        match=r"edge 'yard' runs already on this machine \(fleet ps\); stop it, or change edge.id",
     ):
         open_edge(BusSettings("yard", listen=()), directory)
 

@@ -25,6 +25,12 @@ def test_what_to_try_is_said_of_the_robot_that_is_there(one):
     assert not any(other.robot in told for other in TRIES if other is not one)
 
 
+def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
+    result = fleet("demo", "--drones", "0", "--ugvs", "0")
+    assert result.code == 2
+    assert "ask for one of --drones, --ugvs, --dogs" in result.err
+
+
 def test_every_kind_of_robot_can_be_tried():
     file = demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1)
     assert all(f'"{one.robot}"' in file for one in TRIES)

@@ -13,7 +13,9 @@ DONE = Reply("start", ReplyStatus.ACCEPTED, done=True)
 def kestrel(play_edge):
     """Play an edge with one robot, which is at the second item of a mission."""
     doing = "mission, item 2 of 3, 33 %"
-    robots = {"kestrel": {"health": "ok", "activity": doing, "last_outcome": "takeoff done"}}
+    robots = {
+        "kestrel": {"health": "ok", "activity": doing, "last_command": "takeoff", "last_outcome": "done"}
+    }
     return play_edge("yard-1", robots=robots)
 
 
@@ -71,7 +73,9 @@ def test_clearing_is_a_command(fleet, kestrel):
 
 def test_how_far_it_is_is_shown(fleet, kestrel):
     result = fleet("mission", "kestrel", "status")
-    assert (result.code, result.out) == (0, "kestrel: mission, item 2 of 3, 33 %\n")
-    assert result.err == "takeoff done\n"
+    assert (result.code, result.out) == (
+        0,
+        "kestrel: mission, item 2 of 3, 33 %\nkestrel: last command takeoff: done\n",
+    )
     said = fleet("mission", "kestrel", "status", "--json").json
     assert said["doing"] == "mission, item 2 of 3, 33 %"

@@ -55,6 +55,16 @@ def test_a_backup_differs_in_nothing_from_its_robot(fleet, kestrel, place):
     assert "exists" in fleet("params", "kestrel", "backup", "all.param").err
 
 
+def test_a_file_that_cannot_be_read_is_told_in_one_line(fleet, kestrel, place):
+    (place / "latin.param").write_bytes(b"\xff\xfe")
+    for name, said in (("none.param", "No such file or directory"), ("latin.param", "not UTF-8 text")):
+        result = fleet("params", "kestrel", "diff", name)
+        assert (result.code, result.err.count("\n")) == (3, 1)
+        assert name in result.err
+        assert said in result.err
+        assert "Errno" not in result.err
+
+
 def test_differences_are_shown_whatever_wrote_the_file(fleet, kestrel, place):
     kestrel(VALUES)
     (place / "other.param").write_text(

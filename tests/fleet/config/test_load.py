@@ -125,9 +125,24 @@ def test_robots_that_are_no_list_are_told(yard, robots, told):
     ],
 )
 def test_two_robots_cannot_be_one(yard, second, told):
-    problems = yard.problems(small() + f"  - {{{second}, adapter: toy}}\n")
+    (problem,) = yard.problems(small() + f"  - {{{second}, adapter: toy}}\n")
     same = f"robots[0] ({yard.file}:4) has the same".replace(f"{yard.folder}/", "")
-    assert problems == [f"fleet.yaml:{told.format(same)}"]
+    assert problem.startswith(f"fleet.yaml:{told.format(same)} (give each robot a ")
+
+
+def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
+    problems = yard.problems(
+        small(ROBOT.replace("adapter: toy", "adapter: toy, fence: {inclusion: [[0, 1]]}"))
+    )
+    assert any("inclusion[0]: must have at least 3 entries (Polygons" in problem for problem in problems)
+    assert all("[[[0, 0]," in problem for problem in problems)
+
+
+def test_a_merge_key_is_told_with_what_does_the_same(yard):
+    merged = "x-base: &base {adapter: toy}\n" + small(ROBOT.replace("adapter: toy", "<<: *base"))
+    (problem,) = yard.problems(merged)
+    assert "robots[0].<<: << merges nothing" in problem
+    assert "defaults:" in problem
 
 
 def test_a_group_cannot_be_called_like_a_robot_or_name_one_twice(yard):
@@ -194,7 +209,9 @@ def test_a_validator_that_crashes_is_a_problem_of_its_robot(yard):
 
 
 def test_a_missing_file_is_told_with_what_to_do(yard):
-    assert yard.problems() == ["fleet.yaml:1:1: cannot read fleet.yaml: No such file or directory"]
+    (told,) = yard.problems()
+    assert told.startswith("fleet.yaml:1:1: cannot read fleet.yaml: No such file or directory")
+    assert told.endswith("(fleet init writes an example)")
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "[]", "text"])

@@ -78,6 +78,25 @@ def test_what_is_no_plain_yaml_is_told_with_its_place(reading, text, place_and_m
     assert told(document)[0].startswith(place_and_message)
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a: {b: ${C}}\n", '"${NAME}"'),
+        ("a: [1\nb: 2\n", "closing bracket"),
+        ("a: [\n", "closing bracket"),
+        ("a: 1\n  b: 2\n", "indent it as the lines around it"),
+        ("- a\nb: 1\n", "indent it as the lines around it"),
+        ("a:\n  b: 1\n c: 2\n", "indent it as the lines around it"),
+        ("a: 'x\n", "closing quote"),
+        ("a: 1\nb\nc: 2\n", "followed by a colon"),
+        ("a: *b\n", "stands in quotes"),
+    ],
+)
+def test_what_is_no_yaml_is_told_with_what_it_probably_wants(reading, text, hint):
+    (problem,) = reading(text).problems
+    assert hint in problem.hint
+
+
 def test_aliases_that_multiply_are_stopped(reading):
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]

@@ -342,13 +342,23 @@ async def test_an_adapter_that_crashes_in_a_velocity_is_halted_at_once(bench, as
     assert bench.puppet.told == ["halt"]
 
 
-@pytest.mark.parametrize("name", ["shy", "takeoff"])
-async def test_a_command_that_is_refused_after_it_ended_an_action_holds_the_robot(bench, asks, name):
+async def test_a_command_that_is_refused_after_it_ended_an_action_holds_the_robot(bench, asks, caplog):
     bench.ask(asks.goal())
     await asks.settle()
-    bench.ask(asks.command(name, data={"no_such": 1} if name == "takeoff" else {}))
+    bench.ask(asks.command("shy"))
     await asks.settle()
     assert bench.puppet.told[-1] == "stop"
+    assert "shy failed: not today: it is brought to a standstill" in caplog.text
+
+
+async def test_a_command_with_data_that_it_does_not_take_breaks_nothing_off(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    before = list(bench.puppet.told)
+    (answer,) = bench.ask(asks.command("takeoff", data={"no_such": 1}))
+    await asks.settle()
+    assert answer.status is DENIED
+    assert bench.puppet.told == before
 
 
 async def test_a_command_that_is_refused_at_rest_does_not_move_the_robot_at_all(bench, asks):

@@ -253,6 +253,20 @@ def test_a_topic_that_nobody_hears_is_tried_again_ever_more_slowly_and_others_go
     assert b"1" in bench.send()
 
 
+def test_what_waits_for_somebody_to_hear_it_is_counted_apart():
+    bench = Bench(messages=100).online()
+    for topic in ("deaf", "deaf", "deaf", "heard"):
+        bench.put(topic)
+    deaf, heard = bench.take()
+    bench.queue.settle(deaf, Outcome.HELD, bench.now, WALL)
+    assert (bench.queue.waiting, bench.queue.unheard) == (3, 3)
+    bench.queue.settle(heard, Outcome.ACKED, bench.now, WALL)
+    bench.now += 60.0
+    bench.queue.tick(bench.now, WALL)
+    bench.queue.settle(bench.take()[0], Outcome.ACKED, bench.now, WALL)
+    assert (bench.queue.waiting, bench.queue.unheard) == (2, 0)
+
+
 def test_somebody_who_comes_back_hears_all_topics_at_once():
     bench = Bench(messages=100).online()
     for topic in "ab":

@@ -156,9 +156,9 @@ def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
         ("two_robots_share_no_state", {"queue": []}),
     ],
 )
-async def test_a_broken_adapter_is_caught(test, changes):
+def test_a_broken_adapter_is_caught(test, changes):
     with pytest.raises((AssertionError, RuntimeError)):
-        await getattr(broken(AdapterContract, Brainy, **changes), f"test_{test}")()
+        getattr(broken(AdapterContract, Brainy, **changes), f"test_{test}")()
 
 
 def test_an_example_config_that_is_wrong_is_caught():
