@@ -242,9 +242,8 @@ class Desk:
             return
         if spec.moves and not takes(spec, ask, ticket):
             return
-        superseding = self.in_motion
+        superseding, self.in_control = self.in_motion, self.in_control or spec.moves
         if spec.moves:
-            self.in_control = True
             ticket.watch(self.guard.obeyed)
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
@@ -284,10 +283,9 @@ class Desk:
 
     async def _settle(self, why: str, *, anyway: bool = False) -> None:
         """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""
-        if not (anyway or self.in_control):
-            return
-        log.warning("%s: %s: it is brought to a standstill", self.name, why)
-        await self._hold_for(why, Ticket("stop", lambda _: None))
+        if anyway or self.in_control:
+            log.warning("%s: %s: it is brought to a standstill", self.name, why)
+            await self._hold_for(why, Ticket("stop", lambda _: None))
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
