@@ -25,7 +25,7 @@ from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
 from fleet_mavlink.payload import PayloadCommands
-from fleet_mavlink.session import Session
+from fleet_mavlink.session import GENTLE, Session
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
 from fleet_mavlink.upkeep import UpkeepCommands
@@ -34,6 +34,8 @@ _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
+_ASKED = _TAKE_OVER | {GENTLE, "pause"}
+"""The stops that somebody asked for; the others are the host's own, when something failed or ends."""
 
 
 class MavlinkAdapter(PayloadCommands, UpkeepCommands):
@@ -74,13 +76,24 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         self._open().driver.drive(velocity)
 
     async def stop(self, reason: str) -> None:
-        """Brake and hold in the air; motors are never cut."""
+        """Brake and hold in the air; motors are never cut.
+
+        A landing, or a way home, is the autopilot's own and the safest that is left when an edge ends: it is
+        broken off for somebody who asks for it only.
+        """
         if self._session is not None:
             with contextlib.suppress(LinkError):
-                await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
+                if reason in _ASKED or not self._session.comes_down:
+                    await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
 
     def halt(self) -> None:
-        """Write zero velocity, or the hold command, at once; from any thread."""
+        """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
+        session = self._session
+        if session is not None and not session.comes_down:
+            self.emergency_halt()
+
+    def emergency_halt(self) -> None:
+        """Write the same, whatever it does; from any thread."""
         session = self._session
         if session is not None:
             with contextlib.suppress(LinkError):

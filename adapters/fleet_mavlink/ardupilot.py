@@ -61,6 +61,7 @@ class ArduCopter(Flavour):
     takeoff: ClassVar[str] = "GUIDED"
     mission: ClassVar[str] = "AUTO"
     home_is_first: ClassVar[bool] = True
+    rewind: ClassVar[CommandLong | None] = CommandLong(Cmd.DO_SET_MISSION_CURRENT)
     repeats_reached: ClassVar[bool] = False
     unset: ClassVar[float] = 0.0
     lead_in: ClassVar[float] = 0.0

@@ -19,10 +19,12 @@ class Authority:
         self._lost = lost
         self.lost_to = ""  # the mode that took it; empty while it is ours
         self._expected: frozenset[str] = frozenset()
+        self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
         self._mode = ""
 
     def expect(self, *modes: str) -> None:
         """Take the vehicle for a command that leads to one of these modes."""
+        self._earlier |= self._expected
         self._expected = frozenset(modes)
         self.lost_to = ""
 
@@ -34,6 +36,8 @@ class Authority:
         """Look at a new heartbeat, before anybody who waits for it does; ``alarm``: what a fail-safe said."""
         mode = flavour.mode_of(state)
         before, self._mode = self._mode, mode
+        if mode in self._expected:
+            self._earlier = frozenset()
         if not state.armed:
             self.lost_to = ""
             return
@@ -53,4 +57,4 @@ class Authority:
         """Return the modes that are no surprise; at first sight those in which nobody else flies."""
         if not before:
             return ours
-        return self._expected | follows.get(before, frozenset())
+        return self._expected | self._earlier | follows.get(before, frozenset())

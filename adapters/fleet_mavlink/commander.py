@@ -7,6 +7,7 @@ does not say which of two equal commands it answers.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Self
 
@@ -33,6 +34,7 @@ class Timing(msgspec.Struct, frozen=True):
 
 
 NEVER_SENT = "answers to commands that were never sent"
+_LATE = 2.0  # s in which a command that was left unanswered may still be answered
 _CROSSING = 0.1  # s in which a heartbeat and an answer may cross
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
@@ -55,16 +57,34 @@ class _Exchange:
         self._commander = commander
 
     async def __aenter__(self) -> Self:
-        """Wait for our turn, and listen for answers before the command is sent."""
-        await self._commander.turn.acquire()
-        self._commander.exchange = self
-        self.began = self._commander.now()
+        """Wait for our turn, and listen for answers before the command is sent; raises Refused."""
+        commander = self._commander
+        commander.waiting.add(self)
+        try:
+            await commander.turn.acquire()
+        finally:
+            commander.waiting.discard(self)
+        if self.superseded:
+            commander.turn.release()
+            self.require_wanted()
+        commander.exchange = self
+        self.began = commander.now()
         return self
 
     async def __aexit__(self, *_: object) -> None:
         """Listen no more."""
         self._commander.exchange = None
         self._commander.turn.release()
+
+    def supersede(self, reason: str) -> None:
+        """End it with this reason."""
+        self.superseded = reason
+        self.acks.put_nowait(None)
+
+    def require_wanted(self) -> None:
+        """Raise Refused when something more urgent took over."""
+        if self.superseded:
+            raise Refused(f"superseded: {self.superseded}")
 
 
 class Commander:
@@ -75,14 +95,15 @@ class Commander:
         self._vehicle = vehicle
         self.turn = asyncio.Lock()
         self.exchange: _Exchange | None = None
+        self.waiting: set[_Exchange] = set()  # for their turn
         self._ever: set[int] = set()  # the commands that were ever sent
+        self._unanswered: dict[int, float] = {}  # when each was sent that has no answer yet
         vehicle.on_ack = self._acknowledged
 
     def supersede(self, reason: str) -> None:
-        """End the command that is under way with this reason, for something more urgent."""
-        if self.exchange is not None:
-            self.exchange.superseded = reason
-            self.exchange.acks.put_nowait(None)
+        """End the commands under way, and those that wait, with this reason, for something more urgent."""
+        for exchange in (*self.waiting, *((self.exchange,) if self.exchange else ())):
+            exchange.supersede(reason)
 
     async def ask(self, ask: Ask, *, seen: Condition | None = None, tries: int | None = None) -> None:
         """Send a command until it is accepted.
@@ -114,6 +135,7 @@ class Commander:
                     return
                 if ack.result == Result.TEMPORARILY_REJECTED and self.now() < asked_until:
                     await asyncio.sleep(self.timing.pause)
+                    exchange.require_wanted()
                     continue
                 if sent > 1 and seen is not None and await self._vehicle.until(seen, self.timing.heartbeat):
                     return
@@ -127,6 +149,7 @@ class Commander:
         """
         async with _Exchange(self, ask) as exchange:
             already = shows(self._vehicle.state) == mode
+            late = self.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
             for attempt in range(self.timing.tries):
                 began = self.now()
                 exchange.refusal = None
@@ -140,11 +163,14 @@ class Commander:
 
                 if already:
                     ack = await self._answer(exchange, None)
+                    if late and ack is not None:  # it may be for the same command with another meaning
+                        late, exchange.refusal = False, None
+                        ack = await self._answer(exchange, None)
                     entered = ack is not None and ack.result == Result.ACCEPTED
                 else:
                     await self._vehicle.until(settled, self.timing.heartbeat)
                     entered = shows(self._vehicle.state) == mode
-                self._raise_superseded(exchange)
+                exchange.require_wanted()
                 if entered:
                     return
                 if exchange.refusal is not None:
@@ -166,6 +192,7 @@ class Commander:
     def _acknowledged(self, ack: CommandAck) -> None:
         """Note an answer to the command that is under way; others are late or somebody else's."""
         exchange = self.exchange
+        self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
             self._vehicle.trust.counts[NEVER_SENT] += 1
         if exchange is None or ack.command != exchange.command:
@@ -189,16 +216,10 @@ class Commander:
                     f"system {self._vehicle.system} began a command and did not say how it ended",
                     messages=self._words_since(exchange.began),
                 ) from None
-            self._raise_superseded(exchange)
+            exchange.require_wanted()
             if ack is not None and ack.result != Result.IN_PROGRESS:
                 return ack
             wait = self.timing.working
-
-    @staticmethod
-    def _raise_superseded(exchange: _Exchange) -> None:
-        """Raise Refused when something more urgent took over."""
-        if exchange.superseded:
-            raise Refused(f"superseded: {exchange.superseded}")
 
     def addressed(self, ask: Ask) -> Ask:
         """Return a command with the vehicle's address in it, to be sent; answers to it are expected."""
@@ -210,6 +231,7 @@ class Commander:
         addressed = self.addressed(ask)
         if isinstance(addressed, CommandLong):
             addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
+        self._unanswered[ask.command] = self.now()
         self._vehicle.send(addressed)
 
     async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:

@@ -34,7 +34,8 @@ class Driver:
     """The stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``, nothing here blocks.
 
     ``enter`` asks for the mode that takes setpoints, ``hold`` for the one that keeps the place; both run in
-    the background, by ``spawn``, until the heartbeat shows them.
+    the background, by ``spawn``, until the heartbeat shows them. ``busy`` tells that another command is under
+    way: its mode may be shown late, and a hold behind it would undo it.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Driver:
         enter: Callable[[], Awaitable[None]],
         hold: Callable[[], Awaitable[None]],
         spawn: Callable[[Awaitable[None]], asyncio.Task[None]],
+        busy: Callable[[], bool],
     ) -> None:
         self.phase = Phase.IDLE
         self.halted = False  # set by another thread: brake at the next tick
@@ -55,6 +57,7 @@ class Driver:
         self._enter = enter
         self._hold = hold
         self._spawn = spawn
+        self._busy = busy
         self._wanted = ZERO_VELOCITY
         self._since = 0.0  # when motion was last asked for
         self._since_phase = 0.0
@@ -62,6 +65,11 @@ class Driver:
         self._refusal: FleetError | None = None
         self._again_at = -math.inf
         self._must_ask = False
+
+    @property
+    def drives(self) -> bool:
+        """True while the newest velocity is streamed."""
+        return self.phase in {Phase.STARTING, Phase.DRIVING}
 
     def drive(self, velocity: Velocity) -> None:
         """Take the newest velocity, and send it at once, not with the next tick.
@@ -89,7 +97,7 @@ class Driver:
 
         Who drives in bursts need not wait for two changes of mode between them.
         """
-        if self.phase not in {Phase.STARTING, Phase.DRIVING}:
+        if not self.drives:
             return False
         self.drive(ZERO_VELOCITY)
         return True
@@ -192,7 +200,7 @@ class Driver:
         """Go on until the mode is left; then be silent, or start again for a velocity that came."""
         if mode != flavour.external:
             self._to(Phase.IDLE if self._wanted.is_zero else Phase.STARTING)
-        elif self._now() >= self._again_at:
+        elif not self._busy():
             self._ask(self._hold)
 
     def _ask(self, what: Callable[[], Awaitable[None]]) -> None:

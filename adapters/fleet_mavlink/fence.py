@@ -14,7 +14,7 @@ from fleet.model.geodesy import geo_from_world
 from fleet.robot_config import FenceConfig
 from fleet_mavlink.mission import is_same
 from fleet_mavlink.mission_messages import MissionItemInt
-from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.parameters import Parameters, same
 from fleet_mavlink.plans import Kind, Plans
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
@@ -127,7 +127,7 @@ class FenceKeeper:
                 raise Refused("it keeps another one than was sent")
         for name, value in parameters_of(flavour.name, self._fence, self._limits).items():
             (kept,) = await self._parameters.read([name])
-            if kept.value != value:
+            if not same(kept.value, value):
                 await self._landed()
                 await self._parameters.write(name, value)
         self._vehicle.log.info("it has its fence of %d corners", len(items))

@@ -132,6 +132,10 @@ class Missions:
         plan = plan_of(mission, flavour, home, self._limits.speed or math.inf)
         for item in mission.items:
             self._require_reachable(item, mission, home)
+        if self._vehicle.state.in_air and not mission.resumed:
+            # What it flies to until now is not wanted any more, and a mission is not replaced under its feet.
+            self._give_way(flavour, flavour.hold)
+            await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
         yield Progress(0.0, "the autopilot has it")
         if not self._vehicle.state.in_air:
@@ -170,6 +174,8 @@ class Missions:
         returns = mission.items[-1].kind == "return_to_launch"
         ends = (flavour.return_home,) if returns else (flavour.hold,)
         self._give_way(flavour, flavour.mission)
+        if flavour.rewind is not None and not mission.resumed:
+            await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None
         watch = _Progress(plan, len(mission.items), before)
         with self._vehicle.hearing(*_TOLD) as heard:

@@ -52,6 +52,7 @@ class Px4(Flavour):
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
     mission: ClassVar[str] = "AUTO.MISSION"
     home_is_first: ClassVar[bool] = False
+    rewind: ClassVar[CommandLong | None] = None
     repeats_reached: ClassVar[bool] = True
     unset: ClassVar[float] = NAN
     lead_in: ClassVar[float] = 0.3

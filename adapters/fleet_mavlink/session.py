@@ -27,7 +27,7 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.state import SILENCE
+from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.texts import Sentence, alarm
 from fleet_mavlink.trust import FALSE, UNSIGNED
@@ -64,6 +64,7 @@ class Session:
             enter=self.flight.enter_external,
             hold=self.flight.hold,
             spawn=self._spawn,
+            busy=self.commander.turn.locked,
         )
         self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
@@ -131,15 +132,20 @@ class Session:
                 task.cancel()
             await asyncio.gather(*work, *self._tasks, return_exceptions=True)
 
+    @property
+    def comes_down(self) -> bool:
+        """True while the autopilot shows that it lands, or returns home; from any thread."""
+        state, flavour = self.vehicle.state, self.vehicle.flavour
+        return flavour is not None and flavour.mode_of(state) in {flavour.land, flavour.return_home}
+
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
-        The plain stop of a drive returns once the vehicle stands; the hold follows a moment later. A vehicle
-        that somebody else has is left to him unless ``takes_over``: the plain stop at the end of a drive must
-        not take it from its pilot.
+        The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
+        when it does not. A vehicle that somebody else has is left to him unless ``takes_over``: the plain
+        stop at the end of a drive must not take it from its pilot.
         """
-        if reason == GENTLE and self.driver.rest():
-            await self.vehicle.until(is_standing, _STANDS_WITHIN)
+        if reason == GENTLE and self.driver.rest() and await self._rests():
             return
         self.commander.supersede(reason)
         self.driver.brake()
@@ -147,6 +153,15 @@ class Session:
             return
         if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
             await self.flight.hold()
+
+    async def _rests(self) -> bool:
+        """Wait until the vehicle stands; False when it takes no setpoints, or does not stand in time."""
+
+        def settled(state: VehicleState) -> bool:
+            return is_standing(state) or not self.driver.drives
+
+        await self.vehicle.until(settled, _STANDS_WITHIN)
+        return is_standing(self.vehicle.state)
 
     async def kill(self) -> None:
         """Stop the motors at once; whatever is under way ends, and nothing more is streamed."""

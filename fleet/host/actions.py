@@ -41,6 +41,13 @@ class Action:
         """True once the terminal status is out."""
         return self.status.state.terminal
 
+    @property
+    def ahead(self) -> Task:
+        """What is left of its task, once it was paused."""
+        if isinstance(self.task, FlyMission):
+            return msgspec.structs.replace(self.task, items=self.task.items[self._reached :])
+        return self.task
+
     def pause(self) -> None:
         """Interrupt it; the task becomes what is left of it."""
         self.paused = True

@@ -14,9 +14,8 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError, Refused, TimedOut
+from fleet.errors import CommandError, LinkError, Refused
 from fleet.host.aside import HALT_WAIT, aside
-from fleet.host.bounded import bounded
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move, takes
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
@@ -28,6 +27,7 @@ from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
+from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
@@ -64,8 +64,8 @@ class Desk:
         self.last = Last()
         self._can = capabilities
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        ours = partial(getattr, self, "in_control")
-        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, ours=ours, publish=publish)
+        free = partial(getattr, self, "free")
+        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, free=free, publish=publish)
         self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
         self.deadman = self._driving.deadman
         self._publish = publish
@@ -79,6 +79,7 @@ class Desk:
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
+        self.adrift = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal)
         ready = self._executor.standing
         self._navigator = Navigator(
@@ -105,6 +106,11 @@ class Desk:
         """True while the robot moves, or may move, because of us."""
         return bool(self.deadman.armed or self._executor.moving or self._navigator.active)
 
+    @property
+    def free(self) -> bool:
+        """True when the host may act by itself: the robot is ours, and nothing safer is under way."""
+        return self.in_control and not self._executor.safe
+
     # -- the robot comes and goes --------------------------------------------------------------------
 
     def attach(self, adapter: Adapter[Any]) -> None:
@@ -114,10 +120,18 @@ class Desk:
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
         self.offline = self._admission.fault = ""
+        self._catch()
+
+    def _catch(self) -> None:
+        """Stop a robot that was lost while it moved, and is back: it may still be at it."""
+        if self.adrift:
+            self.adrift = False
+            self._executor.stop(self._settle("it was lost while it moved", anyway=True), "stop")
 
     def faulted(self, why: str) -> None:
         """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
         before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        self._catch()
         if before or self._executor.safe:
             return
         if self.in_control:
@@ -130,6 +144,7 @@ class Desk:
         A robot that somebody else moves is not touched.
         """
         if not self.offline and self.in_control:
+            self.adrift = (self.in_motion or self._executor.stopping) and not self._executor.safe
             self.halt()
         self.offline, self._admission.fault = why, ""
         self._end_motion(why)
@@ -137,15 +152,14 @@ class Desk:
     def detach(self, why: str) -> None:
         """Take the adapter away."""
         self.lost(why)
-        self._adapter = None
-        self.in_control = False
+        self._adapter, self.in_control = None, False
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
         self._admission.lease.free()
-        self.in_control = False
+        self.in_control, self.adrift, self.guard.taken = False, False, True
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
     def _end_motion(self, why: str) -> None:
@@ -156,7 +170,7 @@ class Desk:
 
     def end(self, why: str) -> None:
         """End motion of ours that must not go on, for this reason; a landing or a way home goes on."""
-        if self.in_control and self.in_motion and not self._executor.safe:
+        if self.free and self.in_motion:
             self._end_motion(why)
             self._executor.stop(self._settle(why), "stop")
 
@@ -169,12 +183,7 @@ class Desk:
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
-        adapter = self._adapter
-        try:
-            if adapter is not None:
-                adapter.emergency_halt() if emergency else adapter.halt()
-        except Exception:
-            log.exception("%s: its halt failed", self.name)
+        write_halt(self._adapter, self.name, emergency=emergency)
 
     def lease_ran_out(self) -> None:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
@@ -185,17 +194,8 @@ class Desk:
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
         self._driving.let_go()
-        if self._adapter is None:
-            return
-        try:
-            await bounded(self._adapter.stop(why), STOP_TIMEOUT)
-        except TimeoutError:
-            self.halt()
-            log.error("%s: the adapter did not stop within %g s", self.name, STOP_TIMEOUT)  # noqa: TRY400
-            raise TimedOut(f"{self.name} did not stop within {STOP_TIMEOUT:g} s; it was halted") from None
-        except Exception:
-            self.halt()
-            raise
+        if self._adapter is not None:
+            await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
 
     # -- asking --------------------------------------------------------------------------------------
 
@@ -242,9 +242,9 @@ class Desk:
             return
         if spec.moves and not takes(spec, ask, ticket):
             return
-        superseding = self.in_motion
+        superseding, self.in_control = self.in_motion, self.in_control or spec.moves
         if spec.moves:
-            self.in_control = True
+            ticket.watch(self.guard.obeyed)
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
 
@@ -261,7 +261,7 @@ class Desk:
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
-        self._admission.lease.let_go(ask.origin.session)
+        self._admission.stopped(ask)
         if self._adapter is None or self.offline:
             aside(self.halt, wait=HALT_WAIT)
             ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
@@ -278,15 +278,14 @@ class Desk:
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
             ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
             self._crashed(error)
-        else:
-            ticket.done()
+        else:  # an adapter says nothing of a link that fell meanwhile
+            ticket.reject(self._absence()) if self.offline else ticket.done()
 
-    async def _settle(self, why: str) -> None:
-        """Stop the robot for nobody in particular, after something failed; not one that another has."""
-        if not self.in_control:
-            return
-        log.warning("%s: %s: it is brought to a standstill", self.name, why)
-        await self._hold_for(why, Ticket("stop", lambda _: None))
+    async def _settle(self, why: str, *, anyway: bool = False) -> None:
+        """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""
+        if anyway or self.in_control:
+            log.warning("%s: %s: it is brought to a standstill", self.name, why)
+            await self._hold_for(why, Ticket("stop", lambda _: None))
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
@@ -349,6 +348,7 @@ class Desk:
         self.in_control = True
         ticket.accept()
         self.last.follow(ask.name, ticket)
+        ticket.watch(self.guard.obeyed)
         self._navigator.start(who, ask.ask, ask.action_id, ticket)
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
@@ -371,7 +371,7 @@ class Desk:
     def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
         """Stop, pause or resume the running action; a stop and a pause are never a repeat."""
         if control is Control.STOP:
-            self._stop(Command("stop", origin=ask.origin), ticket)
+            self._stop(Command("stop", origin=ask.origin, stamp=ask.stamp), ticket)
         elif control is Control.PAUSE and self._navigator.pause():
             self._executor.stop(self._hold_for("pause", ticket), "pause")
         elif control is Control.PAUSE:
@@ -387,8 +387,8 @@ class Desk:
             if first is not None:
                 ticket.follow(first)
                 return
-        refusal, who = self._admission.navigate(ask), self._pilot()
-        if refusal is not None or who is None or self.offline:
+        refusal = self._admission.navigate(ask) or self.guard.task(self._navigator.ahead)
+        if refusal is not None or (who := self._pilot()) is None or self.offline:
             ticket.reject(refusal or self._absence())
         elif self._navigator.resume(who):
             ticket.done()

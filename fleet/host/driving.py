@@ -52,6 +52,7 @@ class Driving:
         if velocity.is_zero:
             self.deadman.clear()
         adapter.drive(velocity)
+        self._guard.taken = self._guard.taken and velocity.is_zero
 
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""

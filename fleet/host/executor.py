@@ -86,6 +86,11 @@ class Executor:
         self._stops.add(stop)
         stop.add_done_callback(self._stops.discard)
 
+    @property
+    def stopping(self) -> bool:
+        """True while a stop is under way."""
+        return bool(self._stops)
+
     async def standing(self) -> None:
         """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
         while self._stops:

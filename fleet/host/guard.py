@@ -17,7 +17,7 @@ from fleet.errors import Refused
 from fleet.host.safety.fence import Fence
 from fleet.host.safety.reserve import Reserve
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Way
+from fleet.model.command import Command, Origin, Reply, Way
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
 from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
@@ -35,9 +35,10 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 class Guard:
     """One robot's fence and battery.
 
-    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``ours``
-    tells whether nobody else has it.
-    ``held`` is the body velocity that is being held.
+    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``free``
+    tells whether nobody else has it, and nothing makes it safer already.
+    ``held`` is the body velocity that is being held; ``taken``: somebody took the robot, and it has done
+    nothing for us since.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Guard:
         *,
         end: Callable[[str], None],
         ask: Callable[[Command, Ticket], None],
-        ours: Callable[[], bool],
+        free: Callable[[], bool],
         publish: Callable[[Report], None],
     ) -> None:
         self._name = config.name
@@ -58,9 +59,10 @@ class Guard:
         self._clock = clock
         self._end = end
         self._ask = ask
-        self._ours = ours
+        self._free_to_act = free
         self._publish = publish
         self.held = ZERO_VELOCITY
+        self.taken = False
         policy = config.battery_policy
         self._reserve = Reserve(policy.reserve, policy.low, policy.endurance) if policy else None
         self._action = policy.action if policy else "tell"
@@ -93,6 +95,10 @@ class Guard:
             case _:
                 pass
 
+    def obeyed(self, reply: Reply) -> None:
+        """Take the answer to what moves the robot: one that did it is ours again."""
+        self.taken = self.taken and not reply.done
+
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
         if self._free or self._fence is None or self._pose is None:
@@ -105,7 +111,7 @@ class Guard:
             self._end("fence: the velocity leads out of it")
 
     def _look_at_battery(self) -> None:
-        """Tell once of a low battery, and act on it once the robot is ours; again after it was charged."""
+        """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
         if self._reserve is None or self._percent is None:
             return
         if self._reserve.is_charged(self._percent):
@@ -115,7 +121,7 @@ class Guard:
         if not self._told_low:
             self._told_low = True
             self._tell("battery_low", percent=self._percent, action=self._action)
-        if self._action != "tell" and not self._acted and self._ours():
+        if self._action != "tell" and not self._acted and not self.taken and self._free_to_act():
             ticket = Ticket(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
             self._acted = ticket.ended is None  # else it was refused at once: it is asked again
@@ -135,9 +141,9 @@ class Guard:
             return f"it is {self._trouble}"
         return (self._reserve.trouble(self._percent) or None) if self._reserve else None
 
-    def task(self, task: Task) -> str | None:
-        """Return why a task may not begin, None when it may."""
-        if self._reserve is None and self._free:
+    def task(self, task: Task | None) -> str | None:
+        """Return why a task may not begin, or go on, None when it may, or is none."""
+        if task is None or (self._reserve is None and self._free):
             return None
         try:
             start, points = self._way(task)

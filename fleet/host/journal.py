@@ -100,6 +100,11 @@ class RobotJournal:
         self._put = put
         self._clock = clock
 
+    @property
+    def cut_off(self) -> bool:
+        """True when an action of an earlier process was not seen to end: the robot may still be at it."""
+        return any(past.action and not past.outcome for past in self.past)
+
     def latch(self, why: str) -> None:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
         self._send(_entry(_LATCH, Latched(self._robot, why)))

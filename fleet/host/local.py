@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextvars
 import logging
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -19,14 +20,15 @@ from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
+from fleet.host.safety.policy import STOPS
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
-from fleet.model.command import Command, Origin, Way
-from fleet.model.navigation import ActionState
+from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.navigation import ActionState, Control
 from fleet.model.report import (
     BatteryReport,
     FlightControllerReport,
@@ -48,6 +50,14 @@ READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightController
 def source_type(config: AdapterConfig) -> str:
     """Return the source type of a robot's own state."""
     return "sim" if config.simulated else "edge"
+
+
+def patience(ask: Ask, config: AdapterConfig) -> float:
+    """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
+    if isinstance(ask, Setpoint):
+        return config.max_age
+    wanted = ask.name if isinstance(ask, Command) else ask.ask
+    return math.inf if wanted in STOPS or wanted in (Control.STOP, Control.PAUSE) else config.command_max_age
 
 
 class LocalRobot:
@@ -121,8 +131,10 @@ class LocalRobot:
         """Read a message, from any thread; an emergency stop halts and latches there and then.
 
         What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
-        are the receipt, and the end when the asker waits. None for a reply, which asks nothing.
+        are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
+        too long for a loop that is held up is refused.
         """
+        arrived = self._clock.monotonic()
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
             ask = goal_of(ask, self._can, self._limits)
@@ -132,26 +144,19 @@ class LocalRobot:
             return None
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin)
-        return partial(self._take, ask, waits)
+        return partial(self._take, kind, ask, waits, arrived)
 
-    def receive(
-        self,
-        kind: Kind,
-        payload: bytes,
-        *,
-        way: Way,
-        answer: Answer,
-        waits: bool = False,
-        request_id: str = "",
-    ) -> None:
-        """Read a message and take it; on the loop."""
-        take = self.read(kind, payload, way=way, request_id=request_id, waits=waits)
-        if take is not None:
-            take(answer)
-
-    def _take(self, ask: Ask, waits: bool, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Bring an ask to the desk."""
-        self._context.run(self.desk.receive, ask, Ticket(ask.name, answer, waits=waits))
+    def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
+        """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""
+        ticket = Ticket(ask.name, answer, waits=waits)
+        waited = self._clock.monotonic() - arrived
+        if waited <= patience(ask, self.config):
+            self._context.run(self.desk.receive, ask, ticket)
+            return
+        why = f"it waited {waited:.1f} s in here: the edge was held up"
+        self._refusals.add("late", "refused %s: %s", ask.name, why)
+        ticket.reject(why)
+        self._tell_failed(kind, getattr(ask, "action_id", ""), why)
 
     def _refuse(self, kind: Kind, error: WireError, answer: Answer) -> None:
         """Refuse a message that cannot be read."""

@@ -66,6 +66,11 @@ class Navigator:
         return self.action is not None and not self.action.over
 
     @property
+    def ahead(self) -> Task | None:
+        """What is left of the paused action; None when none is paused."""
+        return self.action.ahead if self.active and self.action and self.action.paused else None
+
+    @property
     def activity(self) -> str:
         """What is under way, in a word or two; empty when nothing."""
         if self.action is None or self.action.over:

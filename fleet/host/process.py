@@ -278,11 +278,10 @@ class RobotProcess:
     def _driver(self, robot: LocalRobot) -> Callable[[str, bytes], None]:
         """Return what takes local setpoints."""
 
-        def drive(payload: bytes) -> None:
-            robot.receive("motion", payload, way=Way.BUS, answer=_unheard)
-
         def arrived(_key: str, payload: bytes) -> None:
-            self.loop.call_soon_threadsafe(drive, payload)
+            take = robot.read("motion", payload, way=Way.BUS)
+            if take is not None:
+                self.loop.call_soon_threadsafe(take, _unheard)
 
         return arrived
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -16,7 +17,7 @@ from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.asks import Decoder
 from fleet.host.desk import EMERGENCY
-from fleet.host.local import source_type
+from fleet.host.local import patience, source_type
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
@@ -48,6 +49,7 @@ class RemoteRobot:
         self.source_type = source_type(config)
         self.legacy_status = config.legacy_status
         self.worker = worker
+        self._config = config
         self._edge = edge
         self._control = control
         self._clock = clock
@@ -89,7 +91,7 @@ class RemoteRobot:
         What is returned hands the message to the worker; what that answers goes back, or that nobody
         answered. None for a reply on its way back, which asks nothing.
         """
-        name: str = kind
+        name, until = str(kind), math.inf
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
         except WireError as error:  # the worker refuses it, with the reason
@@ -97,18 +99,26 @@ class RemoteRobot:
         else:
             if ask is None:
                 return None
-            name = ask.name
+            name, until = ask.name, self._clock.monotonic() + patience(ask, self._config)
             if name == EMERGENCY:
                 self.emergency("asked over the cloud")
         parameters = {"kind": kind, "way": way.value}
         if request_id:
             parameters["id"] = request_id
-        return partial(self._hand_over, name, payload, parameters)
+        return partial(self._hand_over, name, payload, parameters, until)
 
     def _hand_over(
-        self, name: str, payload: bytes, parameters: dict[str, str], answer: Callable[[Reply], None]
+        self,
+        name: str,
+        payload: bytes,
+        parameters: dict[str, str],
+        until: float,
+        answer: Callable[[Reply], None],
     ) -> None:
-        """Hand a message to the worker."""
+        """Hand a message to the worker, ``until`` it has waited here too long (monotonic s)."""
+        if self._clock.monotonic() > until:
+            answer(Reply(name, ReplyStatus.REJECTED, "it waited too long in here: the edge was held up"))
+            return
         answered: list[Reply] = []
 
         def on_answer(data: bytes) -> None:

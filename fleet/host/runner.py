@@ -180,6 +180,7 @@ class Runner:
             self.desk.halt()
             with contextlib.suppress(Exception):  # the run is over; what matters was the halt
                 await self.desk.hold(why)
+                self.desk.adrift &= work.done()  # where the run goes on, the link was open
         work.cancel()
         work.add_done_callback(take_note)
         _, pending = await asyncio.wait({work}, timeout=LEAVE_WITHIN)

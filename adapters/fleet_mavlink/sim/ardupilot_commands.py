@@ -104,6 +104,11 @@ def _start_mission(pilot: ArduPilot, ask: Ask) -> int:
     return _result(pilot.armed and pilot.change_mode(MODES["AUTO"].custom))
 
 
+def _set_current(pilot: ArduPilot, ask: Ask) -> int:
+    """Go on with an item, now or when the mission is flown; 0 begins it anew."""
+    return _result(pilot.missions.set_current(whole(ask.p1)))
+
+
 def _turn(pilot: ArduPilot, ask: Ask) -> int:
     """Degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
     if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= ask.p1 <= 360.0:
@@ -254,6 +259,7 @@ COMMANDS: Mapping[int, Handler] = {
     mav.MAV_CMD_PREFLIGHT_CALIBRATION: _calibrate,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
     mav.MAV_CMD_MISSION_START: _start_mission,
+    mav.MAV_CMD_DO_SET_MISSION_CURRENT: _set_current,
     mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
     mav.MAV_CMD_RUN_PREARM_CHECKS: _check,
     mav.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE: configure_gimbal,

@@ -294,6 +294,7 @@ class Autopilot(ABC):
         """Stop the motors."""
         self.armed = False
         self.manoeuvre = Idle()
+        self.missions.disarmed()
 
     @abstractmethod
     def outside_fence(self, place: tuple[float, float, float]) -> bool:

@@ -46,6 +46,7 @@ class Habits:
     repeat: float  # seconds after which a request is repeated
     home_is_first: bool
     tells_duplicates: bool
+    keeps_place: bool  # a mission that replaces a begun one goes on at its current number
     frames_told: Mapping[int, int]  # frames that come back as another one
     reached_times: int = 1  # that the end of an item is told, a second apart
     flies: frozenset[int] = _FLOWN
@@ -56,6 +57,7 @@ ARDUPILOT_HABITS = Habits(
     1.0,
     home_is_first=True,
     tells_duplicates=True,
+    keeps_place=True,
     frames_told={5: 0, 6: 3},
     flies=_FLOWN | {LOITER_TURNS},
 )
@@ -64,6 +66,7 @@ PX4_HABITS = Habits(
     0.25,
     home_is_first=False,
     tells_duplicates=False,
+    keeps_place=False,
     frames_told={},
     reached_times=11,
 )
@@ -136,6 +139,11 @@ class Missions:
         self._reached = None
         self._rewind()
 
+    def disarmed(self) -> None:
+        """Forget, where it was kept, at which item the mission was left."""
+        if self.habits.keeps_place and self.state in {ACTIVE, PAUSED}:
+            self._rewind()
+
     def _rewind(self) -> None:
         self.current = 0
         self.state = NOT_STARTED if self.loaded else NO_MISSION
@@ -198,7 +206,8 @@ class Missions:
         """End an upload: the plan replaces the old one."""
         self._upload = None
         self._plans[upload.kind] = upload.items
-        if upload.kind == _MISSION:
+        begun = self.state in {ACTIVE, PAUSED} and self.current < len(self.items)
+        if upload.kind == _MISSION and not (self.habits.keeps_place and begun):
             self._rewind()
         return [self._ack(upload, mav.MAV_MISSION_ACCEPTED)]
 
@@ -250,7 +259,7 @@ class Missions:
         """Go on with another item; False when there is none of that number."""
         if not 0 <= seq < len(self.items):
             return False
-        self.current = seq
+        self.current = max(seq, self.first)
         if self.state == COMPLETE:
             self.state = NOT_STARTED
         return True

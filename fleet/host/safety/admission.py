@@ -24,6 +24,15 @@ class Admission:
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
 
+    def stopped(self, ask: Command) -> None:
+        """Take note of a stop: its asker lets go of the robot, and what he asked before it is late.
+
+        Those who give no session may be several, each with a clock of his own.
+        """
+        self.lease.let_go(ask.origin.session)
+        if ask.origin.session and ask.stamp is not None:
+            self._ages.stopped(_asker(ask.origin), ask.stamp, wall=self._clock.time())
+
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
         if ask.name in STOPS:
@@ -66,7 +75,7 @@ class Admission:
     ) -> str | None:
         """Judge the age of a message."""
         return self._ages.refusal(
-            f"{origin.way}/{origin.session}",
+            _asker(origin),
             stamp,
             wall=self._clock.time(),
             now=self._clock.monotonic(),
@@ -81,3 +90,8 @@ class Admission:
         if refusal is None:
             self.lease.take(origin.session, now)
         return refusal
+
+
+def _asker(origin: Origin) -> str:
+    """Return whose clock a message is stamped by."""
+    return f"{origin.way}/{origin.session}"

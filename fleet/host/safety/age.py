@@ -21,6 +21,7 @@ class _Session:
         self.previous = lag
         self.since = now
         self.newest = float("-inf")
+        self.stopped = float("-inf")
 
     def learn(self, lag: float, now: float) -> None:
         """Take one more lag into account."""
@@ -40,6 +41,12 @@ class AgeCheck:
     def __init__(self, clock_skew: float) -> None:
         self._skew = clock_skew
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
+
+    def stopped(self, session: str, stamp: float, *, wall: float) -> None:
+        """Note a stop of a session that is known: what it asked before may arrive later, by another way."""
+        known = self._sessions.get(session)
+        if known is not None:
+            known.stopped = max(known.stopped, min(stamp, wall + self._skew))
 
     def refusal(
         self,
@@ -67,6 +74,8 @@ class AgeCheck:
         age = lag - offset
         if age > max_age or lag > self._skew + max_age:
             return f"{max(age, lag - self._skew):.1f} s old; the limit is {max_age:g} s"
+        if stamp < known.stopped:
+            return "asked before a stop that came before it"
         if ordered and stamp < known.newest:
             return "older than a setpoint that came before it"
         known.newest = max(known.newest, stamp)

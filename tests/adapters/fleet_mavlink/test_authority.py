@@ -80,3 +80,13 @@ def test_a_vehicle_met_in_flight_is_the_pilots_when_he_flies_it(watched, mode, l
     watched.see(mode)
     assert watched.authority.lost_to == lost_to
     assert watched.reasons == []
+
+
+def test_what_was_asked_for_just_before_may_still_be_shown_first(watched):
+    watched.see("AUTO.LOITER")
+    for mode in ("OFFBOARD", "AUTO.LOITER", "AUTO.LAND"):
+        watched.authority.expect(mode)
+    watched.see("OFFBOARD", "AUTO.LOITER", "AUTO.LAND")
+    assert watched.reasons == []
+    watched.see("OFFBOARD")
+    assert len(watched.reasons) == 1

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from fleet import NotReady, Refused, TimedOut, Unsupported
+from fleet import GeoPoint, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
 from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusText
 from fleet_mavlink.px4 import Px4
@@ -258,6 +258,35 @@ def test_something_urgent_ends_what_is_under_way_at_once(talk):
     talk(test)
 
 
+def test_what_is_more_urgent_does_not_wait_behind_what_waits_for_its_turn(talk):
+    async def test(it):
+        queue = [asyncio.ensure_future(it.commander.ask(ARM)) for _ in range(4)]
+        await asyncio.sleep(0.1)
+        began = it.loop.time()
+        it.commander.supersede("stop")
+        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
+        await it.commander.ask(offboard())
+        assert it.loop.time() - began == pytest.approx(0.1)
+        ends = await asyncio.gather(*queue, return_exceptions=True)
+        assert [str(end) for end in ends] == ["superseded: stop"] * 4
+        assert [sent.command for sent in it.sent] == [Cmd.COMPONENT_ARM_DISARM, Cmd.DO_SET_MODE]
+
+    talk(test)
+
+
+def test_what_was_superseded_while_it_waited_to_ask_again_is_not_sent_again(talk):
+    async def test(it):
+        doing = asyncio.ensure_future(it.commander.ask(ARM))
+        it.later(0.1, ack(Result.TEMPORARILY_REJECTED))
+        await asyncio.sleep(0.2)
+        it.commander.supersede("stop")
+        with pytest.raises(Refused, match="superseded: stop"):
+            await doing
+        assert len(it.sent) == 1
+
+    talk(test)
+
+
 def offboard():
     return Px4().mode_command("OFFBOARD")
 
@@ -322,5 +351,32 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
         it.told.say(StatusText(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
+
+    talk(test)
+
+
+def test_a_late_answer_to_where_it_was_to_go_is_not_taken_for_the_holds(talk):
+    async def test(it):
+        px4 = Px4()
+        go = px4.go_command(GeoPoint(47.0, 8.0, 500.0), 488.0, 5.0, None)
+        going = asyncio.ensure_future(it.commander.enter("AUTO.LOITER", MODE, go))
+        await asyncio.sleep(0.1)
+        it.commander.supersede("stop")
+        await asyncio.gather(going, return_exceptions=True)
+        it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))  # to ``go``; the first hold is lost
+        it.later(1.5, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+        await it.commander.enter("AUTO.LOITER", MODE, px4.hold_command())
+        assert [type(sent) for sent in it.sent] == [CommandInt, CommandLong, CommandLong]
+
+    talk(test)
+
+
+def test_an_answer_that_came_in_time_is_not_waited_for_twice(talk):
+    async def test(it):
+        hold = Px4().hold_command()
+        for _ in range(2):
+            it.later(0.1, ack(Result.ACCEPTED, Cmd.DO_REPOSITION))
+            await it.commander.enter("AUTO.LOITER", MODE, hold)
+        assert len(it.sent) == 2
 
     talk(test)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fleet import NotReady, Vector3, Velocity
+from fleet import Goal, GoTo, NotReady, Vector3, Velocity
 from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
@@ -238,5 +238,59 @@ def test_cancelling_a_return_takes_it_even_from_the_fail_safe_that_began_it(fly,
             await it.until(lambda: it.robot.losses)
             await it.do("cancel_return_to_home")
             assert it.mode == HOLD[flavour]
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("rest", [1.1, 1.5])
+def test_a_landing_right_after_a_drive_is_not_taken_for_a_pilots(fly, sky, flavour, rest):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 3.0)
+            await it.drive(STILL, rest)  # its own hold is under way
+            await it.do("land")
+            assert not it.armed
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+@both
+def test_a_landing_whose_first_message_is_lost_is_not_undone_by_the_drives_own_hold(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            await it.drive(FORWARD, 3.0)
+            landing = asyncio.ensure_future(it.do("land"))
+            it.radio = False
+            await asyncio.sleep(0.1)
+            it.radio = True
+            await landing
+            assert not it.armed
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+def test_a_plain_stop_holds_a_vehicle_that_was_on_its_way_and_does_not_take_velocities(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            await it.do("takeoff")
+            steps = it.adapter.navigate(GoTo(Goal(Vector3(300.0, 0.0, 10.0))))
+            await anext(steps)
+            await asyncio.sleep(4)
+            vehicle = it.adapter._session.vehicle
+            send = vehicle._send
+            vehicle._send = lambda message, address: (
+                None if getattr(message, "command", 0) == Cmd.DO_SET_MODE else send(message, address)
+            )
+            it.adapter.drive(FORWARD)
+            await it.adapter.stop("stop")
+            await it.until(lambda: it.speed < 0.2, within=6.0)
 
     fly(main())

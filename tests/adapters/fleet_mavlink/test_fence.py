@@ -77,6 +77,22 @@ def test_it_is_not_changed_in_flight_and_that_is_told(fly, sky, flavour):
     fly(main())
 
 
+@both
+def test_a_limit_that_a_float_rounds_is_not_taken_for_another_fence(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, fence=FENCE, limits={"altitude": 39.7}) as it:
+            await it.until(lambda: is_well(it), within=30.0)
+            await it.do("takeoff", altitude=5.0)
+            fence = it.adapter._session.fence
+            fence.troubles = ()
+            keeping = asyncio.ensure_future(fence.keep())
+            await asyncio.sleep(10.0)
+            assert fence.troubles == ()
+            keeping.cancel()
+
+    fly(main())
+
+
 def test_ardupilot_refuses_a_goal_outside_even_if_nobody_else_does(fly, sky):
     async def main():
         async with sky("ardupilot", fence=FENCE) as it:

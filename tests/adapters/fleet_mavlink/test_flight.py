@@ -245,3 +245,24 @@ def test_a_command_while_the_vehicle_is_silent_says_so(fly, sky, flavour):
                     await it.do(name)
 
     fly(main())
+
+
+@both
+@pytest.mark.parametrize("way", ["land", "return_to_home"])
+def test_a_way_down_goes_on_when_the_host_lets_go_and_ends_when_somebody_asks(fly, sky, flavour, way):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=20.0)
+            coming = asyncio.ensure_future(it.do(way))
+            await asyncio.sleep(3.0)
+            mode = it.mode
+            it.adapter.halt()
+            await it.adapter.stop("the host lets go of the robot")
+            await asyncio.sleep(2.0)
+            assert it.mode == mode
+            it.adapter.emergency_halt()
+            await it.until(lambda: it.mode == HOLD[flavour], within=2.0)
+            coming.cancel()
+
+    fly(main())

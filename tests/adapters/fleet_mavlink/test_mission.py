@@ -79,6 +79,52 @@ def test_what_is_still_told_of_the_last_mission_is_not_taken_for_the_next_ones(f
 
 
 @both
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_mission_after_an_unfinished_one_is_flown_from_its_first_item(fly, sky, flavour, stopped):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            before = mission(*(PlanItem("waypoint", at(0, 8 * each)) for each in range(1, 5)))
+            async with contextlib.aclosing(it.adapter.navigate(before)) as steps:
+                async for step in steps:
+                    if step.reached == 2:
+                        break
+            if stopped:
+                await it.adapter.stop("stop")
+            async with contextlib.aclosing(it.adapter.navigate(SQUARE)) as steps:
+                places = [(step.reached, it.place) async for step in steps]
+            assert it.mode == HOLD[flavour]
+            assert next(place for reached, place in places if reached == 1)[1] < 2.0  # not at the second yet
+            assert next(place for reached, place in places if reached == 2)[:2] == pytest.approx(
+                (15, 15), abs=2
+            )
+
+    fly(main())
+
+
+@both
+def test_the_mission_that_is_flown_is_left_before_another_takes_its_place(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            async with contextlib.aclosing(
+                it.adapter.navigate(mission(PlanItem("waypoint", at(0, 60))))
+            ) as steps:
+                async for _ in steps:
+                    if it.place[0] > 5.0:
+                        break
+            modes = []
+            upload = it.sim.pilot.missions.count
+            it.sim.pilot.missions.count = lambda *said: modes.append(it.mode) or upload(*said)
+            await flown(it, SQUARE)
+            assert modes == [HOLD[flavour]]
+
+    fly(main())
+
+
+@both
 def test_a_mission_that_ends_at_home_ends_on_the_ground(fly, sky, flavour):
     async def main():
         async with sky(flavour) as it:

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
-from fleet import LinkLost, LinkRefused, NotReady, Vector3, Velocity
+from fleet import Goal, GoTo, LinkLost, LinkRefused, NotReady, Vector3, Velocity
 from fleet.model.health import Level
 from fleet.model.report import (
     BatteryReport,
@@ -177,5 +177,28 @@ def test_a_fail_safe_is_told_and_not_fought(fly, sky):
             streamed = len(it.setpoints)
             await asyncio.sleep(3)
             assert len(it.setpoints) == streamed
+
+    fly(main())
+
+
+@both
+def test_a_vehicle_that_was_lost_on_its_way_flies_on_until_the_hosts_stop_when_it_is_back(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff")
+            steps = it.adapter.navigate(GoTo(Goal(Vector3(200.0, 0.0, 10.0))))
+            await anext(steps)
+            it.radio = False
+            await asyncio.sleep(3.5)
+            it.adapter.halt()  # the host's, when it is told that the vehicle is gone
+            it.radio = True
+            with pytest.raises(NotReady, match="no heartbeat"):
+                await anext(steps)
+            await it.until(lambda: it.robot.healths[-1].level is not Level.OFFLINE)
+            assert it.speed > 3.0
+            await it.adapter.stop("it was lost while it moved")
+            await it.until(lambda: it.speed < 0.2, within=6.0)
+            assert it.robot.losses == []
 
     fly(main())

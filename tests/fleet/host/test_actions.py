@@ -156,3 +156,13 @@ def test_what_it_does_is_told_in_words():
     life.action.pause()
     assert life.action.words == "mission, item 2 of 3, 33 %, paused"
     assert Life().action.words == "navigating 0 %"
+
+
+def test_what_is_left_of_a_paused_mission_is_from_the_item_that_it_is_at():
+    items = tuple(PlanItem("waypoint", GeoPoint(47.0, 8.0 + each / 1000, 10.0)) for each in range(3))
+    life = Life(FlyMission("survey", items))
+    life.action.move(ActionState.RUNNING)
+    life.action.progress(Progress(60, reached=2))
+    life.action.pause()
+    assert life.action.ahead.items == items[2:]
+    assert life.action.task.items == items

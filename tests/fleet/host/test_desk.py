@@ -3,6 +3,7 @@ import threading
 import pytest
 
 from fleet.errors import LinkLost, NotReady
+from fleet.host.journal import Past, RobotJournal
 from fleet.model.command import ReplyStatus
 from fleet.model.geometry import ZERO_VELOCITY
 from fleet.model.navigation import Control, Navigate
@@ -590,3 +591,100 @@ async def test_an_emergency_stop_has_a_halt_of_its_own(bench, asks):
     bench.desk.emergency("test")
     bench.desk.halt()
     assert bench.puppet.told == ["emergency halt", "halt"]
+
+
+@pytest.mark.parametrize("ask", ["goal", "setpoint", "takeoff"])
+@pytest.mark.parametrize("back", ["found", "faulted"])
+async def test_a_robot_that_was_lost_while_it_moved_is_stopped_when_it_is_back(bench, asks, ask, back):
+    bench.ask(asks.command(ask) if ask == "takeoff" else getattr(asks, ask)())
+    await asks.settle()
+    bench.desk.lost("no heartbeat")
+    before = len(bench.puppet.told)
+    getattr(bench.desk, back)(*["a leg is hot"] * (back == "faulted"))
+    bench.desk.found()
+    await asks.settle()
+    assert [told for told in bench.puppet.told[before:] if told != "halt"] == ["stop"]
+
+
+async def test_it_is_stopped_by_the_next_run_too(bench, asks):
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.desk.detach("the port is gone")
+    bench.desk.attach(bench.puppet)
+    bench.desk.found()
+    await asks.settle()
+    assert bench.puppet.told[-2:] == ["halt", "stop"]
+
+
+async def test_a_stop_that_the_loss_broke_off_is_begun_anew(bench, asks):
+    bench.ask(asks.goal())
+    bench.puppet.stops = "never"
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.desk.lost("no heartbeat")
+    bench.puppet.stops = ""
+    bench.puppet.go.set()
+    bench.desk.found()
+    await asks.settle()
+    assert bench.puppet.told.count("stop") == 2
+
+
+@pytest.mark.parametrize("meanwhile", ["nothing", "land", "pilot"])
+async def test_one_that_stood_or_landed_or_has_a_pilot_is_left_alone_when_it_is_back(bench, asks, meanwhile):
+    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    bench.ask(asks.command("land" if meanwhile == "land" else "takeoff"))
+    await asks.settle()
+    if meanwhile == "nothing":
+        bench.puppet.go.set()
+        await asks.settle()
+    bench.desk.lost("no heartbeat")
+    if meanwhile == "pilot":
+        bench.desk.authority_lost("the pilot switched to POSHOLD")
+    bench.desk.found()
+    await asks.settle()
+    assert "stop" not in bench.puppet.told
+
+
+async def test_what_an_earlier_process_left_moving_is_stopped(make_bench, asks):
+    journal = RobotJournal(past=[Past("a1", "navigate", action=True, outcome="")])
+    bench = make_bench(journal=journal)
+    await asks.settle()
+    assert bench.puppet.told == ["stop"]
+
+
+@pytest.mark.parametrize("how", ["stop", "control"])
+@pytest.mark.parametrize("late", ["setpoint", "goal", "takeoff"])
+async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(bench, asks, how, late):
+    now = bench.clock.time()
+
+    async def asked(kind, action, stamp, session="anna"):
+        make = {
+            "setpoint": lambda: asks.setpoint(stamp=stamp, session=session),
+            "goal": lambda: asks.goal(action, stamp=stamp, session=session),
+            "takeoff": lambda: asks.command("takeoff", stamp=stamp, session=session),
+        }
+        answers = bench.ask(make[kind]())
+        await asks.settle()
+        return answers[0]
+
+    await asked("setpoint", "", now - 0.4)
+    stop = asks.command("stop", stamp=now - 0.2)
+    bench.ask(stop if how == "stop" else Navigate(Control.STOP, "", stop.origin, now - 0.2))
+    await asks.settle()
+    refused = await asked(late, "a1", now - 0.3)
+    assert refused.reason == "asked before a stop that came before it"
+    assert (await asked(late, "a2", now - 0.3, session="bert")).ok  # whose clock is another
+    bench.ask(asks.command("stop", session="bert"))
+    await asks.settle()
+    assert (await asked(late, "a3", now - 0.1)).ok
+
+
+async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_told_as_done(bench, asks):
+    bench.puppet.stops = "never"
+    answers = bench.ask(asks.command("stop"), waits=True)
+    await asks.settle()
+    bench.desk.lost("no heartbeat")
+    bench.puppet.go.set()
+    await asks.settle()
+    assert statuses(answers) == [REJECTED]
+    assert "no heartbeat" in answers[0].reason

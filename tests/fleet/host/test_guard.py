@@ -2,11 +2,11 @@
 
 import pytest
 
-from fleet.errors import Refused
+from fleet.errors import NotReady, Refused
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import ZERO_VELOCITY, Quaternion, Vector3, quaternion_from_yaw
-from fleet.model.navigation import FollowPath, Goal, GoTo, Navigate, RelativeMove
+from fleet.model.navigation import Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, TelemetryReport
 
 YARD = [(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]
@@ -220,3 +220,77 @@ async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(mak
         bench.desk.guard.see(BatteryReport(0.0, percent))
     await asks.settle()
     assert bench.puppet.told.count("land") == 1
+
+
+async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon_after_it(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "stop"})
+    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    landing = bench.ask(asks.command("land"), waits=True)
+    await asks.settle()
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert told(bench, "battery_low")
+    assert bench.puppet.told == []
+    bench.puppet.go.set()
+    await asks.settle()
+    assert landing[-1].done
+    bench.desk.guard.see(BatteryReport(0.0, 13.0))
+    await asks.settle()
+    assert bench.puppet.told == ["stop"]
+
+
+@pytest.mark.parametrize("kind", ["setpoint", "command", "goal", "zero"])
+async def test_what_is_refused_because_a_pilot_has_the_robot_does_not_make_it_ours(make_bench, asks, kind):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.guard.see(BatteryReport(0.0, 90.0))
+    tell(bench)
+    bench.ask(asks.setpoint())
+    bench.desk.authority_lost("the pilot switched to POSHOLD")
+    bench.puppet.raises = None if kind == "zero" else NotReady("a pilot has it")
+    what = {"command": asks.command("takeoff"), "zero": asks.setpoint(0.0)}
+    bench.ask(what[kind] if kind in what else getattr(asks, kind)())
+    await asks.settle()
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert told(bench, "battery_low")
+    assert "land" not in bench.puppet.told
+
+
+async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.desk.authority_lost("the pilot switched to POSHOLD")
+    bench.ask(asks.setpoint())
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert bench.puppet.told[-1] == "land"
+
+
+WALL = [(4.0, -2.0), (6.0, -2.0), (6.0, 2.0), (4.0, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("moved_to", "percent", "refusal"),
+    [
+        ((0.0, 0.0), 90.0, ""),
+        ((0.0, 0.0), 21.0, "20 % must be left"),
+        ((2.0, -10.0), 90.0, "the straight way to goal 1 leads out"),
+    ],
+)
+async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
+    make_bench, asks, moved_to, percent, refusal
+):
+    bench = make_bench(fence={**FENCE, "exclusion": [WALL]}, battery_policy=POLICY)
+
+    tell(bench)
+    bench.desk.guard.see(BatteryReport(0.0, 90.0))
+    bench.ask(goal(asks, GoTo(Goal(Vector3(8, 10, 0)))))
+    await asks.settle()
+    paused = bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
+    await asks.settle()
+    assert paused[0].ok
+    tell(bench, *moved_to)
+    bench.desk.guard.see(BatteryReport(0.0, percent))
+    await asks.settle()
+    (answer,) = bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    assert answer.ok is not bool(refusal)
+    assert refusal in answer.reason

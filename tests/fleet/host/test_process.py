@@ -1,6 +1,7 @@
 """Robots in one process: who blocks it, who is halted, and how it ends."""
 
 import asyncio
+import json
 import logging
 import threading
 import time
@@ -9,6 +10,7 @@ import pytest
 
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
+from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
 
@@ -123,14 +125,14 @@ async def test_a_command_for_an_offline_robot_is_refused_with_the_cause(served, 
     robot = process.robots["rex"]
     robot.desk.lost("no heartbeat for 3 s")
     answers = []
-    robot.receive("command", b'{"command": "hang"}', way=Way.BUS, answer=answers.append)
+    robot.read("command", b'{"command": "hang"}', way=Way.BUS)(answers.append)
     assert answers[0].reason == "rex is offline: no heartbeat for 3 s"
 
 
 async def test_what_cannot_be_read_is_refused_with_the_reason(served):
     process, _ = served
     answers = []
-    process.robots["rex"].receive("command", b"{", way=Way.BUS, answer=answers.append)
+    process.robots["rex"].read("command", b"{", way=Way.BUS)(answers.append)
     assert [answer.ok for answer in answers] == [False]
 
 
@@ -169,3 +171,24 @@ async def test_a_journal_that_takes_long_to_close_is_not_taken_for_a_stuck_loop(
     async with run_edge(edge):
         await asks.until(lambda: edge.states()[0].health == "ok")
     assert watched == [False]
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "waited", "taken"),
+    [
+        ("motion", {"linear_x": 1.0}, 0.4, True),
+        ("motion", {"linear_x": 1.0}, 0.6, False),
+        ("command", {"command": "restart_adapter"}, 0.6, True),
+        ("command", {"command": "restart_adapter"}, 5.5, False),
+        ("command", {"command": "stop"}, 9.0, True),
+    ],
+)
+async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, kind, message, waited, taken):
+    process, _ = served
+    robot = process.robots["rex"]
+    answers = []
+    take = robot.read(kind, json.dumps(message).encode(), way=Way.BUS)
+    robot._clock = ManualClock(monotonic=robot._clock.monotonic() + waited)
+    take(answers.append)
+    late = [answer for answer in answers if "held up" in answer.reason]
+    assert bool(late) is not taken

@@ -246,3 +246,15 @@ def test_what_was_released_stays_released(bench):
     bench.says(health="ok", emergency_stop=False)
     bench.lane.token(keys.robot("yard", "rex"))
     assert bench.stops == []
+
+
+@pytest.mark.parametrize(("command", "taken"), [("takeoff", False), ("stop", True)])
+def test_what_waited_too_long_for_the_edges_loop_is_refused_here_but_a_stop(bench, command, taken):
+    asked = bench.works(DONE)
+    answers = []
+    take = bench.robot.read("command", json.dumps({"command": command}).encode(), way=Way.BUS)
+    bench.clock.advance(6.0)
+    take(answers.append)
+    if taken:
+        bench.answered(answers)
+    assert (len(asked), answers[0].ok) == (int(taken), taken)

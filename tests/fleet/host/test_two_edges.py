@@ -60,12 +60,8 @@ async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_
             assert (again.health, place.words("again")) == ("offline", [])
             assert again.cause == f"edge {place.id} has its twin; one of the two must leave it out"
             refused = []
-            second.process.robots["again"].receive(
-                "command",
-                b'{"command": "hang", "source_type": "tele"}',
-                way=Way.BUS,
-                answer=refused.append,
-            )
+            ask = b'{"command": "hang", "source_type": "tele"}'
+            second.process.robots["again"].read("command", ask, way=Way.BUS)(refused.append)
             assert not refused[0].ok
         await asks.until(lambda: place.words("again") == ["run"])
         assert state_of(second, "again").health == "ok"
@@ -77,12 +73,8 @@ async def test_a_robot_that_runs_is_let_go_when_an_edge_that_was_first_shows_its
     async with run_edge(edge):
         await asks.until(lambda: place.words("rex") == ["run"])
         twin = edge.process.robots["rex"].twin
-        edge.process.robots["rex"].receive(
-            "command",
-            b'{"command": "move_forward", "source_type": "tele"}',
-            way=Way.BUS,
-            answer=lambda _: None,
-        )
+        ask = b'{"command": "move_forward", "source_type": "tele"}'
+        edge.process.robots["rex"].read("command", ask, way=Way.BUS)(lambda _: None)
         edge.process.held_in_the_cloud(twin, "yard-0")
         await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
         assert "halt" in place.words("rex")

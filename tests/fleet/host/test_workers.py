@@ -149,7 +149,8 @@ async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_move
     await asks.until(lambda: state_of(field.edge, "arm").health == "ok", 30)
     assert len(field.place.processes("arm")) == 2
     assert not psutil.pid_exists(first)
-    assert [word for pid, _, word in field.place.told("arm") if pid == field.worker] == ["run"]
+    told = lambda: [word for pid, _, word in field.place.told("arm") if pid == field.worker]  # noqa: E731
+    await asks.until(lambda: told() == ["run", "stop"])  # it may still have been on its way
     assert len(field.place.processes("rex")) == 1
     assert not state_of(field.edge, "arm").emergency_stop
     if fault == "hung":  # its bus threads still heard that it is to stop

@@ -1,0 +1,40 @@
+"""Bringing a robot to a standstill, whatever its adapter does."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from fleet.adapter import Adapter
+from fleet.errors import TimedOut
+from fleet.host.bounded import bounded
+
+log = logging.getLogger(__name__)
+
+
+def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
+    """Have an adapter write its halt at once; from any thread; never raises."""
+    try:
+        if adapter is not None:
+            adapter.emergency_halt() if emergency else adapter.halt()
+    except Exception:
+        log.exception("%s: its halt failed", name)
+
+
+async def stand_still(
+    adapter: Adapter[Any], why: str, within: float, *, name: str, halt: Callable[[], None]
+) -> None:
+    """Have an adapter stop its robot ``within`` seconds; one that does not, or raises, is halted.
+
+    Raises CommandError, LinkError, or a crash of the adapter's.
+    """
+    try:
+        await bounded(adapter.stop(why), within)
+    except TimeoutError:
+        halt()
+        log.error("%s: the adapter did not stop within %g s", name, within)  # noqa: TRY400
+        raise TimedOut(f"{name} did not stop within {within:g} s; it was halted") from None
+    except Exception:
+        halt()
+        raise
