@@ -11,8 +11,8 @@ from fleet.cli.serve import end_by_signal
 
 @pytest.fixture
 def hang_up():
-    """Put back how this process takes the end of its terminal."""
-    before = signal.getsignal(signal.SIGHUP)
+    """Have the end of its terminal end this process, also where the tests were begun under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
 
