@@ -20,6 +20,7 @@ from fleet.bus.settings import (
 from fleet.errors import BusError
 
 log = logging.getLogger(__name__)
+_TAKEN = "port %d is taken: the bus is on its Unix socket only"
 
 
 class Bus:
@@ -58,10 +59,21 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
 
 
 def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
-    """Open both lanes of an edge; sockets of one that died are Zenoh's to clear away."""
+    """Open both lanes of an edge, on the default port if nobody else takes it meanwhile."""
+    given = _given(settings)
+    try:
+        return _listening(settings, directory, users, given)
+    except BusError:
+        if settings.listen is not None or not given or loopback_is_free():
+            raise
+    log.warning(_TAKEN, LOOPBACK_PORT)
+    return _listening(settings, directory, users, ())
+
+
+def _listening(settings: BusSettings, directory: Path, users: Path | None, given: tuple[str, ...]) -> Bus:
+    """Open both lanes, listening on the sockets too; those of an edge that died are Zenoh's to clear away."""
     reports_socket = socket_path(settings.edge, "reports", directory)
     control_socket = socket_path(settings.edge, "control", directory)
-    given = _given(settings)
     # A client cannot listen, so an edge that joins a router opens peers that connect to it.
     reports = Lane(
         zenoh_settings(
@@ -96,7 +108,7 @@ def _given(settings: BusSettings) -> tuple[str, ...]:
         return ()
     if loopback_is_free():
         return (f"tcp/127.0.0.1:{LOOPBACK_PORT}",)
-    log.warning("port %d is taken: the bus is on its Unix socket only", LOOPBACK_PORT)
+    log.warning(_TAKEN, LOOPBACK_PORT)
     return ()
 
 

@@ -23,9 +23,14 @@ def test_by_default_nothing_listens_beyond_this_computer(spawn_edge):
     assert set(places) <= {"127.0.0.1"}
 
 
-def test_a_port_that_is_taken_is_told_once_and_does_without(directory, opened, port, monkeypatch, caplog):
+@pytest.mark.parametrize("looks", [[False], [True, False]], ids=["before", "meanwhile"])
+def test_a_port_that_is_taken_is_told_once_and_does_without(
+    directory, opened, port, monkeypatch, caplog, looks
+):
     monkeypatch.setattr("fleet.bus.settings.LOOPBACK_PORT", port)
     monkeypatch.setattr("fleet.bus.session.LOOPBACK_PORT", port)
+    seen = iter(looks)
+    monkeypatch.setattr("fleet.bus.session.loopback_is_free", lambda: next(seen))
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", port))
         taken.listen()

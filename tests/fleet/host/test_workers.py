@@ -137,6 +137,7 @@ async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_move
     befall, within = FAULTS[fault]
     (reply,) = await field.ask("arm", GOTO, "navigate")
     assert reply.ok
+    await asks.until(lambda: "navigate" in field.place.words("arm"))  # it is on its way, not merely accepted
     first = field.worker
     began = time.monotonic()
     befall(field)
