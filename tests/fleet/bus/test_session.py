@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from fleet.bus.session import join, join_control, open_edge
-from fleet.bus.settings import BusSettings, BusTls
+from fleet.bus.settings import BusSettings, BusTls, loopback_is_free
 from fleet.errors import BusError
 from fleet.testing.waiting import DEADLINE, wait_until
 
@@ -23,21 +23,28 @@ def test_by_default_nothing_listens_beyond_this_computer(spawn_edge):
     assert set(places) <= {"127.0.0.1"}
 
 
-@pytest.mark.parametrize("looks", [[False], [True, False]], ids=["before", "meanwhile"])
-def test_a_port_that_is_taken_is_told_once_and_does_without(
-    directory, opened, port, monkeypatch, caplog, looks
-):
+@pytest.fixture
+def taken(port, monkeypatch):
+    """Have another program on the default port; it is ``port`` here."""
     monkeypatch.setattr("fleet.bus.settings.LOOPBACK_PORT", port)
     monkeypatch.setattr("fleet.bus.session.LOOPBACK_PORT", port)
+    with socket.create_server(("127.0.0.1", port)):
+        yield port
+
+
+@pytest.mark.parametrize("looks", [[False], [True, False]], ids=["before", "meanwhile"])
+def test_a_port_that_is_taken_is_told_once_and_does_without(directory, opened, taken, caplog, looks):
     seen = iter(looks)
-    monkeypatch.setattr("fleet.bus.session.loopback_is_free", lambda: next(seen))
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", port))
-        taken.listen()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fleet.bus.session.loopback_is_free", lambda: next(seen))
         opened(open_edge(BusSettings("yard"), directory))
     opened(join(BusSettings("yard"), directory))
     warnings = [record.getMessage() for record in caplog.records]
-    assert warnings == [f"port {port} is taken: the bus is on its Unix socket only"]
+    assert warnings == [f"port {taken} is taken: the bus is on its Unix socket only"]
+
+
+def test_a_taken_port_is_seen(taken):
+    assert not loopback_is_free()
 
 
 def test_a_second_edge_of_the_same_id_is_refused(directory, edge):
