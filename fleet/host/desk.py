@@ -108,8 +108,8 @@ class Desk:
 
     @property
     def free(self) -> bool:
-        """True when the host may act by itself: the robot is ours, and nothing safer is under way."""
-        return self.in_control and not self._executor.safe
+        """True when the host may act by itself: it is ours, not stopped for good, and nothing safer goes on."""
+        return self.in_control and not (self.latched or self._executor.safe)
 
     # -- the robot comes and goes --------------------------------------------------------------------
 

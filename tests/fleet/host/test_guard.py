@@ -197,6 +197,21 @@ async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench
     assert told(bench, "battery_low")
 
 
+async def test_a_low_battery_ends_no_emergency_stop_and_is_acted_upon_after_its_release(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert told(bench, "battery_low")
+    assert "land" not in bench.puppet.told
+    bench.ask(asks.command("release_emergency_stop"))
+    bench.desk.guard.see(BatteryReport(0.0, 14.0))
+    await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+
+
 async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
     bench = make_bench(battery_policy={**POLICY, "action": "land"})
     lands = []
