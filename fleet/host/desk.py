@@ -108,7 +108,7 @@ class Desk:
 
     @property
     def free(self) -> bool:
-        """True when the host may act by itself: it is ours, not stopped for good, and nothing safer goes on."""
+        """True when the host may act by itself: it is ours, not latched, and nothing safer is under way."""
         return self.in_control and not (self.latched or self._executor.safe)
 
     # -- the robot comes and goes --------------------------------------------------------------------
