@@ -14,11 +14,13 @@ import time
 import can
 import pytest
 
-from fleet import LinkLost, Vector3, Velocity
+from fleet import Fault, LinkLost, Vector3, Velocity
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
 from fleet_quadruped.drives.cia402.states import State, state_of
 
 pytestmark = pytest.mark.xdist_group("real time")
+TRIES = 3
+"""Where a computer stalls its drives answer late, and the dog gives way, as it must: once more."""
 
 
 @contextlib.contextmanager
@@ -32,12 +34,6 @@ def _on_a_bus(*options):
         assert sim.stdout.readline() == b"ready\n"
         yield url
         sim.stdin.close()
-
-
-@pytest.fixture
-def bus():
-    with _on_a_bus() as url:
-        yield url
 
 
 def states(url):
@@ -54,9 +50,21 @@ def states(url):
     return set(seen.values())
 
 
-async def test_it_stands_and_walks_over_the_bus_and_its_drives_stop_when_the_controller_is_killed(
-    running, bus
-):
+async def test_it_stands_and_walks_over_the_bus_and_its_drives_stop_when_the_controller_is_killed(running):
+    faults = []
+    while len(faults) < TRIES:
+        with _on_a_bus() as bus:
+            try:
+                await _walk_and_kill(running, bus)
+            except Fault as fault:
+                faults.append(str(fault))
+            else:
+                return
+    pytest.fail(str(faults))
+
+
+async def _walk_and_kill(running, bus):
+    """Have a dog walk, kill its controller and see its drives stop; raises Fault where they answer late."""
     async with running(link=None, buses={"a": bus}) as (adapter, robot, run):
         async for _ in adapter.stand_up():
             pass
@@ -80,10 +88,9 @@ def _stopped(url):
 
 def test_a_person_jogs_one_motor_and_is_told_its_sign(write_dog):
     body = str(write_dog(("protocol: cia402", "protocol: mit\n  profile: damiao-8006")))
-    with _on_a_bus("--body", body) as url:
-        # Where two cores do much else its drives may answer late, and the jog ends, as it must: once more.
-        tries = []
-        while len(tries) < 3 and "sign:" not in "".join(tries):
+    tries = []
+    while len(tries) < TRIES and "sign:" not in "".join(tries):
+        with _on_a_bus("--body", body) as url:
             code, told = _jog(body, url)
             tries.append(told)
     assert re.search(r"FR_knee: moved \+(1\.[89]|2\.[01])\d degrees; sign: -1", told), tries

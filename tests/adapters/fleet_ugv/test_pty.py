@@ -85,6 +85,11 @@ async def until(condition):
             await asyncio.sleep(0.01)
 
 
+def place_of(robot):
+    """Return where the robot last said that it is."""
+    return [report for report in robot.reports if isinstance(report, PoseReport)][-1].position
+
+
 def is_ok(robot):
     return bool(robot.healths) and robot.healths[-1].level is Level.OK
 
@@ -98,7 +103,7 @@ async def test_every_base_drives_over_its_device(server, serve, profile):
     await until(lambda: port.board.physics.x > 0.1)
     adapter.halt()
     await until(lambda: port.board.physics.speeds == [0.0, 0.0])
-    assert [report for report in robot.reports if isinstance(report, PoseReport)][-1].position.x > 0.05
+    await until(lambda: place_of(robot).x > 0.05)
 
 
 async def test_a_pulled_cable_is_noticed_at_once_and_the_base_stops_by_itself(server, serve):
