@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import re
 from collections.abc import Iterable
@@ -12,7 +13,6 @@ from fleet.bus.settings import (
     LOOPBACK_PORT,
     BusSettings,
     is_running,
-    loopback_is_free,
     socket_path,
     users_file,
     zenoh_settings,
@@ -20,7 +20,6 @@ from fleet.bus.settings import (
 from fleet.errors import BusError
 
 log = logging.getLogger(__name__)
-_TAKEN = "port %d is taken: the bus is on its Unix socket only"
 
 
 class Bus:
@@ -59,15 +58,14 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
 
 
 def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
-    """Open both lanes of an edge, on the default port if nobody else takes it meanwhile."""
-    given = _given(settings)
-    try:
-        return _listening(settings, directory, users, given)
-    except BusError:
-        if settings.listen is not None or not given or loopback_is_free():
-            raise
-    log.warning(_TAKEN, LOOPBACK_PORT)
-    return _listening(settings, directory, users, ())
+    """Open both lanes of an edge; the default port is done without where somebody else has it."""
+    if settings.listen is not None or settings.mode == "client":
+        return _listening(settings, directory, users, settings.listen or ())
+    with contextlib.suppress(BusError):  # what has another reason fails once more, and is told
+        return _listening(settings, directory, users, (f"tcp/127.0.0.1:{LOOPBACK_PORT}",))
+    bus = _listening(settings, directory, users, ())
+    log.warning("port %d is taken: the bus is on its Unix socket only", LOOPBACK_PORT)
+    return bus
 
 
 def _listening(settings: BusSettings, directory: Path, users: Path | None, given: tuple[str, ...]) -> Bus:
@@ -98,18 +96,6 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None, given
         reports.close()
         raise
     return Bus(reports, control, settings.connect)
-
-
-def _given(settings: BusSettings) -> tuple[str, ...]:
-    """Return where the edge listens besides its sockets."""
-    if settings.listen is not None:
-        return settings.listen
-    if settings.mode == "client":
-        return ()
-    if loopback_is_free():
-        return (f"tcp/127.0.0.1:{LOOPBACK_PORT}",)
-    log.warning(_TAKEN, LOOPBACK_PORT)
-    return ()
 
 
 def join(settings: BusSettings, directory: Path) -> Bus:

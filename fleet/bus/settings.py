@@ -123,17 +123,6 @@ def _is_plain(text: str) -> bool:
     return text != "" and text == text.strip() and len(text.splitlines()) == 1
 
 
-def loopback_is_free() -> bool:
-    """Return True when the default loopback port can be taken."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", LOOPBACK_PORT))
-        except OSError:
-            return False
-    return True
-
-
 def zenoh_settings(
     settings: BusSettings,
     *,
