@@ -13,7 +13,7 @@ from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
-from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SYNC
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SDO_REQUEST, SDO_RESPONSE, SYNC
 from fleet_quadruped.drives.mit.frames import DISABLE
 from fleet_quadruped.frames import Decoder
 from fleet_quadruped.robot.description import Description, Joint
@@ -21,7 +21,6 @@ from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.selfwalk.description import SelfWalker
 
-_SDO_REQUEST, _SDO_RESPONSE = 0x600, 0x580
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
 _IDS = range(1, 128)
 _ANSWERED = 0x43
@@ -53,7 +52,7 @@ def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
     make_sure({bus.name: bus}, {(bus.name, number) for number in _ORDERS}, clock)
     found: dict[tuple[str, int], str] = {}
     for number in _IDS:
-        bus.send(Frame(_SDO_REQUEST + number, _READ_DEVICE_TYPE))
+        bus.send(Frame(SDO_REQUEST + number, _READ_DEVICE_TYPE))
         for frame in bus.receive(0.001):
             _note(frame, found)
     for number in _MOTORS:
@@ -68,7 +67,7 @@ def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
 def _note(frame: Frame, found: dict[tuple[str, int], str]) -> None:
     """Note what a frame says about a device."""
     node = frame.id & 0x7F
-    if frame.id & ~0x7F == _SDO_RESPONSE and len(frame.data) == 8:
+    if frame.id & ~0x7F == SDO_RESPONSE and len(frame.data) == 8:
         if frame.data[0] == _ANSWERED:
             profile = int.from_bytes(frame.data[4:6], "little")
             kind = "drive (CiA 402)" if profile == 402 else f"profile {profile}"

@@ -13,14 +13,14 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SYNC
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import Object, pdo_objects
 from fleet_quadruped.frames import FieldMap, FrameMap, Number, encode
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.parts import Section
 from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
 
-SDO_REQUEST, SDO_RESPONSE, SDO_ABORT = 0x600, 0x580, 0x80
+SDO_ABORT = 0x80
 RPDO, TPDO = 0x200, 0x180  # of the first; each further one is 100h on
 _MOST_PDOS = 4
 _AT_ONCE, _AT_SYNC = 255, 1  # transmission types

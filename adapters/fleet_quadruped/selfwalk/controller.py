@@ -17,10 +17,11 @@ from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives.cia402.commission import Addressed, write_node
+from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
 from fleet_quadruped.frames import encode
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
 from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
-from fleet_quadruped.selfwalk.by_objects import SDO_ABORT, SDO_RESPONSE
+from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 

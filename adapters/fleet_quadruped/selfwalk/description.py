@@ -16,7 +16,7 @@ from fleet_quadruped.selfwalk.by_frames import Frames
 from fleet_quadruped.selfwalk.by_objects import Objects
 from fleet_quadruped.selfwalk.wire import AXES, Wire
 
-_LEAVE = 6.0
+_LEAVE = 6.0  # s to sit down
 _MUST_TELL = ("mode", *AXES)
 _MUST_BE = (Mode.OFF, Mode.STANDING)
 

@@ -15,7 +15,7 @@ from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears
-from fleet_quadruped.sim.sdo import REQUEST, Entry, SdoServer
+from fleet_quadruped.sim.sdo import Entry, SdoServer
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
@@ -85,7 +85,7 @@ class SimDrive:
             wire.SYNC: self._sync,
             wire.HEARTBEAT + wire.MASTER: self._master,
             wire.RPDO1 + joint.id: self._target,
-            REQUEST + joint.id: self.sdo.take,
+            wire.SDO_REQUEST + joint.id: self.sdo.take,
         }
         self.boot()
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.drives.cia402.frames import SDO_REQUEST, SDO_RESPONSE
 
-REQUEST, RESPONSE = 0x600, 0x580
 NO_OBJECT, TOO_LONG, READ_ONLY, NOT_MAPPABLE = 0x06020000, 0x06070010, 0x06010002, 0x06040041
 _UNKNOWN_COMMAND = 0x05040001
 _PDO_OFF = 1 << 31
@@ -37,7 +37,7 @@ class SdoServer:
 
     def take(self, frame: Frame) -> None:
         """Take a frame; anything but a request to this node is ignored."""
-        if frame.id != REQUEST + self._node or len(frame.data) != 8:
+        if frame.id != SDO_REQUEST + self._node or len(frame.data) != 8:
             return
         command = frame.data[0]
         place = struct.unpack_from("<HB", frame.data, 1)
@@ -90,4 +90,4 @@ class SdoServer:
 
     def _answer(self, command: int, place: tuple[int, int], data: bytes) -> None:
         head = struct.pack("<BHB", command, *place)
-        self._send(Frame(RESPONSE + self._node, head + data.ljust(4, b"\x00")))
+        self._send(Frame(SDO_RESPONSE + self._node, head + data.ljust(4, b"\x00")))

@@ -11,14 +11,14 @@ from fleet import Quaternion, quaternion_from_yaw
 from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SYNC
+from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import final_values
 from fleet_quadruped.frames import Decoder, FrameMap, encode
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 from fleet_quadruped.sim.faults import WALKER_FAULTS
-from fleet_quadruped.sim.sdo import REQUEST, SdoServer
+from fleet_quadruped.sim.sdo import SdoServer
 from fleet_quadruped.sim.wires import BadBuses
 
 GRAVITY = 9.81  # m/s2
@@ -241,7 +241,7 @@ class SimWalker:
         elif frame.id == 0x000 and len(frame.data) == 2 and frame.data[1] in {0, node}:
             started = frame.data[0] == 1 and self._is_mapped()
             self._nmt = OPERATIONAL if started else _PRE_OPERATIONAL
-        elif frame.id == REQUEST + (node or 0):
+        elif frame.id == SDO_REQUEST + (node or 0):
             self.sdo.take(frame)
             if objects is not None and objects.height is not None:
                 entry = objects.height

@@ -21,6 +21,8 @@ from fleet_quadruped.drives.cia402.frames import (
     MOST_COUNTS,
     OPERATIONAL,
     RPDO1,
+    SDO_REQUEST,
+    SDO_RESPONSE,
     SHORT,
     SYNC,
     TPDO1,
@@ -38,6 +40,7 @@ from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Drive
 
+_OF_ONE = (EMERGENCY, TPDO1, RPDO1, TPDO2, SDO_RESPONSE, SDO_REQUEST, HEARTBEAT)
 _SILENT = 8  # heartbeats that may be missing on a lossy bus; TPDOs tell silence sooner
 
 
@@ -106,7 +109,7 @@ class Cia402Drives:
         """Return emergencies, PDOs, SDOs and heartbeat; of all: NMT, SYNC and our own heartbeat."""
         if number == 0:
             return 0, SYNC, HEARTBEAT + MASTER
-        return tuple(base + number for base in (EMERGENCY, TPDO1, RPDO1, TPDO2, 0x580, 0x600, HEARTBEAT))
+        return tuple(base + number for base in _OF_ONE)
 
     @staticmethod
     def farthest(joint: Joint, drive: Drive) -> float:  # noqa: ARG004 - it hangs on the joint alone
