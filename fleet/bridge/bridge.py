@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -28,7 +29,7 @@ from fleet.wire.health import edge_health
 from fleet.wire.ping import check_ping, ping, pong
 from fleet.wire.reports import to_mqtt
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Traffic, rule_of
+from fleet.wire.rules import Rule, Traffic, rule_of
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -92,7 +93,7 @@ class Bridge:
             topics,
             _infos(ports, rules),
             session=session,
-            publish=self._queue,
+            open_way=self._open_way,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
             refusals=self.refusals,
@@ -226,9 +227,16 @@ class Bridge:
         self._queued = True  # last: another thread's flush in between must not take the mark away
         return taken
 
+    def _open_way(self, topic: str, rule: Rule) -> Callable[[bytes], object]:
+        """Return what queues messages to a topic by a rule, for the next flush; any thread."""
+        if not rule.qos:
+            return self.client.light(topic, rule.max_age or None)
+        expiry = rule.max_age or None
+        return partial(self._queue, topic, qos=rule.qos, traffic=rule.traffic, expiry=expiry)
+
     def _flush(self) -> None:
         """Have what was queued written; from another thread that costs more than a message."""
-        if self._queued:
+        if self._queued or self.client.waits:
             self._queued = False
             self.client.flush()
 

@@ -1,8 +1,8 @@
 """From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
 
 Events are translated and published as they come, on whatever thread brings them. Of state the newest is
-stored, and what is due published once a turn of the wheel. How often, how large and whether at all is in the
-twin's rulebook.
+stored, and what is due published once a turn of the wheel; that of this process's own robots, if it is due,
+at once. How often, how large and whether at all is in the twin's rulebook.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import msgspec
 
@@ -35,8 +36,9 @@ REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Publish = Callable[[str, bytes, int, Traffic, float | None], object]
-"""How the uplink publishes: topic, payload, QoS, class, and how many seconds it is worth sending."""
+Send = Callable[[bytes], object]
+OpenWay = Callable[[str, Rule], Send]
+"""How the uplink publishes: a topic is opened by its rule, once, and what is returned takes payloads."""
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
@@ -56,7 +58,6 @@ class _Slot:
         "document",
         "due",
         "durable",
-        "expiry",
         "fresh",
         "info",
         "period",
@@ -69,9 +70,9 @@ class _Slot:
         "sent",
         "size",
         "streams",
-        "topics",
         "traffic",
         "twin",
+        "ways",
     )
 
     def __init__(self, twin: str, info: TwinInfo, channel: str, sensor: str | None, rule: Rule) -> None:
@@ -81,10 +82,9 @@ class _Slot:
         self.sensor = sensor
         self.rule = rule
         self.document = rule.form is Form.DOCUMENT
-        self.expiry = rule.max_age or None
         self.traffic = int(rule.traffic)
         self.size = rule.size
-        self.topics: dict[str, str] = {}  # by leaf
+        self.ways: dict[str, Send] = {}  # by leaf
         self.durable = rule.traffic.durable
         self.streams = rule.traffic is Traffic.STREAM
         self.rate = rule.max_rate
@@ -139,7 +139,7 @@ class Uplink:
         twins: Mapping[str, TwinInfo],
         *,
         session: str,
-        publish: Publish,
+        open_way: OpenWay,
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
         refusals: Tally,
@@ -148,7 +148,7 @@ class Uplink:
         self._topics = topics
         self._twins = twins
         self._session = session
-        self._publish = publish
+        self._open_way = open_way
         self._alive = alive
         self._waiting = waiting
         self._clock = clock
@@ -171,11 +171,35 @@ class Uplink:
         """How many samples wait for their turn."""
         return len(self._fresh)
 
-    def arrived(self, key: str, sample: Report | bytes) -> None:
-        """Take a sample from the bus, or a report of this process; any thread, never blocks."""
+    def arrived(self, key: str, sample: bytes) -> None:
+        """Take a sample from the bus; any thread, never blocks."""
+        slot = self._slots[key] if key in self._slots else self._meet(key)
+        if slot is not None:
+            self._take(slot, sample)
+
+    def crossing(self, key: str) -> Callable[[Report], None] | None:
+        """Return what takes this process's own reports of a key, on the loop; None when none may cross.
+
+        A state that is due crosses there and then, while it is at hand.
+        """
         slot = self._slots[key] if key in self._slots else self._meet(key)
         if slot is None:
+            return None
+        return partial(self._take if slot.durable or slot.streams else self._take_state, slot)
+
+    def _take_state(self, slot: _Slot, report: Report) -> None:
+        """Take a state of a robot of this process."""
+        now = self._clock.monotonic()
+        if slot.fresh or now < slot.due:
+            self._take(slot, report)
             return
+        self.received.counts[slot.traffic] += 1
+        slot.sample = report
+        slot.goes(now)
+        self._send(slot, report)
+
+    def _take(self, slot: _Slot, sample: Report | bytes) -> None:
+        """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
         self.received.counts[slot.traffic] += 1
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
@@ -256,13 +280,12 @@ class Uplink:
             return
         slot.refused = False
         for leaf, payload in messages:
-            topic = slot.topics.get(leaf) or self._topic(slot, leaf)
             if len(payload) > slot.size:
-                line = "%s: %d bytes are more than the %d of its rule"
-                self.refusals.add("too large", line, topic, len(payload), slot.size)
+                line = "%s of %s: %d bytes are more than the %d of its rule"
+                self.refusals.add("too large", line, leaf, slot.twin, len(payload), slot.size)
                 continue
             self.sent.counts[slot.traffic] += 1
-            self._publish(topic, payload, slot.rule.qos, slot.rule.traffic, slot.expiry)
+            (slot.ways.get(leaf) or self._open(slot, leaf))(payload)
 
     def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
@@ -280,10 +303,10 @@ class Uplink:
             off=twin.rules.off,
         )
 
-    def _topic(self, slot: _Slot, leaf: str) -> str:
-        """Work out a topic, once."""
-        topic = slot.topics[leaf] = self._topics.twin(slot.twin, leaf)
-        return topic
+    def _open(self, slot: _Slot, leaf: str) -> Send:
+        """Open the way to a topic, once."""
+        way = slot.ways[leaf] = self._open_way(self._topics.twin(slot.twin, leaf), slot.rule)
+        return way
 
     def _meet(self, key: str) -> _Slot | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""

@@ -68,7 +68,8 @@ class CloudClient:
         self._clock = clock
         self.spool = spool or Spool(SpoolSettings(), clock)
         self.spool.more = self.flush
-        self._outbox = Outbox(self.spool, settings.queue_messages, settings.queue_bytes, self.stats)
+        most = settings.queue_messages, settings.queue_bytes
+        self._outbox = Outbox(self.spool, *most, self.stats, clock)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
         self._standby = Standby(self._stand_in)
@@ -125,12 +126,22 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            deadline = None if expiry is None else self._clock.monotonic() + expiry
-            where = address(topic, expiry, self._settings.protocol)
-            taken = self._outbox.put_light(where, payload, deadline)
+            taken = self.light(topic, expiry)(payload)
         if taken and not later:
             self.flush()
         return taken
+
+    def light(self, topic: str, expiry: float | None) -> Callable[[bytes], bool]:
+        """Return what queues messages of QoS 0 to one topic, which leave on ``flush``; as ``publish`` does.
+
+        For what is said many times a second. Raises ValueError for a topic with wildcards.
+        """
+        return self._outbox.light(address(topic, expiry, self._settings.protocol))
+
+    @property
+    def waits(self) -> bool:
+        """True while messages of QoS 0 wait to be written."""
+        return self._outbox.waits
 
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
-from fleet.cloud.publish import Address
+from fleet.clock import Clock
+from fleet.cloud.publish import Address, publish_light, renewed
 from fleet.cloud.values import CloudStats, Queued
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
 
-HEAD = 64
-"""Bytes that a packet of QoS 0 has besides its payload, about."""
-Light = tuple[Address, bytes, float | None]
-"""A message of QoS 0: where it goes, payload, and until when (monotonic s) it is worth sending, None: always.
+Light = tuple[Address, bytes, float]
+"""A message of QoS 0: where it goes, its packet, and since when (monotonic s) it waits.
 
 Most of what an edge sends: nothing larger is made for each.
 """
@@ -30,8 +29,9 @@ class Outbox:
     ``messages`` and ``size`` (bytes) bound the light lane.
     """
 
-    def __init__(self, spool: Spool, messages: int, size: int, stats: CloudStats) -> None:
+    def __init__(self, spool: Spool, messages: int, size: int, stats: CloudStats, clock: Clock) -> None:
         self.spool = spool
+        self._clock = clock
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
@@ -44,33 +44,48 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._light) + self.spool.waiting
 
-    def put_light(self, where: Address, payload: bytes, deadline: float | None = None) -> bool:
-        """Add a message of QoS 0; tell whether it was taken. What is durable is put into the spool."""
-        size = len(payload) + OVERHEAD
-        with self._lock:
-            fits = len(self._light) < self._most_messages and self._bytes + size <= self._most_bytes
-            taken = self._online and fits
-            if taken:
-                self._light.append((where, payload, deadline))
-                self._bytes += size
-            else:
-                self._refused += 1
-        return taken
+    def light(self, where: Address) -> Callable[[bytes], bool]:
+        """Return what adds a message of QoS 0, by its payload, and tells whether it was taken.
 
-    def take_light(self, now: float, size: int) -> list[Light]:
+        What is durable is put into the spool.
+        """
+        lock, waiting, now = self._lock, self._light, self._clock.monotonic
+
+        def put(payload: bytes) -> bool:
+            packet = publish_light(where, payload)
+            size = len(packet) + OVERHEAD
+            with lock:
+                fits = len(waiting) < self._most_messages and self._bytes + size <= self._most_bytes
+                taken = self._online and fits
+                if taken:
+                    waiting.append((where, packet, now()))
+                    self._bytes += size
+                else:
+                    self._refused += 1
+            return taken
+
+        return put
+
+    def take_light(self, now: float, size: int) -> list[tuple[Address, bytes]]:
         """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
-        batch: list[Light] = []
+        batch: list[tuple[Address, bytes]] = []
         with self._lock:
             while self._light and size > 0:
-                message = self._light.popleft()
-                _, payload, deadline = message
-                self._bytes -= len(payload) + OVERHEAD
-                if deadline is not None and deadline <= now:
+                where, packet, since = self._light.popleft()
+                self._bytes -= len(packet) + OVERHEAD
+                size -= len(packet)
+                if now - since < where.steady:
+                    batch.append((where, packet))
+                elif left := renewed(where, packet, now - since):
+                    batch.append((where, left))
+                else:
                     self._refused += 1
-                    continue
-                batch.append(message)
-                size -= len(payload) + HEAD
         return batch
+
+    @property
+    def waits(self) -> bool:
+        """True while messages of QoS 0 wait."""
+        return bool(self._light)
 
     def go_online(self) -> None:
         """From now on QoS 0 is taken."""

@@ -50,12 +50,14 @@ def _middle(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
 class Address(msgspec.Struct, frozen=True, gc=False):
     """Where messages of QoS 0 go: the topic, and ``head``, what stands between length and payload.
 
-    ``seconds`` of time are told in it, None: none, for what is always worth sending and to MQTT 3.1.1.
+    ``expiry`` is how many seconds they are worth sending, None: always. For the first ``steady`` of them the
+    whole seconds that ``head`` tells are right.
     """
 
     topic: str
-    seconds: int | None
     head: bytes
+    expiry: float | None
+    steady: float
 
 
 @functools.lru_cache(maxsize=16384)
@@ -64,25 +66,36 @@ def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
 
     Raises ValueError for a topic that no message can be published to.
     """
-    seconds = None if expiry is None or protocol != 5 else _whole(expiry)
-    properties = _lasting(seconds) if protocol == 5 else b""
-    return Address(topic, seconds, text(check_topic(topic)) + properties)
+    name = text(check_topic(topic))
+    if protocol != 5:
+        return Address(topic, name, expiry, math.inf if expiry is None else expiry)
+    if expiry is None:
+        return Address(topic, name + _NO_PROPERTIES, None, math.inf)
+    seconds = _whole(expiry)
+    return Address(topic, name + _lasting(seconds), expiry, expiry - seconds + 1)
 
 
-def publish_light(where: Address, payload: bytes, left: float | None) -> bytes:
-    """Return the packet of a message of QoS 0 of whose time ``left`` seconds are left.
-
-    Raises ValueError or TypeError for what MQTT cannot carry.
-    """
+def publish_light(where: Address, payload: bytes) -> bytes:
+    """Return the packet of a message of QoS 0; raise TypeError for a payload that is not bytes."""
     head = where.head
-    if left is not None and where.seconds is not None and (seconds := _whole(left)) != where.seconds:
-        head = text(where.topic) + _lasting(seconds)
     return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
 
 
-def _lasting(seconds: int | None) -> bytes:
+def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
+    """Return a packet that has waited for some seconds, with what is left of its time; None: nothing is."""
+    if where.expiry is None or waited < where.steady:
+        return packet
+    left = where.expiry - waited
+    if left <= 0:
+        return None
+    payload = packet.partition(where.head)[2]
+    head = text(where.topic) + _lasting(_whole(left))
+    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+
+
+def _lasting(seconds: int) -> bytes:
     """Return the properties that tell how many seconds are left, and nothing else."""
-    return _NO_PROPERTIES if seconds is None else _ONLY_EXPIRY + seconds.to_bytes(4)
+    return _ONLY_EXPIRY + seconds.to_bytes(4)
 
 
 def _whole(left: float) -> int:

@@ -13,9 +13,9 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
-from fleet.cloud.outbox import Light, Outbox
+from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
-from fleet.cloud.publish import publish, publish_light
+from fleet.cloud.publish import publish
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, CloudStats, Message
 from fleet.errors import CloudError
 from fleet.spool.message import Outcome, Outgoing
@@ -145,7 +145,7 @@ class Session:
             if not (batch or light):
                 break
             sent = b"".join([self._publish(message, now) for message in batch])
-            sent += b"".join([self._publish_light(message, now) for message in light])
+            sent += b"".join([packet for where, packet in light if self._fits(where.topic, packet)])
         self._stats.inflight = len(self._inflight)
         return sent
 
@@ -190,7 +190,8 @@ class Session:
         message.qos = min(message.qos, self._most_qos)
         try:
             data = publish(message, identifier, now, self._settings.protocol)
-            self._check_size(data)
+            if len(data) > self._packet_limit:
+                raise self._too_large(data)
         except (ValueError, TypeError) as error:
             self._cannot(message.topic, error)
             self._done(message, Outcome.REFUSED)
@@ -200,23 +201,18 @@ class Session:
         self._timed = self._timed or (identifier, now)
         return data
 
-    def _publish_light(self, message: Light, now: float) -> bytes:
-        """Return the bytes of one message of QoS 0; empty when the broker would refuse it."""
-        where, payload, deadline = message
-        try:
-            data = publish_light(where, payload, None if deadline is None else deadline - now)
-            self._check_size(data)
-        except (ValueError, TypeError) as error:
-            self._cannot(where.topic, error)
-            self._stats.outcomes[Outcome.REFUSED] += 1
-            return b""
-        self._stats.sent += 1
-        return data
+    def _fits(self, topic: str, packet: bytes) -> bool:
+        """Tell whether the broker takes a packet of QoS 0, which is counted."""
+        if len(packet) <= self._packet_limit:
+            self._stats.sent += 1
+            return True
+        self._cannot(topic, self._too_large(packet))
+        self._stats.outcomes[Outcome.REFUSED] += 1
+        return False
 
-    def _check_size(self, packet: bytes) -> None:
-        """Raise ValueError for a packet that is larger than the broker takes."""
-        if len(packet) > self._packet_limit:
-            raise ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
+    def _too_large(self, packet: bytes) -> ValueError:
+        """Return the error for a packet that is larger than the broker takes."""
+        return ValueError(f"{len(packet)} bytes; the broker takes {self._packet_limit}")
 
     def _cannot(self, topic: str, why: Exception) -> None:
         """Tell that a message cannot be sent."""

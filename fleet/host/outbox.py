@@ -10,7 +10,7 @@ import itertools
 import logging
 from collections.abc import Callable, Iterator
 
-from fleet.bus.lane import Lane, Publishers, Question, keys_meet
+from fleet.bus.lane import Lane, Question, keys_meet
 from fleet.errors import WireError
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
 from fleet.wire.databus import check_report, encode_report
@@ -20,29 +20,28 @@ log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
 ALL = "cw/*/data/**"
-Place = tuple[str, str, str]  # twin, channel, sensor
 STEP = 4  # states in one step of a flush: less would cost more than the states
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
+Cross = Callable[[Report], None]
+"""Takes one channel's reports for the bridge of this process."""
+
 
 class _Channel:
-    """One channel of one twin: how many samples were put, and the last report."""
+    """One channel of one twin: the newest report that waits, the last that left, how many samples were put.
 
-    __slots__ = ("key", "last", "refused", "sequence")
+    ``cross`` is None where nothing crosses to the cloud.
+    """
 
-    def __init__(self, key: str) -> None:
+    __slots__ = ("cross", "key", "last", "newest", "refused", "sequence")
+
+    def __init__(self, key: str, cross: Cross | None) -> None:
         self.key = key
+        self.cross = cross
         self.sequence = 0
+        self.newest: Report | None = None
         self.last: Report | None = None
         self.refused = False
-
-    def put(self, report: Report, publishers: Publishers) -> None:
-        """Put a report, numbered, where anybody listens."""
-        publisher = publishers.wanted(self.key)
-        if publisher is not None:
-            publisher.put(encode_report(report, self.sequence))
-            self.sequence += 1
-        self.last = report
 
     def refuse(self, line: str, *values: object) -> None:
         """Tell why a report cannot be said, the first of a row only."""
@@ -51,37 +50,75 @@ class _Channel:
             log.warning(line, *values)
 
 
+class _Robot:
+    """What one robot has to say: its channels, and the events that wait."""
+
+    def __init__(self, twin: str, outbox: Outbox) -> None:
+        self.events: list[Report] = []
+        self._twin = twin
+        self._outbox = outbox
+        self._states: dict[type[Report], _Channel] = {}  # of the kinds of which a robot has one
+        self._channels: dict[tuple[type[Report], str], _Channel] = {}
+
+    def put(self, report: Report) -> None:
+        """Take a report; it leaves with the next ``flush``."""
+        channel = self._states.get(type(report))
+        if channel is None:
+            self._put_other(report)
+            return
+        if channel.newest is None:
+            self._outbox.states.append(channel)
+        channel.newest = report
+
+    def channel(self, report: Report) -> _Channel:
+        """Return the channel of a report."""
+        place = type(report), getattr(report, "sensor", "")
+        channel = self._channels.get(place)
+        if channel is None:
+            channel = self._channels[place] = self._outbox.open(self._twin, report.channel, place[1])
+        return channel
+
+    def _put_other(self, report: Report) -> None:
+        """Take an event, the first state of its kind, or one of several sensors of a kind."""
+        if isinstance(report, EVENTS):
+            self._put_event(report)
+            return
+        channel = self.channel(report)
+        if channel.newest is None:
+            self._outbox.states.append(channel)
+        channel.newest = report
+        if not hasattr(report, "sensor"):
+            self._states[type(report)] = channel
+
+    def _put_event(self, report: Report) -> None:
+        """Take an event, unless too many wait."""
+        if not self.events:
+            self._outbox.eventful.append(self)
+        if len(self.events) < WAITING:
+            self.events.append(report)
+        else:
+            self._outbox.dropped += 1
+
+
 class Outbox:
-    """All reports of one process."""
+    """All reports of one process.
+
+    ``crossing``, where the bridge is in this process, returns what takes the reports of a key for it.
+    """
 
     def __init__(self, lane: Lane) -> None:
         self._publishers = lane.publishers(ALL)
-        self._channels: dict[Place, _Channel] = {}
-        self._latest: dict[Place, Report] = {}
-        self._events: dict[str, list[Report]] = {}
+        self._channels: list[_Channel] = []
+        self.states: list[_Channel] = []  # which wait, each once
+        self.eventful: list[_Robot] = []
         self._leaving: Iterator[None] = iter(())  # the flush that is under way
-        self.bridge: Callable[[str, Report], None] | None = None  # also gets everything, with its key
+        self.crossing: Callable[[str], Cross | None] = lambda _key: None
         self.dropped = 0
         lane.answer(ALL, self._asked)
 
-    def put(self, twin: str, report: Report) -> None:
-        """Take a report; it leaves with the next ``flush``."""
-        if not isinstance(report, EVENTS):
-            self._latest[_place(twin, report)] = report
-            return
-        events = self._events.setdefault(twin, [])
-        if len(events) < WAITING:
-            events.append(report)
-        else:
-            self.dropped += 1
-
     def sender(self, twin: str) -> Callable[[Report], None]:
-        """Return ``put`` for one twin."""
-
-        def send(report: Report) -> None:
-            self.put(twin, report)
-
-        return send
+        """Return what takes one robot's reports; they leave with the next ``flush``."""
+        return _Robot(twin, self).put
 
     def flush(self) -> None:
         """Put everything that waits, after what a flush under way has left."""
@@ -96,51 +133,56 @@ class Outbox:
         self._leaving = self._put_all()
         return self._leaving
 
+    def open(self, twin: str, name: str, sensor: str) -> _Channel:
+        """Begin a channel; that of a sensor that cannot be part of a key has no key, and nothing leaves."""
+        try:
+            key = data_key(twin, name, sensor or None)
+        except (WireError, TypeError) as error:
+            log.warning("the %s reports of %s are dropped: %s", name, twin, error)
+            return _Channel("", None)
+        channel = _Channel(key, self.crossing(key))
+        self._channels.append(channel)
+        return channel
+
     def _put_all(self) -> Iterator[None]:
         """Put what waits when it is begun."""
-        events, self._events = self._events, {}
-        latest, self._latest = self._latest, {}
-        for twin, reports in events.items():
-            for report in reports:
-                self._send(_place(twin, report), report)
+        eventful, self.eventful = self.eventful, []
+        states, self.states = self.states, []
+        for robot in eventful:
+            events, robot.events = robot.events, []
+            for report in events:
+                self._send(robot.channel(report), report)
                 yield
-        for number, (place, report) in enumerate(latest.items(), 1):
-            self._send(place, report)
+        for number, channel in enumerate(states, 1):
+            newest, channel.newest = channel.newest, None
+            assert newest is not None  # or it would not wait
+            self._send(channel, newest)
             if not number % STEP:
                 yield
 
-    def _send(self, place: Place, report: Report) -> None:
-        """Put one report; what cannot be said is dropped and counted, the first of a row told."""
-        channel = self._channels.get(place) or self._open(place)
-        if channel is None:
+    def _send(self, channel: _Channel, report: Report) -> None:
+        """Put one report, where anybody listens; what cannot be said is dropped and counted."""
+        if not channel.key:
             self.dropped += 1
             return
         try:
             check_report(report)
-            channel.put(report, self._publishers)
+            publisher = self._publishers.wanted(channel.key)
+            if publisher is not None:
+                publisher.put(encode_report(report, channel.sequence))
+                channel.sequence += 1
         except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
-            channel.refuse("a %s report of %s was dropped: %s", report.channel, place[0], error)
+            channel.refuse("a report on %s was dropped: %s", channel.key, error)
             return
-        channel.refused = False
-        if self.bridge is not None:
-            self.bridge(channel.key, report)
-
-    def _open(self, place: Place) -> _Channel | None:
-        """Begin a channel; None for a sensor that cannot be part of a key."""
-        twin, name, sensor = place
-        try:
-            key = data_key(twin, name, sensor or None)
-        except (WireError, TypeError) as error:
-            log.warning("a %s report of %s was dropped: %s", name, twin, error)
-            return None
-        channel = self._channels[place] = _Channel(key)
-        return channel
+        channel.last, channel.refused = report, False
+        if channel.cross is not None:
+            channel.cross(report)
 
     def _asked(self, question: Question) -> None:
         """Answer with the last report of each channel that was asked for; on the bus's thread."""
         try:
-            for channel in list(self._channels.values()):
+            for channel in list(self._channels):
                 if channel.last is not None and keys_meet(question.asked, channel.key):
                     _reply(question, channel, channel.last)
         finally:
@@ -153,8 +195,3 @@ def _reply(question: Question, channel: _Channel, report: Report) -> None:
         question.reply(encode_report(report, channel.sequence), channel.key)
     except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
         channel.refuse("%s cannot be told to who asks: %s", channel.key, error)
-
-
-def _place(twin: str, report: Report) -> Place:
-    """Return whose report it is: twin, channel, and the sensor where a robot has several of a kind."""
-    return twin, report.channel, getattr(report, "sensor", "")

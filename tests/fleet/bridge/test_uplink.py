@@ -3,13 +3,14 @@ import json
 import logging
 import sys
 import threading
+from functools import partial
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.bridge.uplink import SLACK, STRANGERS, TwinInfo, Uplink
-from fleet.model.geometry import Vector3
+from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
@@ -19,6 +20,7 @@ from fleet.model.report import (
     NavigationReport,
     PhotoReport,
     PointCloudReport,
+    PoseReport,
     ScaleReport,
     TelemetryReport,
 )
@@ -53,7 +55,7 @@ class Bench:
             Topics(""),
             twins,
             session="us",
-            publish=self._publish,
+            open_way=lambda topic, rule: partial(self._publish, topic, rule.qos),
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
             refusals=Tally(logging.getLogger("fleet.bridge"), self.clock),
@@ -64,7 +66,7 @@ class Bench:
     def now(self):
         return self.clock.monotonic()
 
-    def _publish(self, topic, payload, qos, _traffic, _expiry):
+    def _publish(self, topic, qos, payload):
         self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
 
     def turn(self, seconds=TICK):
@@ -78,6 +80,10 @@ class Bench:
 
     def of(self, leaf):
         return [(when, message) for when, sent, message, _ in self.sent if sent == leaf]
+
+
+def a_pose(x):
+    return PoseReport(1.0, Vector3(float(x), 2.0, 3.0), Quaternion())
 
 
 def battery(percent):
@@ -112,6 +118,30 @@ def test_of_many_poses_in_a_turn_only_the_newest_crosses(bench, pose):
     bench.turn()
     assert [message["position"]["x"] for _, message in bench.of("position")] == [9.0]
     assert bench.uplink.conflated.by_class()["latest"] == 9
+
+
+def test_a_state_of_our_own_robot_crosses_at_once_if_it_is_due_and_else_in_a_turn_the_newest(bench):
+    report = bench.uplink.crossing(POSITION)
+    for x in range(3):
+        report(a_pose(x))
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0]
+    bench.run(0.1)
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0, 2.0]
+    assert bench.uplink.conflated.by_class()["latest"] == 1
+    assert bench.uplink.received.by_class()["latest"] == 3
+
+
+def test_events_of_our_own_robot_cross_at_once_and_its_pictures_in_a_turn(bench):
+    bench.uplink.crossing(STATUS)(NavigationReport(1.0, "a", ActionState.RUNNING, 1.0))
+    bench.uplink.crossing(f"cw/{TWIN}/data/depth")(DepthReport(2.0, bytes(2), 1, 1, "uint16"))
+    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
+    bench.turn()
+    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status", "depth"]
+
+
+@pytest.mark.parametrize("key", [f"cw/{OTHER}/data/position", f"cw/{TWIN}/data/unheard_of", "cw/x"])
+def test_what_may_not_cross_is_known_before_it_is_said(bench, key):
+    assert bench.uplink.crossing(key) is None
 
 
 def test_a_pose_that_came_too_early_crosses_when_its_time_is_there(bench, pose):
@@ -329,7 +359,7 @@ def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, 
 
 def test_a_sample_between_the_reading_of_the_queue_and_its_end_is_not_lost(bench, pose):
     """Forces the one order of events that threads meet by chance: arriving while a turn publishes."""
-    publish = bench.uplink._publish
+    publish = bench._publish
     late = [pose(2.0)]
 
     def publish_and_be_overtaken(*message):
@@ -337,7 +367,7 @@ def test_a_sample_between_the_reading_of_the_queue_and_its_end_is_not_lost(bench
         if late:
             bench.uplink.arrived(POSITION, late.pop())
 
-    bench.uplink._publish = publish_and_be_overtaken
+    bench._publish = publish_and_be_overtaken
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.run(0.2)
     assert [message["position"]["x"] for _, message in bench.of("position")] == [1.0, 2.0]
@@ -443,7 +473,7 @@ def test_documents_cross_with_their_own_fields_and_a_stamp(bench, channel, leaf,
 def test_an_update_of_an_environment_goes_to_its_own_topic():
     topics = []
     bench = Bench(environments=[OTHER])
-    bench.uplink._publish = lambda topic, payload, *_: topics.append((topic, json.loads(payload)))
+    bench._publish = lambda topic, _qos, payload: topics.append((topic, json.loads(payload)))
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_added", b'{"ts": 5, "data": {"a": 1}}')
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/anything", b'{"ts": 5}')
     bench.uplink.arrived(f"cw/{OTHER}/data/position", b"{}")
@@ -473,7 +503,7 @@ def test_the_older_joints_topic_is_sent_when_it_is_asked_for():
     for on, leaves in ((None, {"joint:update"}), (True, {"joint:update", "joint_states"})):
         bench = Bench(rulebook("lan", [Changes({"joint_states": Change(on=on)})]))
         topics = set()
-        bench.uplink._publish = lambda topic, *_, topics=topics: topics.add(topic)
+        bench._publish = lambda topic, *_, topics=topics: topics.add(topic)
         bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", joints())
         bench.turn()
         assert topics == {Topics("").twin(TWIN, leaf) for leaf in leaves}

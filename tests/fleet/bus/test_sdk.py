@@ -30,7 +30,7 @@ def sdk(outbox, opened, port):
 
 
 def report(outbox, x):
-    outbox.put(TWIN, PoseReport(1.0, Vector3(x, 2.0, 3.0), Quaternion()))
+    outbox.sender(TWIN)(PoseReport(1.0, Vector3(x, 2.0, 3.0), Quaternion()))
     outbox.flush()
 
 

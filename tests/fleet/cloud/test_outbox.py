@@ -1,13 +1,15 @@
+import mqtt5
 import pytest
 
-from fleet.cloud.outbox import HEAD, Outbox
-from fleet.cloud.publish import address
+from fleet.cloud.outbox import Outbox
+from fleet.cloud.publish import address, publish_light
 from fleet.cloud.values import CloudStats
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 
 PAYLOAD = b"x" * 10
+PACKET = len(publish_light(address("a", None, 5), PAYLOAD))
 
 
 @pytest.fixture
@@ -15,34 +17,45 @@ def stats():
     return CloudStats()
 
 
-def online(stats, messages=3, size=10_000):
-    box = Outbox(Spool(SpoolSettings(messages=3), ManualClock()), messages, size, stats)
+@pytest.fixture
+def clock():
+    return ManualClock()
+
+
+def online(stats, clock, messages=3, size=10_000):
+    box = Outbox(Spool(SpoolSettings(messages=3), clock), messages, size, stats, clock)
     box.go_online()
     return box
 
 
 @pytest.fixture
-def box(stats):
-    return online(stats)
+def box(stats, clock):
+    return online(stats, clock)
 
 
-def put(box, name, deadline=None):
-    return box.put_light(address(name, None, 5), PAYLOAD, deadline)
+def put(box, name, expiry=None):
+    return box.light(address(name, expiry, 5))(PAYLOAD)
 
 
 def durable(name):
     return Outgoing(name, PAYLOAD, 1)
 
 
-def take(box, *, now=1000.0, size=1_000_000):
-    return [where.topic for where, _, _ in box.take_light(now, size)]
+def take(box, *, now=None, size=1_000_000):
+    return [where.topic for where, _ in box.take_light(now or ManualClock().monotonic(), size)]
 
 
-def test_messages_leave_in_order_with_their_time(box):
+def read(packets):
+    told = [mqtt5.read(packet)[0] for _, packet in packets]
+    return [(each.topic, each.message_expiry_interval) for each in told]
+
+
+def test_messages_leave_in_order_with_their_time(box, clock):
     put(box, "a")
-    put(box, "b", 1001.0)
-    sent = box.take_light(1000.0, 1_000_000)
-    assert [(where.topic, *rest) for where, *rest in sent] == [("a", PAYLOAD, None), ("b", PAYLOAD, 1001.0)]
+    put(box, "b", 10.0)
+    put(box, "c", 10.0)
+    assert read(box.take_light(clock.monotonic() + 0.9, PACKET + 5)) == [("a", None), ("b", 10)]
+    assert read(box.take_light(clock.monotonic() + 1.1, 1_000_000)) == [("c", 9)]
     assert take(box) == []
 
 
@@ -54,10 +67,10 @@ def test_a_full_lane_refuses_qos_0_and_counts_it(box, stats):
     assert (stats.dropped, stats.queued) == (1, 4)
 
 
-def test_bytes_bound_qos_0_too(stats):
-    box = online(stats, messages=100, size=2 * (OVERHEAD + 10))
+def test_bytes_bound_qos_0_too(stats, clock):
+    box = online(stats, clock, messages=100, size=2 * (OVERHEAD + PACKET))
     assert [put(box, name) for name in "abc"] == [True, True, False]
-    assert stats.queued_bytes == 2 * (OVERHEAD + 10)
+    assert stats.queued_bytes == 2 * (OVERHEAD + PACKET)
     take(box)
     assert stats.queued_bytes == 0
     assert put(box, "c")
@@ -71,11 +84,11 @@ def test_without_a_connection_qos_0_is_refused_and_what_waits_is_dropped(box, st
     assert (stats.dropped, stats.queued, stats.queued_bytes) == (2, 1, 0)
 
 
-def test_what_ran_out_of_time_is_dropped_and_never_sent(box, stats):
+def test_what_ran_out_of_time_is_dropped_and_never_sent(box, stats, clock):
     put(box, "old", 5.0)
     put(box, "new", 6.0)
     put(box, "ever")
-    assert take(box, now=5.0) == ["new", "ever"]
+    assert take(box, now=clock.monotonic() + 5.0) == ["new", "ever"]
     assert (stats.dropped, stats.queued) == (1, 0)
 
 
@@ -92,8 +105,8 @@ def test_what_was_not_acknowledged_goes_first_again_in_its_order(box):
 def test_one_batch_is_bounded_in_bytes(box):
     for name in "abc":
         put(box, name)
-    assert take(box, size=HEAD + 11) == ["a", "b"]
-    assert take(box, size=HEAD + 11) == ["c"]
+    assert take(box, size=PACKET + 1) == ["a", "b"]
+    assert take(box, size=PACKET + 1) == ["c"]
 
 
 def test_a_closed_box_takes_nothing_and_keeps_nothing(box, stats):
