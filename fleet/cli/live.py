@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 REFRESH = 0.5  # s
+AT_ONCE = 20  # robots looked at before commands have their turn
+PAUSE = 0.04  # s between so many: a thousand robots take two seconds, and one percent of a processor
 STYLES = {"ok": "green", "degraded": "yellow", "offline": "red", "fault": "bold red"}
 
 
@@ -67,13 +69,16 @@ async def _lines(edge: Edge, said: Callable[[RobotState], str]) -> None:
     """Print a line for each robot that changes."""
     before: dict[str, str] = {}
     while True:
-        for state in edge.states():
+        for number, robot in enumerate(edge.robots(), 1):
+            state = robot.state()
             mark = f"{state.health} {state.cause} {mode_of(state)} {state.activity} {state.last_outcome}"
             if before.get(state.name) != mark:
                 before[state.name] = mark
                 with contextlib.suppress(BrokenPipeError):
                     sys.stdout.write(f"{said(state)}\n")
                     sys.stdout.flush()
+            if not number % AT_ONCE:
+                await asyncio.sleep(PAUSE)
         await asyncio.sleep(REFRESH)
 
 

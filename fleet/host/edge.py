@@ -23,6 +23,7 @@ from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
+from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
@@ -160,9 +161,13 @@ class Edge:
 
         return Metrics(self)
 
+    def robots(self) -> list[LocalRobot | RemoteRobot]:
+        """Return every robot of this edge, also those in its workers."""
+        return [*self.process.robots.values(), *self.remote.values()]
+
     def states(self) -> list[RobotState]:
         """Return the state of every robot of this edge."""
-        return [*self.process.states(), *(robot.state() for robot in self.remote.values())]
+        return [robot.state() for robot in self.robots()]
 
     def state(self) -> EdgeState:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""

@@ -29,7 +29,6 @@ from fleet.host.shared import Shared
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
-from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.wire.rules import Kind
 
@@ -242,10 +241,6 @@ class RobotProcess:
         publisher = self._states.wanted(keys.state(self.edge, name))
         if publisher is not None:
             publisher.put(msgspec.json.encode(self.robots[name].state()))
-
-    def states(self) -> list[RobotState]:
-        """Return the state of every robot here."""
-        return [robot.state() for robot in self.robots.values()]
 
     def _declare(self, robot: LocalRobot) -> None:
         """Show the robot on the bus and take what is asked of it there."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import heapq
-import itertools
 import logging
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -54,8 +53,7 @@ class Wheel:
     def __init__(self, loop: asyncio.AbstractEventLoop, clock: Clock) -> None:
         self._loop = loop
         self._clock = clock
-        self._due: list[tuple[float, int, Spoke]] = []
-        self._order = itertools.count()
+        self._due: dict[int, deque[tuple[float, Spoke]]] = {}  # by the tick in which they are due
         self._ends: list[Callable[[], Iterable[None]]] = []
         self._handle: asyncio.Handle | None = None
         self._work: Iterator[None] = iter(())
@@ -68,7 +66,7 @@ class Wheel:
     ) -> Spoke:
         """Call about every ``period`` seconds; whatever it raises goes to ``failed`` and ends it."""
         spoke = Spoke(owner, max(period, TICK), call, failed)
-        heapq.heappush(self._due, (self._loop.time() + spoke.period, next(self._order), spoke))
+        self._hang(self._loop.time() + spoke.period, spoke)
         return spoke
 
     def at_end(self, call: Callable[[], Iterable[None]]) -> None:
@@ -111,16 +109,26 @@ class Wheel:
         if not self._stopped:
             self._handle = how(*arguments)
 
+    def _hang(self, due: float, spoke: Spoke) -> None:
+        """Have a call made in the first turn that is not before ``due``."""
+        self._due.setdefault(int(due / TICK), deque()).append((due, spoke))
+
     def _calls(self, now: float) -> Iterator[None]:
-        """Make the calls that are due, then flush, one by one."""
-        while self._due and self._due[0][0] <= now:
-            due, _, spoke = heapq.heappop(self._due)
-            if spoke.cancelled:
-                continue
-            self._call(spoke)
-            if not spoke.cancelled:
-                heapq.heappush(self._due, (_next_due(due, spoke.period, now), next(self._order), spoke))
-            yield
+        """Make the calls that are due, then flush, one by one; what is left off half-way is still due."""
+        for tick in sorted(tick for tick in self._due if tick * TICK <= now):
+            spokes = self._due[tick]
+            for _ in range(len(spokes)):
+                due, spoke = spokes.popleft()
+                if due > now:
+                    spokes.append((due, spoke))
+                if due > now or spoke.cancelled:
+                    continue
+                self._call(spoke)
+                if not spoke.cancelled:
+                    self._hang(_next_due(due, spoke.period, now), spoke)
+                yield
+            if not spokes:
+                del self._due[tick]
         self.owner = ""
         for end in self._ends:
             yield from _walled(end)
