@@ -96,6 +96,7 @@ class Bridge:
             open_way=self._open_way,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
+            full=lambda: self.client.full,
             refusals=self.refusals,
             clock=clock,
         )

@@ -143,6 +143,12 @@ class CloudClient:
         """True while messages of QoS 0 wait to be written."""
         return self._outbox.waits
 
+    @property
+    def full(self) -> bool:
+        """True while the network is slower than what is sent: what has a newer one soon had better wait."""
+        connection = self._connection
+        return connection is not None and connection.full
+
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""
         if not self._flushing:
