@@ -358,6 +358,23 @@ def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
 
 
 @pytest.mark.parametrize(
+    ("header", "message", "stamp"),
+    [(7.0, {}, 7.0), (7.0, {"ts": 9.0}, 9.0), (7.0, {"timestamp": None}, 7.0), (0.0, {}, None)],
+)
+def test_a_setpoint_of_the_bus_is_as_old_as_it_says_else_as_its_header_says(header, message, stamp):
+    payload = json.dumps({"linear_x": 0.2} | message).encode()
+    sample = HeaderTemplate("application/json").pack(payload, ts=header)
+    assert decode_motion(sample, way=Way.BUS).stamp == stamp
+
+
+@pytest.mark.parametrize("header", [float("nan"), float("inf")])
+def test_a_setpoint_whose_header_is_of_no_time_is_refused(header):
+    sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2}', ts=header)
+    with pytest.raises(BadCommand, match="timestamp: a finite number is needed"):
+        decode_motion(sample, way=Way.BUS)
+
+
+@pytest.mark.parametrize(
     "message",
     [
         {},
