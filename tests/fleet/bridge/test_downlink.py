@@ -357,3 +357,9 @@ def test_our_own_offer_that_comes_back_is_not_taken_for_one_to_us(bench):
     bench.arrive(Message(f"{T}/webrtc-offer", json.dumps(ours).encode()))
     assert bench.put == []
     assert bench.downlink.refusals.counts() == {}
+
+
+def test_what_is_for_us_crosses_though_it_names_the_backend_as_its_sender(bench):
+    answer = {**OFFER, "type": "answer", "target": "edge", "sender": "backend"}
+    bench.arrive(Message(f"{T}/webrtc-answer", json.dumps(answer).encode()))
+    assert [key for key, _ in bench.put] == [f"cw/{TWIN}/data/cloud/webrtc_answer"]
