@@ -97,7 +97,7 @@ class _Envelope(msgspec.Struct, frozen=True):
 
     def command(self, name: str, data: Mapping[str, Any]) -> Command:
         """Return a command that was asked by this message."""
-        same = identity(self.payload, self.stamp, self.request_id)
+        same = identity(self.payload, self.stamp, self.request_id, (name, data))
         return Command(name, data, self.origin, same, self.stamp)
 
     def setpoint(self, velocity: Velocity, lease: float | None = None) -> Setpoint:
