@@ -198,7 +198,8 @@ class Session:
             return b""
         self._stats.sent += 1
         self._inflight[identifier] = message
-        self._timed = self._timed or (identifier, now)
+        if message.qos == 1:  # one of QoS 2 is not acknowledged in one step
+            self._timed = self._timed or (identifier, now)
         return data
 
     def _fits(self, topic: str, packet: bytes) -> bool:

@@ -184,6 +184,17 @@ def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
 
 
+def test_a_message_of_qos_2_does_not_keep_the_round_trip_from_being_measured():
+    talk = Talk()
+    talk.put(message("offer", qos=2))
+    talk.send()
+    talk.put(message("t"))
+    talk.send()
+    talk.clock.advance(0.25)
+    talk.hear(mqtt5.PubAckPacket(2))
+    assert talk.stats.rtt == 0.25
+
+
 @pytest.mark.parametrize("code", [0x10, 0x97])
 def test_what_nobody_hears_or_the_broker_has_no_room_for_is_sent_again(code):
     talk = Talk()
