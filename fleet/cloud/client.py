@@ -158,9 +158,9 @@ class CloudClient:
 
     @property
     def full(self) -> bool:
-        """True while the network is slower than what is sent: what has a newer one soon had better wait."""
+        """True while the network has not taken QoS 0 of before: what has a newer one soon had better wait."""
         connection = self._connection
-        return connection is not None and connection.full
+        return connection is not None and connection.full and self._outbox.waits
 
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""

@@ -62,7 +62,7 @@ def decode_navigate(
 ) -> Navigate | None:
     """Return the goal or control in a message; None for a status that strayed onto the topic.
 
-    A task that brings no action id has one made of the message or of ``request_id`` (the asker's own), so that
+    A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
     a repeat of it does not move the robot once more.
     ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
     geodetic altitudes are added to, because they count from the take-off point; without it they are refused.

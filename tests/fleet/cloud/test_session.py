@@ -438,6 +438,17 @@ def test_what_is_durable_goes_before_qos_0_and_its_window_does_not_hold_that_up(
     assert [(packet.topic, packet.packet_id) for packet in talk.send()] == [("state", None)]
 
 
+def test_a_backlog_leaves_room_for_qos_0_in_each_write():
+    talk = Talk()
+    for number in range(WINDOW):
+        talk.put(Outgoing(f"t/{number}", b"x" * 1000, 1))
+        talk.light("state", b"x" * 1000)
+    for _ in range(5):
+        topics = [packet.topic for packet in read(talk.session.send(talk.clock.monotonic()))]
+        assert "state" in topics
+        assert topics.count("state") < len(topics)
+
+
 def test_qos_0_goes_with_the_time_that_is_left():
     talk = Talk()
     talk.light("late", expiry=1.0)
