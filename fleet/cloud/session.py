@@ -268,7 +268,6 @@ class Session:
             raise _broken("the broker answers a subscription that was not asked for")
         for pattern, code in zip(patterns, packet.reason_codes, strict=True):
             if int(code) >= 0x80:
-                self._stats.refused_subscriptions += 1
                 self.problems.append(f"the broker refuses the subscription {pattern} ({code.name})")
         self.ready = not self._subscribing
 

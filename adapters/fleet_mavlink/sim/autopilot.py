@@ -108,7 +108,6 @@ class Autopilot(ABC):
         self.gcs_heard_at: float | None = None
         self.gps_lost_at: float | None = None
         self.fence_broken = False
-        self.pilot_flies = False
         self.reboot_asked = False
 
     # time
@@ -270,7 +269,6 @@ class Autopilot(ABC):
         if self.runs_mission and mode is not self.mode:
             leave_mission(self)
         self.mode = mode
-        self.pilot_flies = False
         self.manoeuvre = mode.enter(self) if self.armed else Idle()
 
     @property
@@ -376,7 +374,6 @@ class Autopilot(ABC):
     def pilot_takes_over(self, mode: Mode) -> None:
         """Change to a mode by the switch of the remote control; the pilot holds the vehicle there."""
         self.mode = mode
-        self.pilot_flies = True
         self.manoeuvre = hold(self) if self.armed else Idle()
 
 
