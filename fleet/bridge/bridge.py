@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 from typing import Any
 
 import msgspec
@@ -77,7 +76,6 @@ class Bridge:
         self._ports = ports
         self._clock = clock
         self._alive = alive
-        self._queued = False
         self._began = clock.monotonic()
         self._next_ping = self._began
         session = settings.client_id or client_id("fleet", simulated=False)
@@ -140,12 +138,12 @@ class Bridge:
         """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
         for key, sample in samples:
             self.uplink.arrived(key, sample)
-        self._flush()
+        self.client.flush_queued()
 
     def turn(self) -> Iterator[None]:
         """Publish what is due, step by step; at the end of each turn of the wheel."""
         yield from self.uplink.turn()
-        self._flush()
+        self.client.flush_queued()
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, or take it back when ``holder`` is empty."""
@@ -180,7 +178,7 @@ class Bridge:
         if self.client.state is CloudState.CONNECTED:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)
-        self._flush()
+        self.client.flush_queued()
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
@@ -198,12 +196,12 @@ class Bridge:
     def _say(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
         """Publish a telemetry message."""
         self.said.add(Traffic.EVENT)
-        self._queue(*self._telemetry(port, kind, fields), qos=1)
+        self.client.publish(*self._telemetry(port, kind, fields), qos=1, later=True)
 
     def _say_now(self, topic: str, payload: bytes) -> None:
         """Publish what is of no use later."""
         self.said.add(Traffic.LATEST)
-        self._queue(topic, payload)
+        self.client.publish(topic, payload, later=True)
 
     def _say_at_once(self, topic: str, payload: bytes) -> None:
         """Publish what is timed: it does not wait for the turn's end."""
@@ -214,31 +212,9 @@ class Bridge:
         """Return the robots whose twins no other edge has."""
         return [port for twin, port in self._ports.items() if twin not in self._held]
 
-    def _queue(
-        self,
-        topic: str,
-        payload: bytes,
-        qos: int = 0,
-        traffic: Traffic = Traffic.EVENT,
-        expiry: float | None = None,
-    ) -> bool:
-        """Queue for the next flush; any thread."""
-        taken = self.client.publish(topic, payload, qos=qos, traffic=traffic, expiry=expiry, later=True)
-        self._queued = True  # last: another thread's flush in between must not take the mark away
-        return taken
-
     def _open_way(self, topic: str, rule: Rule) -> Callable[[bytes], object]:
         """Return what queues messages to a topic by a rule, for the next flush; any thread."""
-        if not rule.qos:
-            return self.client.light(topic, rule.max_age or None)
-        expiry = rule.max_age or None
-        return partial(self._queue, topic, qos=rule.qos, traffic=rule.traffic, expiry=expiry)
-
-    def _flush(self) -> None:
-        """Have what was queued written; from another thread that costs more than a message."""
-        if self._queued or self.client.waits:
-            self._queued = False
-            self.client.flush()
+        return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
     def _ping(self) -> None:
         """Ask how far the cloud is, by the first twin."""
@@ -307,14 +283,14 @@ class Bridge:
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""
         self.uplink.say_newest()
-        self._flush()
+        self.client.flush_queued()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""
         for port in self._served():
             if self._alive(port.name):
                 self._say(port, "connected", {})
-        self._flush()
+        self.client.flush_queued()
 
 
 def subscriptions(topics: Topics, rules: Rules) -> dict[str, int]:
