@@ -62,6 +62,7 @@ class Autopilot(ABC):
     commands: ClassVar[Mapping[int, Handler]]
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
+    gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
     fix_type: ClassVar[int]
     speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
@@ -185,14 +186,17 @@ class Autopilot(ABC):
         """True once the autopilot has finished its start."""
 
     @property
-    @abstractmethod
     def origin_set(self) -> bool:
-        """True once the estimator has an origin."""
+        """True once the estimator has an origin; home comes with it."""
+        return self.home is not None
 
     @property
-    @abstractmethod
     def has_position(self) -> bool:
-        """True while there is a usable position."""
+        """True once the estimator uses GPS, and until it has been without for ``gps_grace``."""
+        if "not_ready" in self.faults and not self.armed:
+            return False
+        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > self.gps_grace
+        return self.age(self.real_ready) and not lost
 
     @abstractmethod
     def sensors(self) -> tuple[int, int, int]:
