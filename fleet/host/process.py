@@ -133,8 +133,7 @@ class RobotProcess:
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            tell = partial(self.publish_state, robot.name)
-            self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+            self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
         self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
@@ -329,8 +328,3 @@ class RobotProcess:
 
 def _unheard(_reply: Reply) -> None:
     """Answer nobody: a published setpoint has no reply."""
-
-
-def _never(error: Exception) -> None:
-    """Fail loudly: the host's own periodic work does not raise."""
-    log.error("the host's own timer failed", exc_info=error)
