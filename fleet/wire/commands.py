@@ -69,7 +69,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
 AXIS_WORDS: Mapping[str, tuple[Axis, str]] = MappingProxyType(
     {"set_linear_velocity": ("x", "linear"), "set_angular_velocity": ("yaw", "angular")}
 )
-"""Commands that set the signed speed of one axis, in this field of their data: a joystick sends them in turn."""
+"""Commands that set the signed speed of one axis, by a field of their data; a joystick sends them in turn."""
 
 _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
