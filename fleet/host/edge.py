@@ -96,7 +96,7 @@ class Edge:
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
-        return {
+        remote = {
             robot.name: RemoteRobot(
                 robot,
                 adapter=plugin.name,
@@ -109,6 +109,11 @@ class Edge:
             for robot, plugin in loaded.robots
             if worker_of(robot, plugin)
         }
+        edge = self._config.edge.id
+        states = {keys.state(edge, name): robot.state_arrived for name, robot in remote.items()}
+        if states:
+            self.bus.control.subscribe_many(keys.state(edge, "*"), states)
+        return remote
 
     def _worker(self, name: str, path: Path, directory: Path) -> Worker:
         """Build what watches one worker process."""

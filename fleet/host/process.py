@@ -134,6 +134,8 @@ class RobotProcess:
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
             self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
+        drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
+        self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
         self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
@@ -247,7 +249,6 @@ class RobotProcess:
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
         control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
-        self.bus.reports.subscribe(f"cw/{robot.twin}/data/commands/velocity", self._driver(robot))
 
     def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:
         """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
@@ -269,10 +270,10 @@ class RobotProcess:
 
         return asked
 
-    def _driver(self, robot: LocalRobot) -> Callable[[str, bytes], None]:
+    def _driver(self, robot: LocalRobot) -> Callable[[bytes], None]:
         """Return what takes local setpoints."""
 
-        def arrived(_key: str, payload: bytes) -> None:
+        def arrived(payload: bytes) -> None:
             take = robot.read("motion", payload, way=Way.BUS)
             if take is not None:
                 self.loop.call_soon_threadsafe(take, _unheard)
@@ -324,6 +325,11 @@ class RobotProcess:
         text = "the event loop is stuck in %s: this process ends now"
         aside(lambda: log.critical(text, name), wait=LAST_WORDS)
         os._exit(70)
+
+
+def _velocity_key(twin: str) -> str:
+    """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
+    return f"cw/{twin}/data/commands/velocity"
 
 
 def _unheard(_reply: Reply) -> None:
