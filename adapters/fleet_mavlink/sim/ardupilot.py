@@ -11,11 +11,12 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.ask import FAILED
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
 from fleet_mavlink.sim.modes import Mode
@@ -16,6 +16,7 @@ from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
 
 _BODY_NED = 8
