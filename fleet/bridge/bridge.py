@@ -97,11 +97,7 @@ class Bridge:
             session=session,
             send=self.voice.answer,
             put=put,
-            own={
-                "edge_health": self._heard_heartbeat,
-                "ping:request": self._heard_ping,
-                "pong:response": self._heard_pong,
-            },
+            own=self._takers(),
             refusals=self.refusals,
             clock=clock,
         )
@@ -161,6 +157,14 @@ class Bridge:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)
         self.client.flush_queued()
+
+    def _takers(self) -> Mapping[str, Callable[[Topic, Message], None]]:
+        """Return what takes, by its leaf, what is for the bridge itself."""
+        return {
+            "edge_health": self._heard_heartbeat,
+            "ping:request": self._heard_ping,
+            "pong:response": self._heard_pong,
+        }
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
