@@ -133,8 +133,7 @@ class RobotProcess:
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            tell = partial(self.publish_state, robot.name)
-            self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+            self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
         drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
         self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
         self.claims.start()
@@ -331,8 +330,3 @@ class RobotProcess:
 def _velocity_key(twin: str) -> str:
     """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
     return f"cw/{twin}/data/commands/velocity"
-
-
-def _never(error: Exception) -> None:
-    """Fail loudly: the host's own periodic work does not raise."""
-    log.error("the host's own timer failed", exc_info=error)
