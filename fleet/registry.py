@@ -122,8 +122,10 @@ class Registry:
         self._files[path.stem] = path
         try:
             classes = _adapters_of(_module_from(path))
+        except KeyboardInterrupt:
+            raise
         # A drop-in file is anybody's code: whatever it raises is told, and costs only its own robots.
-        except (Exception, SystemExit) as error:  # noqa: BLE001
+        except BaseException as error:  # noqa: BLE001
             self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, _why(error, path)))
             return
         if not classes:
@@ -135,8 +137,10 @@ class Registry:
     def _add_class(self, adapter: type[AnyAdapter], path: Path) -> None:
         try:
             name = _checked(adapter)
+        except KeyboardInterrupt:
+            raise
         # The checks run the plugin's own annotations and class methods.
-        except Exception as error:  # noqa: BLE001
+        except BaseException as error:  # noqa: BLE001
             report = f"{adapter.__name__}: {_why(error, path)}"
             self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, report))
         else:
@@ -163,8 +167,10 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
         with contextlib.redirect_stdout(sys.stderr):
             adapter = point.load()
         _check_name(_checked(adapter), plugin.name)
+    except KeyboardInterrupt:
+        raise
     # An adapter is anybody's code: whatever its import raises is told, and costs only its own robots.
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
         report = _why(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)

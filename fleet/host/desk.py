@@ -34,6 +34,7 @@ from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
+from fleet.wall import called
 
 log = logging.getLogger(__name__)
 
@@ -360,7 +361,7 @@ class Desk:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
         self._driving.let_go()
         try:
-            adapter.drive(ZERO_VELOCITY)
+            called(lambda: adapter.drive(ZERO_VELOCITY))
         except (CommandError, LinkError) as error:
             log.warning("%s: %s", self.name, error)
             self.halt()

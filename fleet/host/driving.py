@@ -13,6 +13,7 @@ from fleet.host.safety.limits import clamp
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
+from fleet.wall import called
 
 
 class Driving:
@@ -51,7 +52,7 @@ class Driving:
         self._guard.held = velocity
         if velocity.is_zero:
             self.deadman.clear()
-        adapter.drive(velocity)
+        called(lambda: adapter.drive(velocity))
         self._guard.taken = self._guard.taken and velocity.is_zero
 
     def let_go(self) -> None:

@@ -10,11 +10,12 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, TimedOut
-from fleet.host.bounded import closing, insist, walled, was_cancelled
+from fleet.host.bounded import closing, insist, was_cancelled
 from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
+from fleet.wall import walled
 
 log = logging.getLogger(__name__)
 
