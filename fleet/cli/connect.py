@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Self, TypeVar
@@ -39,9 +39,10 @@ class Edges:
     ``unreached`` says in words which of them run but let nobody in.
     """
 
-    def __init__(self, lanes: list[Lane], unreached: list[str]) -> None:
+    def __init__(self, lanes: Mapping[str, Lane], unreached: list[str]) -> None:
         self.unreached = unreached
-        self._lanes = lanes
+        self._joined = tuple(lanes)
+        self._lanes = tuple(lanes.values())
         self._ways: dict[tuple[str, str], Lane] = {}
 
     @classmethod
@@ -53,12 +54,9 @@ class Edges:
             raise NotRunning(f"no edge is running here; {START}")
         with ThreadPoolExecutor(len(wanted)) as pool:
             joined = list(pool.map(lambda settings: _joined(settings, directory), wanted))
-        lanes = [lane for lane in joined if isinstance(lane, Lane)]
-        unreached = [
-            f"edge {each.edge}: {lane}"
-            for each, lane in zip(wanted, joined, strict=True)
-            if lane not in lanes
-        ]
+        found = [(settings.edge, lane) for settings, lane in zip(wanted, joined, strict=True)]
+        lanes = {edge: lane for edge, lane in found if isinstance(lane, Lane)}
+        unreached = [f"edge {edge}: {lane}" for edge, lane in found if not isinstance(lane, Lane)]
         if not lanes:
             advice = "" if file else "; if it has a password, give its file: -f fleet.yaml"
             raise NotRunning("; ".join(unreached) + advice)
@@ -86,6 +84,15 @@ class Edges:
         found = {state.edge: state for _, state in self._asked(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
+    def silent(self, found: Iterable[EdgeState]) -> list[str]:
+        """Return in words which of the edges that let us in are not among those that answered."""
+        answered = {state.edge for state in found}
+        return [
+            f"edge {edge} runs but does not answer: its event loop hangs"
+            for edge in self._joined
+            if edge not in answered
+        ]
+
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
 
@@ -100,9 +107,8 @@ class Edges:
         if not found:
             known = [state.name for state in states]
             near = nearest(name, [*known, *(group for edge in edges for group in edge.groups)])
-            raise UnknownRobot(
-                f"there is no robot {name!r}", hint=near or f"there are: {', '.join(known) or 'none'}"
-            )
+            hints = [near or f"there are: {', '.join(known) or 'none'}", *self.unreached, *self.silent(edges)]
+            raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
         return found
 
     def command(

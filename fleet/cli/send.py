@@ -146,6 +146,8 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     with Edges.reach(file) as edges:
         stopped = edges.stop([name.rpartition("/")[2] for name in robots])
         missing = [*edges.unreached, *_missing(edges, robots, stopped)]
+        if everything:
+            missing += [state.name for state in edges.states() if state.name not in stopped]
     out.data({"stopped": stopped, "missing": missing})
     for name in stopped:
         out.say(f"{name}: stopped")

@@ -241,7 +241,7 @@ class Edge:
     def _declare(self) -> None:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
-        take_stops(self.process, self.bus, self._groups)
+        take_stops(self.process, self.bus, self._groups, self.remote.values())
         if self.bridge is not None:
             self.process.outbox.crossing = self.bridge.uplink.crossing
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)

@@ -12,7 +12,8 @@ class Panic(BaseException):
 
 
 @pytest.mark.parametrize(
-    ("raised", "told"), [(SystemExit(2), r"called sys\.exit\(2\)"), (Panic("gone"), r"raised Panic\('gone'\)")]
+    ("raised", "told"),
+    [(SystemExit(2), r"called sys\.exit\(2\)"), (Panic("gone"), r"raised Panic\('gone'\)")],
 )
 async def test_what_would_end_others_is_an_error_like_any_other(raised, told):
     async def leave():

@@ -266,6 +266,20 @@ def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
     assert (result.code, result.out) == (7, "rex: stopped\n")
 
 
+def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
+    yard.also_speaks("mule", cause="worker mule: frozen")
+    result = fleet("stop", "--all")
+    assert result.code == 7
+    assert "mule: NOT STOPPED" in result.err
+
+
+def test_a_robot_that_is_not_found_may_be_of_the_edge_that_answers_nothing(fleet, yard, spawn_edge):
+    spawn_edge("barn")
+    result = fleet("send", "mule", "land")
+    assert result.code == 5
+    assert "edge barn runs but does not answer" in result.err
+
+
 def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_edge):
     os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
     result = fleet("stop", "--all")
