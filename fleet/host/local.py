@@ -60,6 +60,14 @@ def patience(ask: Ask, config: AdapterConfig) -> float:
     return math.inf if wanted in STOPS or wanted in (Control.STOP, Control.PAUSE) else config.command_max_age
 
 
+def _is_known(report: Report) -> bool:
+    """Return False for a pose that is no place: nothing is led or kept within a fence by not-a-number."""
+    if not isinstance(report, PoseReport):
+        return True
+    at, turned = report.position, report.rotation
+    return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)
+
+
 class LocalRobot:
     """A robot whose adapter runs in this process."""
 
@@ -193,7 +201,7 @@ class LocalRobot:
 
     def publish(self, report: Report) -> None:
         """Send a report on its way."""
-        if type(report) in READ:
+        if type(report) in READ and _is_known(report):
             self._seen.take(report)
             self.desk.see(report)
             self.desk.guard.see(report)
