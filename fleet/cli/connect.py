@@ -72,7 +72,7 @@ class Edges:
     def states(self) -> list[RobotState]:
         """Return the robots' states, by edge and name; the newest where several speak for a robot."""
         found: dict[tuple[str, str], RobotState] = {}
-        for lane, state in self._asked(keys.state("*", "*"), RobotState):
+        for lane, _, state in self._asked(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
             self._ways.setdefault(robot, lane)
             if robot not in found or state.stamp > found[robot].stamp:
@@ -81,7 +81,7 @@ class Edges:
 
     def edges(self) -> list[EdgeState]:
         """Return the edges' own states, by name."""
-        found = {state.edge: state for _, state in self._asked(keys.health("*"), EdgeState)}
+        found = {state.edge: state for _, _, state in self._asked(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
 
     def silent(self, found: Iterable[EdgeState]) -> list[str]:
@@ -104,6 +104,8 @@ class Edges:
             which = ", ".join(f"{state.edge}/{state.name}" for state in found)
             raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")
         found = found or _members(name, states, edges)
+        if not found and any(name in edge.groups for edge in edges):
+            raise UnknownRobot(f"the group {name!r} is empty: none of its robots runs")
         if not found:
             known = [state.name for state in states]
             near = nearest(name, [*known, *(group for edge in edges for group in edge.groups)])
@@ -120,31 +122,33 @@ class Edges:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
         key = keys.command(robot.edge, robot.name)
-        return _decoded(lane.ask(key, payload, timeout=timeout, parameters=parameters), Reply)
+        answers = lane.ask(key, payload, timeout=timeout, parameters=parameters)
+        return (reply for _, reply in _decoded(answers, Reply))
 
-    def stop(self, names: list[str]) -> list[str]:
-        """Emergency-stop robots on every edge (no name: all); returns who was stopped."""
-        payload = msgspec.json.encode(names)
-        stopped: set[str] = set()
-        for _, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
-            stopped.update(found)
-        return sorted(stopped)
+    def stop(self, names: list[str]) -> set[tuple[str, str]]:
+        """Emergency-stop robots on every edge (no name: all); returns edge and name of who was stopped."""
+        stopped: set[tuple[str, str]] = set()
+        # A name that is no text must not hold up the others.
+        payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in names])
+        for _, key, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
+            stopped.update((key.split("/")[1], name) for name in found)
+        return stopped
 
     def _asked(
         self, key: str, kind: type[T], payload: bytes = b"", *, urgent: bool = False
-    ) -> Iterator[tuple[Lane, T]]:
-        """Ask all at once; yield what everyone answers on a key, and by which lane."""
+    ) -> Iterator[tuple[Lane, str, T]]:
+        """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
         asked = [(lane, lane.ask(key, payload, timeout=ANSWER_WITHIN, urgent=urgent)) for lane in self._lanes]
         for lane, answers in asked:
-            for answer in _decoded(answers, kind):
-                yield lane, answer
+            for answered, answer in _decoded(answers, kind):
+                yield lane, answered, answer
 
 
-def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[T]:
-    """Yield the answers that can be read; one that cannot must not hide the others."""
+def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
+    """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
     for key, data in answers:
         try:
-            yield msgspec.json.decode(data, type=kind)
+            yield key, msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
             log.warning("an answer on %s cannot be read: %s", key, error)
 

@@ -7,6 +7,8 @@ import logging
 from collections.abc import Callable, Coroutine
 from typing import Any
 
+import msgspec
+
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, TimedOut
@@ -123,7 +125,9 @@ class Executor:
             self._journal.follow(ask.id, ticket)
             if spec.moves:
                 await self.standing()
-            ticket.done(await walled(lambda: self._call(adapter, spec, ask, ticket)))
+            data = await walled(lambda: self._call(adapter, spec, ask, ticket))
+            msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
+            ticket.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
                 raise

@@ -5,7 +5,7 @@ import sys
 import click
 import pytest
 
-from fleet.cli.main import COMMANDS, SUMMARIES
+from fleet.cli.main import COMMANDS, SUMMARIES, main
 from fleet.version import __version__
 
 SHOW_MODULES = """
@@ -98,3 +98,20 @@ def test_a_reader_that_went_away_is_no_traceback(place):
     assert process.wait(60) == 1
     assert process.stderr.read() == b""
     process.stderr.close()
+
+
+def test_a_full_disk_behind_the_output_is_told_in_one_line(place):
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
+        command = [sys.executable, "-m", "fleet", "schema"]
+        done = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, cwd=place)
+    assert (done.returncode, done.stderr) == (1, b"fleet: [Errno 28] No space left on device\n")
+
+
+def test_a_command_runs_without_an_output(monkeypatch, play_edge):
+    edge = play_edge("yard-1", robots={"rex": {}})
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert main(["stop", "rex"]) == 0
+    sys.stdout.close()
+    sys.stderr.close()
+    assert edge.stops == [["rex"]]
