@@ -63,7 +63,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
 
     def show_life() -> None:
         beat.put(b"")
-        if parent is not None and os.getppid() != parent:
+        if parent is not None and os.getppid() != parent and not ended.is_set():
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 

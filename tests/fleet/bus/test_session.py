@@ -4,6 +4,7 @@ import select
 import signal
 import socket
 import subprocess
+import sys
 
 import psutil
 import pytest
@@ -70,6 +71,15 @@ def test_what_a_killed_edge_left_is_cleared_away(directory, opened, spawn_edge):
     assert (directory / "yard.control.sock").exists()
     opened(open_edge(BusSettings("yard", listen=()), directory))
     opened(join(BusSettings("yard"), directory))
+
+
+def test_a_child_of_an_edge_that_outlives_it_does_not_keep_the_next_one_out(directory, edge):
+    link = "import os; print([os.readlink(f'/proc/self/fd/{fd}') for fd in os.listdir('/proc/self/fd')[:-1]])"
+    has = subprocess.run(
+        [sys.executable, "-c", link], close_fds=False, capture_output=True, text=True, check=True
+    )
+    assert "pipe" in has.stdout
+    assert str(directory) not in has.stdout
 
 
 def test_an_edge_that_does_not_run_cannot_be_joined(directory):
