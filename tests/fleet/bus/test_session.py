@@ -4,7 +4,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 
 import psutil
 import pytest
@@ -74,9 +73,8 @@ def test_what_a_killed_edge_left_is_cleared_away(directory, opened, spawn_edge):
 
 
 def test_a_child_of_an_edge_that_outlives_it_does_not_keep_the_next_one_out(directory, edge):
-    link = "import os; print([os.readlink(f'/proc/self/fd/{fd}') for fd in os.listdir('/proc/self/fd')[:-1]])"
     has = subprocess.run(
-        [sys.executable, "-c", link], close_fds=False, capture_output=True, text=True, check=True
+        ["ls", "-l", "/proc/self/fd"], check=False, close_fds=False, stdout=subprocess.PIPE, text=True
     )
     assert "pipe" in has.stdout
     assert str(directory) not in has.stdout
