@@ -104,6 +104,7 @@ class Edge:
                 control=self.bus.control,
                 clock=self._clock,
                 soon=self._soon,
+                arrival=self.process.watchdog.arrival,
                 worker=worker_of(robot, plugin),
             )
             for robot, plugin in loaded.robots

@@ -42,6 +42,7 @@ class RemoteRobot:
         control: Lane,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
+        arrival: Callable[[], float],
         worker: str,
     ) -> None:
         self.name = config.name
@@ -54,6 +55,7 @@ class RemoteRobot:
         self._control = control
         self._clock = clock
         self._soon = soon
+        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._cause = "its worker is starting"
         self._heard = float("-inf")
         self._unheard_stop = False
@@ -107,7 +109,7 @@ class RemoteRobot:
         else:
             if ask is None:
                 return None
-            name, until = ask.name, self._clock.monotonic() + patience(ask, self._config)
+            name, until = ask.name, self._arrival() + patience(ask, self._config)
             if name == EMERGENCY:
                 self.emergency("asked over the cloud")
         parameters = {"kind": kind, "way": way.value}

@@ -34,6 +34,7 @@ class Bench:
             control=self.lane,
             clock=clock,
             soon=self.later.put,
+            arrival=clock.monotonic,
             worker="w",
         )
 
