@@ -13,8 +13,9 @@ def main() -> int:
         sys.stdout.write(f"fleet {__version__}\n")
         return 0
     from fleet.cli.main import main as run_command  # noqa: PLC0415 - the version is told without it
+    from fleet.host.leave import leave  # noqa: PLC0415 - likewise
 
-    return run_command(sys.argv[1:])
+    return leave(run_command(sys.argv[1:]))
 
 
 if __name__ == "__main__":

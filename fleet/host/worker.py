@@ -24,6 +24,7 @@ from fleet.errors import FleetError
 from fleet.event_loop import run as run_loop
 from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
+from fleet.host.leave import leave
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
@@ -95,4 +96,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(leave(main()))
