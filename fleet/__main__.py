@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from fleet.version import __version__
@@ -9,6 +10,9 @@ from fleet.version import __version__
 
 def main() -> int:
     """Run the command line and return the exit code."""
+    while (opened := os.open(os.devnull, os.O_RDWR)) <= 2:  # closed by who started us: no link's place
+        os.set_inheritable(opened, True)
+    os.close(opened)
     if sys.argv[1:] == ["--version"]:
         sys.stdout.write(f"fleet {__version__}\n")
         return 0

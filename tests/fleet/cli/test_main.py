@@ -115,3 +115,10 @@ def test_a_command_runs_without_an_output(monkeypatch, play_edge):
     sys.stdout.close()
     sys.stderr.close()
     assert edge.stops == [["rex"]]
+
+
+def test_who_closes_all_that_is_open_gets_none_of_it_for_our_links():
+    script = "import os, sys; from fleet.__main__ import main; sys.argv[1:] = ['--help']; main(); "
+    script += "sys.exit([os.readlink(f'/proc/self/fd/{fd}') for fd in range(3)] != ['/dev/null'] * 3)"
+    shell = ["sh", "-c", 'exec "$0" -c "$1" <&- >&- 2>&-', sys.executable, script]
+    assert subprocess.run(shell, check=False, timeout=60).returncode == 0
