@@ -17,10 +17,9 @@ from pathlib import Path
 
 import psutil
 
-import fleet.testing as fleet_testing
 from fleet.bus.settings import MEMORY
+from fleet.testing.asker import PUPPETS
 
-PLUGINS = Path(fleet_testing.__file__).parent / "plugins"
 NAMESPACE = uuid.UUID("00000000-0000-4000-8000-00000000be7c")
 
 
@@ -118,7 +117,7 @@ def fleet(robots, broker, folder=None, **sections):
         folder = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))
         path = Path(folder) / "fleet.yaml"
         cloud = {"host": "127.0.0.1", "port": broker, "tls": False}
-        file = {"edge": {"id": "bench"}, "cloud": cloud, "plugins": [str(PLUGINS)], "robots": robots}
+        file = {"edge": {"id": "bench"}, "cloud": cloud, "plugins": [str(PUPPETS)], "robots": robots}
         file |= sections
         path.write_text(json.dumps(file))
         command = [sys.executable, "-m", "fleet", "run", str(path), "--json"]

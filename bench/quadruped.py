@@ -74,7 +74,7 @@ def gaits(dog: Description, seeds: int = SEEDS) -> None:
             )
             for rig in rigs:
                 rig.go(1.5)
-        down = sum(math.acos(max(-1.0, rig.sim.world.imu().up)) > 0.8 for rig in rigs)
+        down = sum(rig.sim.world.imu().tilt > 0.8 for rig in rigs)
         stopped = [rig.fault for rig in rigs if rig.fault]
         line("  fell; stopped by themselves", f"{down}/{seeds}; {len(stopped)}/{seeds}", *set(stopped[:1]))
 

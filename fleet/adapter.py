@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -195,4 +195,3 @@ class FrameAdapter(ABC, Generic[ConfigT]):
 
 
 AnyAdapter = Adapter[Any] | FrameAdapter[Any]
-CommandMethod = Callable[..., Awaitable[None] | AsyncIterator[Progress]]

@@ -112,6 +112,7 @@ class Registry:
                 self._add_file(path)
 
     def _add_file(self, path: Path) -> None:
+        """Load one drop-in file, once; what is wrong with it becomes a report."""
         origin = str(path)
         if self._files.get(path.stem) == path:
             return
@@ -135,6 +136,7 @@ class Registry:
             self._add_class(adapter, path)
 
     def _add_class(self, adapter: type[AnyAdapter], path: Path) -> None:
+        """Take an adapter of a drop-in file under the name that its Config declares."""
         try:
             name = _checked(adapter)
         except KeyboardInterrupt:
@@ -147,6 +149,7 @@ class Registry:
             self._add(Plugin(name, str(path), PluginState.LOADED, adapter=adapter))
 
     def _add(self, plugin: Plugin) -> None:
+        """Take a plugin; of two with one name neither can be used."""
         other = self._plugins.get(plugin.name)
         if other is not None:
             origin = f"{other.origin} and {plugin.origin}"

@@ -87,6 +87,21 @@ class Mosquitto:
 
 
 @pytest.fixture
+def free_port():
+    """Find a TCP port that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def free_udp_port():
+    """Find a UDP port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
 def run_mosquitto(tmp_path):
     """Start Mosquitto with more lines of configuration, until the test ends."""
     with contextlib.ExitStack() as stack:

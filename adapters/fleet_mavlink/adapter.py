@@ -22,9 +22,9 @@ from fleet import (
 from fleet.errors import LinkError
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.hub import open_hub
 from fleet_mavlink.payload import PayloadCommands
+from fleet_mavlink.require import home_unknown, not_in_the_air, require_connection
 from fleet_mavlink.session import GENTLE, Session
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
@@ -104,7 +104,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         session = self._open()
         origin = session.origin()
         if origin is None:
-            raise NotReady("home is unknown", hint="wait for a position")
+            raise home_unknown()
         if isinstance(task, FlyMission):
             steps = session.missions.fly(task)
         else:
@@ -220,7 +220,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         session = self._open()
         height = session.vehicle.state.relative_altitude
         if height is None or not session.vehicle.state.in_air:
-            raise NotReady("not in the air", hint="send takeoff first")
+            raise not_in_the_air()
         if not math.isfinite(metres):
             raise Refused("a distance must be a finite number")
         async for progress in self._to_height(session, height + metres):

@@ -6,9 +6,9 @@ import msgspec
 
 from fleet import Fault, TimedOut, Unsupported
 from fleet_mavlink.commander import Commander, Timing
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.payload_messages import CameraImageCaptured
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.vehicle import Part, Vehicle
 from fleet_mavlink.words import Cmd
 

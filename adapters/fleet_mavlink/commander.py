@@ -68,7 +68,7 @@ class _Exchange:
             commander.turn.release()
             self.require_wanted()
         commander.exchange = self
-        self.began = commander.now()
+        self.began = commander.vehicle.now()
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -92,7 +92,7 @@ class Commander:
 
     def __init__(self, vehicle: Vehicle, timing: Timing) -> None:
         self.timing = timing
-        self._vehicle = vehicle
+        self.vehicle = vehicle
         self.turn = asyncio.Lock()
         self.exchange: _Exchange | None = None
         self.waiting: set[_Exchange] = set()  # for their turn
@@ -113,31 +113,31 @@ class Commander:
         Unsupported, TimedOut (no answer), LinkLost.
         """
         async with _Exchange(self, ask) as exchange:
-            asked_until = self.now() + self.timing.patience
+            asked_until = self.vehicle.now() + self.timing.patience
             sent = 0
             while True:
                 self._send(ask, sent)
                 sent += 1
                 ack = await self._answer(exchange, seen)
                 if ack is None and sent >= (tries or self.timing.tries):
-                    if seen is not None and await self._vehicle.until(seen, self.timing.working):
+                    if seen is not None and await self.vehicle.until(seen, self.timing.working):
                         return
                     raise TimedOut(
-                        f"system {self._vehicle.system} did not answer {_name(ask)}",
+                        f"system {self.vehicle.system} did not answer {_name(ask)}",
                         hint=f"sent {sent} times; is the link good, is this station allowed to command?",
                         messages=self._words_since(exchange.began),
                     )
                 if ack is None:
-                    if seen is not None and seen(self._vehicle.state):
+                    if seen is not None and seen(self.vehicle.state):
                         return
                     continue
                 if ack.result == Result.ACCEPTED:
                     return
-                if ack.result == Result.TEMPORARILY_REJECTED and self.now() < asked_until:
+                if ack.result == Result.TEMPORARILY_REJECTED and self.vehicle.now() < asked_until:
                     await asyncio.sleep(self.timing.pause)
                     exchange.require_wanted()
                     continue
-                if sent > 1 and seen is not None and await self._vehicle.until(seen, self.timing.heartbeat):
+                if sent > 1 and seen is not None and await self.vehicle.until(seen, self.timing.heartbeat):
                     return
                 raise await self._refusal(ask, ack, exchange)
 
@@ -148,10 +148,10 @@ class Commander:
         second may be taken for the next command's. Raises as ``ask`` does.
         """
         async with _Exchange(self, ask) as exchange:
-            already = shows(self._vehicle.state) == mode
-            late = self.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
+            already = shows(self.vehicle.state) == mode
+            late = self.vehicle.now() - self._unanswered.get(ask.command, -math.inf) < _LATE
             for attempt in range(self.timing.tries):
-                began = self.now()
+                began = self.vehicle.now()
                 exchange.refusal = None
                 self._send(ask, attempt)
 
@@ -168,16 +168,16 @@ class Commander:
                         ack = await self._answer(exchange, None)
                     entered = ack is not None and ack.result == Result.ACCEPTED
                 else:
-                    await self._vehicle.until(settled, self.timing.heartbeat)
-                    entered = shows(self._vehicle.state) == mode
+                    await self.vehicle.until(settled, self.timing.heartbeat)
+                    entered = shows(self.vehicle.state) == mode
                 exchange.require_wanted()
                 if entered:
                     return
                 if exchange.refusal is not None:
                     raise await self._refusal(ask, exchange.refusal, exchange)
             raise TimedOut(
-                f"system {self._vehicle.system} does not change to {mode}, it stays in "
-                f"{shows(self._vehicle.state)}",
+                f"system {self.vehicle.system} does not change to {mode}, it stays in "
+                f"{shows(self.vehicle.state)}",
                 messages=self._words_since(exchange.began),
             )
 
@@ -194,12 +194,12 @@ class Commander:
         exchange = self.exchange
         self._unanswered.pop(ack.command, None)
         if ack.command not in self._ever:
-            self._vehicle.trust.counts[NEVER_SENT] += 1
+            self.vehicle.trust.counts[NEVER_SENT] += 1
         if exchange is None or ack.command != exchange.command:
             return
         if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
             exchange.refusal = ack
-            exchange.refused_at = self.now()
+            exchange.refused_at = self.vehicle.now()
         exchange.acks.put_nowait(ack)
 
     async def _answer(self, exchange: _Exchange, seen: Condition | None) -> CommandAck | None:
@@ -210,10 +210,10 @@ class Commander:
                 async with asyncio.timeout(wait):
                     ack = await exchange.acks.get()
             except TimeoutError:
-                if wait == self.timing.answer or (seen is not None and seen(self._vehicle.state)):
+                if wait == self.timing.answer or (seen is not None and seen(self.vehicle.state)):
                     return None
                 raise TimedOut(
-                    f"system {self._vehicle.system} began a command and did not say how it ended",
+                    f"system {self.vehicle.system} began a command and did not say how it ended",
                     messages=self._words_since(exchange.began),
                 ) from None
             exchange.require_wanted()
@@ -224,15 +224,15 @@ class Commander:
     def addressed(self, ask: Ask) -> Ask:
         """Return a command with the vehicle's address in it, to be sent; answers to it are expected."""
         self._ever.add(ask.command)
-        return msgspec.structs.replace(ask, target_system=self._vehicle.system)
+        return msgspec.structs.replace(ask, target_system=self.vehicle.system)
 
     def _send(self, ask: Ask, attempt: int) -> None:
         """Write the command, addressed; a repeated COMMAND_LONG says that it is repeated."""
         addressed = self.addressed(ask)
         if isinstance(addressed, CommandLong):
             addressed = msgspec.structs.replace(addressed, confirmation=min(attempt, 255))
-        self._unanswered[ask.command] = self.now()
-        self._vehicle.send(addressed)
+        self._unanswered[ask.command] = self.vehicle.now()
+        self.vehicle.send(addressed)
 
     async def _refusal(self, ask: Ask, ack: CommandAck, exchange: _Exchange) -> Exception:
         """Return the error for a refusal, once the autopilot had time to say why."""
@@ -248,12 +248,8 @@ class Commander:
 
     def _words_since(self, began: float) -> tuple[str, ...]:
         """Return what the autopilot said since then: its warnings, or anything when there are none."""
-        said = [sentence for sentence in self._vehicle.sentences if sentence.at >= began]
+        said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
-
-    def now(self) -> float:
-        """Return the clock's monotonic seconds."""
-        return self._vehicle.clock.monotonic()
 
 
 def _texts(sentences: list[Sentence]) -> tuple[str, ...]:

@@ -8,11 +8,11 @@ from collections.abc import AsyncIterator
 
 from fleet import Progress, Refused, TimedOut
 from fleet.errors import CommandError, LinkError
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.heard import Heard
 from fleet_mavlink.messages import Message
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.texts import Sentence
 
 _SILENCE = 15.0  # s without a word after which it counts as ended

@@ -14,6 +14,7 @@ from fleet.errors import FleetError
 from fleet.model.geometry import ZERO_VELOCITY
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
+from fleet_mavlink.require import require_flying
 from fleet_mavlink.vehicle import Vehicle
 
 PERIOD = 0.05  # s between setpoints
@@ -82,7 +83,7 @@ class Driver:
         if moves:
             self._require(velocity)
         if moves or not self._wanted.is_zero:
-            self._since = self._now()
+            self._since = self._vehicle.now()
         self._wanted = velocity
         if self.phase is Phase.IDLE or (self.phase is Phase.BRAKING and moves):
             # After a brake the shown mode may be old: the hold may have been entered since.
@@ -104,15 +105,10 @@ class Driver:
 
     def _require(self, velocity: Velocity) -> None:
         """Raise unless the vehicle may be moved by us now."""
-        state, now = self._vehicle.state, self._now()
         if not all(map(math.isfinite, (*msgspec.structs.astuple(velocity.linear), velocity.yaw_rate))):
             raise Refused("a velocity must be made of finite numbers")
-        require_control(self._vehicle, self._authority)
-        if not state.armed or not state.in_air:
-            raise NotReady("not in the air", hint="send takeoff first")
-        if not state.knows_where(now):
-            raise NotReady("position or attitude is older than 1 s", hint="wait for the estimator")
-        if self._refusal is not None and now < self._again_at:
+        require_flying(self._vehicle, self._authority)
+        if self._refusal is not None and self._vehicle.now() < self._again_at:
             raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
 
     def brake(self) -> None:
@@ -120,7 +116,7 @@ class Driver:
         self._wanted = ZERO_VELOCITY
         self._forget_start()
         if self.phase is not Phase.IDLE:
-            self._again_at = self._now() + _AGAIN
+            self._again_at = self._vehicle.now() + _AGAIN
             self._to(Phase.BRAKING)
 
     def give_way(self, flavour: Flavour, mode: str) -> None:
@@ -169,7 +165,8 @@ class Driver:
         and the heartbeat that shows the mode comes up to a second later.
         """
         state = self._vehicle.state
-        if self.phase is not Phase.BRAKING and state.attitude is not None and state.knows_where(self._now()):
+        knows_where = state.knows_where(self._vehicle.now())
+        if self.phase is not Phase.BRAKING and state.attitude is not None and knows_where:
             velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
             self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
         else:
@@ -179,9 +176,9 @@ class Driver:
         """Ask for the mode once the vehicle has seen enough setpoints; drive when it is shown."""
         if mode == flavour.external and not self._must_ask:
             self._to(Phase.DRIVING)
-        elif self._refusal is not None and self._now() < self._again_at:
+        elif self._refusal is not None and self._vehicle.now() < self._again_at:
             self._to(Phase.IDLE)
-        elif self._now() - self._since_phase >= flavour.lead_in:
+        elif self._vehicle.now() - self._since_phase >= flavour.lead_in:
             self._ask(self._enter_external)
 
     async def _enter_external(self) -> None:
@@ -193,7 +190,7 @@ class Driver:
         """Brake after a rest; be silent when another command has changed the mode."""
         if mode != flavour.external:
             self._to(Phase.IDLE)
-        elif self._wanted.is_zero and self._now() - self._since >= _REST:
+        elif self._wanted.is_zero and self._vehicle.now() - self._since >= _REST:
             self._to(Phase.BRAKING)
 
     def _braking(self, flavour: Flavour, mode: str) -> None:
@@ -205,7 +202,7 @@ class Driver:
 
     def _ask(self, what: Callable[[], Awaitable[None]]) -> None:
         """Do something in the background, one thing at a time, not again soon after it failed."""
-        if self._task is None and self._now() >= self._again_at:
+        if self._task is None and self._vehicle.now() >= self._again_at:
             self._task = self._spawn(self._done(what))
 
     async def _done(self, what: Callable[[], Awaitable[None]]) -> None:
@@ -216,18 +213,14 @@ class Driver:
         except FleetError as error:
             self._vehicle.log.warning("%s", error)
             self._refusal = error
-            self._again_at = self._now() + _AGAIN
+            self._again_at = self._vehicle.now() + _AGAIN
         finally:
             self._task = None
 
     def _to(self, phase: Phase) -> None:
         """Change the phase."""
         self.phase = phase
-        self._since_phase = self._now()
-
-    def _now(self) -> float:
-        """Return the clock's monotonic seconds."""
-        return self._vehicle.clock.monotonic()
+        self._since_phase = self._vehicle.now()
 
 
 _STEPS: dict[Phase, Callable[[Driver, Flavour, str], None]] = {
@@ -242,25 +235,3 @@ def _below(velocity: Velocity, ceiling: float, altitude: float | None) -> Veloci
     if velocity.linear.z <= 0 or (altitude is not None and altitude < ceiling):
         return velocity
     return Velocity(Vector3(velocity.linear.x, velocity.linear.y, 0.0), velocity.yaw_rate)
-
-
-def require_control(vehicle: Vehicle, authority: Authority) -> None:
-    """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours."""
-    require_connection(vehicle)
-    if authority.lost_to:
-        raise NotReady(f"a pilot or a fail-safe has it, in {authority.lost_to}", hint="send hover to take it")
-
-
-def require_connection(vehicle: Vehicle) -> None:
-    """Raise NotReady unless the vehicle answers and is the only one with its id."""
-    require_heartbeat(vehicle)
-    if vehicle.clashing:
-        raise NotReady(
-            f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
-        )
-
-
-def require_heartbeat(vehicle: Vehicle) -> None:
-    """Raise NotReady unless the vehicle answers."""
-    if not vehicle.connected:
-        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")

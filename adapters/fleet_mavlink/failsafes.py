@@ -14,8 +14,8 @@ import msgspec
 
 from fleet import NotReady, Refused
 from fleet.errors import CommandError
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
@@ -112,10 +112,8 @@ class Failsafes:
         while True:
             await self._met()
             reboots = self._vehicle.state.reboots
-            if await self._looked():
-                await self._rebooted(reboots, _FOREVER)
-            else:
-                await self._rebooted(reboots, _AGAIN)
+            wait = _FOREVER if await self._looked() else _AGAIN
+            await self._vehicle.restarted(reboots, wait)
 
     async def _looked(self) -> bool:
         """Verify, and set what is to be set; return False when the vehicle would not have it read."""
@@ -163,10 +161,6 @@ class Failsafes:
 
         while not await self._vehicle.until(known, _FOREVER):
             self._vehicle.log.debug("it is still not met")
-
-    async def _rebooted(self, reboots: int, seconds: float) -> None:
-        """Wait for the next reboot, so long at most."""
-        await self._vehicle.until(lambda state: state.reboots > reboots, seconds)
 
     def _rules(self) -> tuple[Rule, ...]:
         """Return what must hold of this vehicle; raises NotReady before it is known."""

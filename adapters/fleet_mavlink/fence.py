@@ -103,11 +103,7 @@ class FenceKeeper:
             except CommandError as error:
                 wait = _AGAIN
                 self._tell(f"the fence is not in the autopilot: {error.reason}")
-            await self._rebooted(reboots, wait)
-
-    async def _rebooted(self, reboots: int, seconds: float) -> None:
-        """Wait for the next reboot, so long at most."""
-        await self._vehicle.until(lambda state: state.reboots > reboots, seconds)
+            await self._vehicle.restarted(reboots, wait)
 
     def _is_met(self, _state: VehicleState) -> bool:
         """Return whether it answers and is known well enough to be given a fence."""

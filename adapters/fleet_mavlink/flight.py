@@ -12,9 +12,9 @@ from fleet.errors import CommandError
 from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.driving import require_connection, require_heartbeat
 from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.require import home_unknown, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import Cmd, Frame
@@ -144,7 +144,7 @@ class Flight:
     async def _climb(self, altitude: float, *, was_armed: bool) -> AsyncIterator[Progress]:
         """Watch a take-off until its altitude is reached."""
         close = max(0.5, 0.05 * altitude)
-        by = self._now() + _OFF_GROUND_WITHIN
+        by = self.vehicle.now() + _OFF_GROUND_WITHIN
         percent = 0.0
         climbing = False
         while not await self.vehicle.until(
@@ -157,7 +157,7 @@ class Flight:
                 raise Refused(f"the take-off ended at {_height(state):.1f} m")
             percent = max(percent, min(99.0, 100 * _height(state) / altitude))
             yield Progress(percent, f"at {_height(state):.1f} m of {altitude:g} m")
-            if self._now() > by and not state.in_air:
+            if self.vehicle.now() > by and not state.in_air:
                 if not was_armed:
                     await self._disarm_quietly()
                 raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
@@ -201,7 +201,7 @@ class Flight:
         """Raise unless an altitude (m AMSL) is between the lowest and the ceiling above home."""
         home = self.vehicle.state.home_altitude
         if home is None:
-            raise NotReady("home is unknown", hint="wait for a position")
+            raise home_unknown()
         height = altitude - home
         if not height <= self.ceiling:
             raise Refused(f"{height:.1f} m above home is over the limit of {self.ceiling:g} m")
@@ -214,7 +214,7 @@ class Flight:
         """Raise unless a place is within the limit of distance from home, or of what is no mistake."""
         home = self.vehicle.state.home
         if home is None:
-            raise NotReady("home is unknown", hint="wait for a position")
+            raise home_unknown()
         away = world_from_geo(GeoOrigin(home.latitude, home.longitude), point).horizontal()
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
@@ -224,14 +224,14 @@ class Flight:
         await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
         altitude = self.vehicle.state.home_altitude
         if altitude is None:
-            raise NotReady("home is unknown", hint="wait for a position")
+            raise home_unknown()
         return altitude
 
     async def set_home_here(self) -> None:
         """Make this place home; in the air at home's old altitude, so that heights stay true."""
         require_connection(self.vehicle)
         state = self.vehicle.state
-        if state.position is None or not state.knows_where(self._now()):
+        if state.position is None or not state.knows_where(self.vehicle.now()):
             raise NotReady("position is unknown")
         here = state.position
         altitude = None if state.in_air else here.altitude
@@ -296,14 +296,10 @@ class Flight:
 
     async def wait(self, seconds: float, *modes: str) -> None:
         """Stay for a time, checking that the flight goes on as asked."""
-        by = self._now() + seconds
-        while (left := by - self._now()) > 0:
+        by = self.vehicle.now() + seconds
+        while (left := by - self.vehicle.now()) > 0:
             self.check(*modes)
             await asyncio.sleep(min(left, _POLL))
-
-    def _now(self) -> float:
-        """Return the clock's monotonic seconds."""
-        return self.vehicle.clock.monotonic()
 
 
 def _are_one(one: GeoPoint, other: GeoPoint) -> bool:

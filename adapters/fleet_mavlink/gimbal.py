@@ -12,9 +12,9 @@ from fleet import NotReady, Refused, TimedOut, Unsupported
 from fleet.errors import CommandError, FleetError
 from fleet_mavlink.carried import Aim
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.payload_messages import GimbalManagerInformation
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import NAN, Cmd

@@ -7,8 +7,8 @@ import asyncio
 import msgspec
 
 from fleet import NotReady, Refused, TimedOut
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.heard import Heard
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.transfer_messages import LogData, LogEntry, LogRequestData, LogRequestEnd, LogRequestList
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT

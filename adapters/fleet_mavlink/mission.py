@@ -7,16 +7,16 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 
 import msgspec
 
-from fleet import FlyMission, GeoOrigin, GeoPoint, Limits, NotReady, Progress, Refused
+from fleet import FlyMission, GeoOrigin, GeoPoint, Limits, Progress, Refused
 from fleet.errors import CommandError
 from fleet.model.geodesy import world_from_geo
 from fleet.model.navigation import PlanItem
-from fleet_mavlink.driving import require_control
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReached
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Kind, Plans
+from fleet_mavlink.require import home_unknown, require_control
 from fleet_mavlink.words import Cmd, Frame
 
 _LOOK = 0.5  # s
@@ -222,7 +222,7 @@ class Missions:
         """Return home with its altitude; raises Refused when the mission was planned for another place."""
         state = self._vehicle.state
         if state.home is None or state.home_altitude is None:
-            raise NotReady("home is unknown", hint="wait for a position")
+            raise home_unknown()
         home = GeoPoint(state.home.latitude, state.home.longitude, state.home_altitude)
         if mission.home is None:
             return home

@@ -26,9 +26,9 @@ from fleet.errors import CommandError
 from fleet.model.geodesy import geo_from_world, world_from_geo
 from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_angle
 from fleet.model.navigation import Constraints
-from fleet_mavlink.driving import require_control
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
+from fleet_mavlink.require import known_position, require_flying
 from fleet_mavlink.state import VehicleState
 
 TOLERANCE = 0.5  # m
@@ -134,21 +134,16 @@ class Navigator:
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
-        self._require_flying()
-        state = self._vehicle.state
-        if state.position is None:
-            raise NotReady("position is unknown")
-        async for progress in self._fly_all(
-            targets_of(task, state, origin), state.position, task.constraints
-        ):
+        require_flying(self._vehicle, self._flight.authority)
+        here = known_position(self._vehicle)
+        targets = targets_of(task, self._vehicle.state, origin)
+        async for progress in self._fly_all(targets, here, task.constraints):
             yield progress
 
     async def fly_to(self, point: GeoPoint) -> AsyncIterator[Progress]:
         """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
-        self._require_flying()
-        here = self._vehicle.state.position
-        if here is None:
-            raise NotReady("position is unknown")
+        require_flying(self._vehicle, self._flight.authority)
+        here = known_position(self._vehicle)
         async for progress in self._fly_all((Target(point, None, 0.0),), here, Constraints()):
             yield progress
 
@@ -167,15 +162,6 @@ class Navigator:
             await self._flight.hold_if_ours()
             raise
         yield Progress(100.0, "there", reached=len(targets))
-
-    def _require_flying(self) -> None:
-        """Raise NotReady unless it flies, by our will, and knows where it is."""
-        require_control(self._vehicle, self._flight.authority)
-        state = self._vehicle.state
-        if not state.armed or not state.in_air:
-            raise NotReady("not in the air", hint="send takeoff first")
-        if not state.knows_where(self._vehicle.clock.monotonic()):
-            raise NotReady("position or attitude is older than 1 s")
 
     def _require_reachable(self, target: Target) -> None:
         """Raise Refused for a target beyond the limits."""
@@ -215,11 +201,11 @@ class Navigator:
                 return _turn_left(target, state) <= _YAW_TOLERANCE
             return self._left(target) <= tolerance and is_standing(state)
 
-        watch = _Watch(self._now())
+        watch = _Watch(self._vehicle.now())
         while not await self._vehicle.until(there, _POLL):
             self._flight.check(self._flight.flavour.goto)
             left = _turn_left(target, self._vehicle.state) if turned else self._left(target)
-            stuck = watch.stuck_for(left, self._now())
+            stuck = watch.stuck_for(left, self._vehicle.now())
             if stuck > _GIVE_UP_AFTER:
                 raise TimedOut(f"it has not got nearer for {_GIVE_UP_AFTER:g} s, {left:.1f} m are left")
             yield stuck > _STUCK_AFTER
@@ -228,10 +214,6 @@ class Navigator:
         """Return metres to a target, infinite while the position is unknown."""
         position = self._vehicle.state.position
         return math.inf if position is None else _distance(position, target.point)
-
-    def _now(self) -> float:
-        """Return the clock's monotonic seconds."""
-        return self._vehicle.clock.monotonic()
 
 
 def _turn_left(target: Target, state: VehicleState) -> float:

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
-from fleet import NotReady, Refused, TimedOut
-from fleet_mavlink.driving import require_connection
+from fleet import Refused, TimedOut
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.heard import Heard
+from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.transfer_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamValue
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT
@@ -160,8 +160,7 @@ class Parameters:
     def _ask_again(self, missing: Sequence[int]) -> None:
         """Ask for values by their index, a few at once; for all when none came."""
         system = self._vehicle.system
-        if not self._vehicle.connected:
-            raise NotReady(f"no heartbeat from system {system}", hint="check the link and its power")
+        require_heartbeat(self._vehicle)
         if not missing:
             self._vehicle.send(ParamRequestList(system, AUTOPILOT))
         for index in missing[:_AT_ONCE]:

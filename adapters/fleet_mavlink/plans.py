@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from fleet import Refused, TimedOut
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.heard import Heard
 from fleet_mavlink.messages import Message
 from fleet_mavlink.mission_messages import (
@@ -27,6 +26,7 @@ from fleet_mavlink.mission_messages import (
     MissionRequestInt,
     MissionRequestList,
 )
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT
 

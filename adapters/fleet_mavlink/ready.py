@@ -9,10 +9,10 @@ import msgspec
 
 from fleet import Refused
 from fleet.errors import CommandError
-from fleet_mavlink.driving import require_connection
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import Cmd
@@ -94,6 +94,6 @@ async def look(flight: Flight) -> list[Check]:
         await asyncio.sleep(_WORDS_WITHIN)
     except CommandError:
         pass  # an autopilot without the command tells what is wrong by itself, only less often
-    now = vehicle.clock.monotonic()
+    now = vehicle.now()
     lost_to = flight.authority.lost_to
     return checks(vehicle.state, flight.flavour, tuple(vehicle.sentences), lost_to, now)

@@ -11,6 +11,7 @@ from fleet import GeoOrigin, Robot
 from fleet.model.report import (
     FlightControllerReport,
     GpsReport,
+    ImuReport,
     JointReport,
     MetricsReport,
     PoseReport,
@@ -64,7 +65,7 @@ class Reporter:
         self._every(1 / rates.state, reports.flight_state_report)
         self._every(1 / rates.metrics, self._metrics)
         if rates.imu:
-            self._every(1 / rates.imu, lambda state, _, now: reports.imu_report(state, self._now(), now))
+            self._every(1 / rates.imu, self._imu)
         if rates.motors:
             self._every(1 / rates.motors, self._joints)
         self._robot.every(_CHANGES, self._tell_changes)
@@ -82,24 +83,26 @@ class Reporter:
 
     def _pose(self, state: VehicleState, _flavour: Flavour, stamp: float) -> PoseReport | None:
         """Return the pose; a position that is no longer told is not told again as a new one."""
-        return reports.pose_report(state, self._origin(), stamp) if state.knows_where(self._now()) else None
+        if not state.knows_where(self._vehicle.now()):
+            return None
+        return reports.pose_report(state, self._origin(), stamp)
 
     def _gps(self, state: VehicleState, stamp: float) -> GpsReport | None:
         """Return the fix, while the receiver tells it."""
         seen = self._vehicle.seen_at.get(GpsRawInt, -math.inf)
-        return reports.gps_report(state, stamp) if self._now() - seen <= _FIX_FRESH else None
+        return reports.gps_report(state, stamp) if self._vehicle.now() - seen <= _FIX_FRESH else None
 
     def _metrics(self, state: VehicleState, flavour: Flavour, stamp: float) -> MetricsReport:
         """Return the numbers for people, with what went wrong on the way."""
         return reports.metrics_report(state, flavour, stamp, self._counts())
 
+    def _imu(self, state: VehicleState, _flavour: Flavour, stamp: float) -> ImuReport | None:
+        """Return body rates and accelerations."""
+        return reports.imu_report(state, self._vehicle.now(), stamp)
+
     def _joints(self, state: VehicleState, _flavour: Flavour, stamp: float) -> JointReport | None:
         """Return the motors."""
-        return self._motors.report(state.carried, self._now(), stamp)
-
-    def _now(self) -> float:
-        """Return the clock's monotonic seconds."""
-        return self._vehicle.clock.monotonic()
+        return self._motors.report(state.carried, self._vehicle.now(), stamp)
 
     def _every(self, seconds: float, make: Callable[[VehicleState, Flavour, float], Report | None]) -> None:
         """Report something from time to time, while it is known."""
@@ -133,7 +136,7 @@ class Reporter:
             connected=self._vehicle.connected,
             stamp=self._robot.clock.time(),
         )
-        now = self._robot.clock.monotonic()
+        now = self._vehicle.now()
         if report is None or (_same(report, self._controller) and now - self._controller_at < _REFRESH):
             return
         self._controller, self._controller_at = report, now
@@ -142,7 +145,7 @@ class Reporter:
     def _tell_state(self, flavour: Flavour) -> None:
         """Report the vehicle's state for the telemetry topic; its altitude alone is no news."""
         report = reports.vehicle_state_report(self._vehicle.state, flavour, self._robot.clock.time())
-        now = self._robot.clock.monotonic()
+        now = self._vehicle.now()
         known = self._state.fields if self._state else {}
         news = {name for name, value in report.fields.items() if known.get(name) != value}
         if news <= {"altitude_m"} and now - self._state_at < _REPEAT:

@@ -11,7 +11,7 @@ from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
-from fleet_mavlink.driving import PERIOD, Driver, require_connection
+from fleet_mavlink.driving import PERIOD, Driver
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
@@ -27,6 +27,7 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
+from fleet_mavlink.require import require_connection
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.texts import Sentence, alarm
@@ -266,7 +267,7 @@ class Session:
         if not vehicle.state.failsafe:
             self._alarm = ""
         elif not self._alarm:
-            self._alarm = alarm(vehicle.sentences, vehicle.clock.monotonic())
+            self._alarm = alarm(vehicle.sentences, vehicle.now())
         if vehicle.flavour is not None:
             self.authority.observe(vehicle.state, vehicle.flavour, self._alarm)
         self._robot.health(self._health())

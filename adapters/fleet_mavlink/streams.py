@@ -106,7 +106,7 @@ class Streams:
 
     def _is_due(self, message_id: int, rate: float) -> bool:
         """Return whether a message was never asked for, or is overdue."""
-        now = self._vehicle.clock.monotonic()
+        now = self._vehicle.now()
         asked = self._asked_at.get(message_id)
         if asked is None:
             return True
@@ -118,7 +118,7 @@ class Streams:
         """Ask for one message; a refusal stands until the vehicle reboots."""
         if message_id == Attitude.message_id and message_id in self._asked_at:
             self._in_vain += 1
-        self._asked_at[message_id] = self._vehicle.clock.monotonic()
+        self._asked_at[message_id] = self._vehicle.now()
         interval = 1e6 / rate
         ask = CommandLong(Cmd.SET_MESSAGE_INTERVAL, param1=float(message_id), param2=interval)
         try:

@@ -63,6 +63,10 @@ class Vehicle:
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[Heard[Any]] = []
 
+    def now(self) -> float:
+        """Return its clock's monotonic seconds, in which all that is known of it is stamped."""
+        return self.clock.monotonic()
+
     @property
     def flavour(self) -> Flavour | None:
         """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
@@ -71,12 +75,12 @@ class Vehicle:
     @property
     def connected(self) -> bool:
         """True while heartbeats come."""
-        return self.state.connected(self.clock.monotonic())
+        return self.state.connected(self.now())
 
     @property
     def clashing(self) -> bool:
         """True while a second vehicle uses the same system id."""
-        return self.clock.monotonic() - self._clash_at <= SILENCE
+        return self.now() - self._clash_at <= SILENCE
 
     def send(self, message: Message) -> None:
         """Write to the vehicle, by the address it was heard from; raises LinkLost."""
@@ -84,7 +88,7 @@ class Vehicle:
 
     def take(self, message: Message, address: Address) -> None:
         """Believe a message from this system's autopilot, unless it comes from elsewhere."""
-        now = self.clock.monotonic()
+        now = self.now()
         if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
             return
         if self.state.heartbeat is None and not isinstance(message, Heartbeat):
@@ -105,7 +109,7 @@ class Vehicle:
     def take_part(self, component: int, message: Message) -> None:
         """Take what a component beside the autopilot says: a camera of its own, or how a gimbal is turned."""
         if isinstance(message, GimbalDeviceAttitudeStatus):
-            self.state = reduce(self.state, message, self.clock.monotonic())
+            self.state = reduce(self.state, message, self.now())
             self._wake()
         elif component in CAMERAS:
             camera = self.camera
@@ -149,7 +153,7 @@ class Vehicle:
 
     def tick(self) -> None:
         """Let go of sentences whose end never came."""
-        self._say(self._joiner.late(self.clock.monotonic()))
+        self._say(self._joiner.late(self.now()))
 
     def _say(self, sentences: list[Sentence]) -> None:
         """Remember sentences and pass them on."""
@@ -168,6 +172,10 @@ class Vehicle:
         for condition, future in self._waiting:
             if not future.done() and condition(self.state):
                 future.set_result(None)
+
+    async def restarted(self, reboots: int, seconds: float) -> None:
+        """Wait until it has restarted once more than so many times, ``seconds`` at most."""
+        await self.until(lambda state: state.reboots > reboots, seconds)
 
     async def until(self, condition: Condition, seconds: float) -> bool:
         """Wait until the state meets a condition; return whether it did in time."""
@@ -194,7 +202,7 @@ class Part(Vehicle):
 
     def take(self, message: Message, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
         """Believe what it says."""
-        self.state = reduce(self.state, message, self.clock.monotonic())
+        self.state = reduce(self.state, message, self.now())
         if isinstance(message, CommandAck):
             self.on_ack(message)
         self._pass_on(message)

@@ -65,6 +65,7 @@ class BodyProcess:
         raise _error(await self._word())
 
     async def _start(self) -> None:
+        """Start the process with its plan, and with the shared memory for orders and states."""
         config = self._config
         world, faults = simulation(config.link) if config.link else ("", {})
         order, state = self._descriptors

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator, Sequence
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 from uuid import UUID
 
 from fleet import (
@@ -29,6 +29,8 @@ from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import Odometry
 from fleet_ugv.sim.spec import SimSpec, spec_of
+
+GivenT = TypeVar("GivenT")
 
 STANDSTILL = 1.0  # s that a stop waits to see the wheels stand
 NUDGE = 0.1  # rad that one camera_up, _down, _left or _right is
@@ -132,7 +134,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     ) -> None:
         """Set the lamps, 0 to 255: pwm or all for both, io4 or chassis_light, io5 or camera_light."""
         both = _first(pwm, all)
-        pair = _pair(_first_list(data, leds))
+        pair = _pair(_first(data, leds) or ())
         chassis = _first(chassis_light, io4, pair[0], both)
         camera = _first(camera_light, io5, pair[1], both)
         if chassis is None and camera is None:
@@ -254,14 +256,9 @@ def _toggled(level: int) -> int:
     return 0 if level else 255
 
 
-def _first(*values: int | None) -> int | None:
+def _first(*values: GivenT | None) -> GivenT | None:
     """Return the first that is given."""
     return next((value for value in values if value is not None), None)
-
-
-def _first_list(*values: Sequence[int] | None) -> Sequence[int]:
-    """Return the first list that is given."""
-    return next((value for value in values if value is not None), ())
 
 
 def _pair(values: Sequence[int]) -> tuple[int | None, int | None]:

@@ -9,22 +9,13 @@ from fleet.clock import Clock
 from fleet.cloud.values import Message
 from fleet.model.command import Reply, Way
 from fleet.tally import Tally
-from fleet.wire.commands import VERBS
+from fleet.wire.commands import VELOCITY_WORDS
 from fleet.wire.joints import JOINT_TARGETS
 from fleet.wire.replies import command_response, legacy_status
 from fleet.wire.rules import Kind
 from fleet.wire.topics import Topics
 
-STREAMED = frozenset(VERBS) | {
-    "move",
-    "motion",
-    "velocity_command",
-    "locomotion_velocity",
-    "set_linear_velocity",
-    "set_angular_velocity",
-    "joints",
-    JOINT_TARGETS,
-}
+STREAMED = VELOCITY_WORDS | {"motion", "joints", JOINT_TARGETS}
 """Commands that come many times a second: their success is not worth a status message each."""
 SAME_REFUSAL_EVERY = 1.0  # s
 TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})

@@ -4,32 +4,28 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 from typing import Any
 
 import msgspec
 
 from fleet.bridge.answers import Port
-from fleet.bridge.counters import ClassCounts
 from fleet.bridge.downlink import Downlink
 from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
-from fleet.bridge.roundtrip import PING_EVERY, RoundTrip
+from fleet.bridge.roundtrip import RoundTrip
 from fleet.bridge.uplink import TwinInfo, Uplink
+from fleet.bridge.voice import Voice
 from fleet.clock import Clock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
-from fleet.model.report import TelemetryReport
 from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
 from fleet.tally import Tally
 from fleet.wire.claims import read_heartbeat
-from fleet.wire.health import edge_health
-from fleet.wire.ping import check_ping, ping, pong
-from fleet.wire.reports import to_mqtt
+from fleet.wire.ping import check_ping
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule, Traffic, rule_of
+from fleet.wire.rules import Rule
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -55,7 +51,7 @@ class Bridge:
     ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
     when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
     keeps what is durable; it is closed with the bridge.
-    ``said`` counts what the edge says itself: answers, heartbeats, who came and went.
+    ``voice`` says what the edge says itself.
     """
 
     def __init__(
@@ -72,18 +68,12 @@ class Bridge:
         clock: Clock,
         spool: Spool | None = None,
     ) -> None:
-        self._edge = edge
         self._topics = topics
         self._ports = ports
-        self._clock = clock
         self._alive = alive
-        self._queued = False
-        self._began = clock.monotonic()
-        self._next_ping = self._began
         session = settings.client_id or client_id("fleet", simulated=False)
-        self._session = session
         self.refusals = Tally(log, clock)
-        self.said = ClassCounts()
+        self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
         self._held: dict[str, str] = {}
         self._rivals = Rivals(
             edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
@@ -105,13 +95,9 @@ class Bridge:
             books={**rules.twins, **rules.environments},
             any_run=rules.any_run,
             session=session,
-            send=self._answer,
+            send=self.voice.answer,
             put=put,
-            own={
-                "edge_health": self._heard_heartbeat,
-                "ping:request": self._heard_ping,
-                "pong:response": self._heard_pong,
-            },
+            own=self._takers(),
             refusals=self.refusals,
             clock=clock,
         )
@@ -133,19 +119,19 @@ class Bridge:
     def close(self) -> None:
         """Say that every twin is disconnected, and leave."""
         for port in self._served():
-            self._say(port, "disconnected", {"reason": "the edge ends"})
+            self.voice.tell(port, "disconnected", {"reason": "the edge ends"})
         self.client.close()
 
     def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:
         """Take what others said on the bus, by key; on the bus's thread. Events of it leave at once."""
         for key, sample in samples:
             self.uplink.arrived(key, sample)
-        self._flush()
+        self.client.flush_queued()
 
     def turn(self) -> Iterator[None]:
         """Publish what is due, step by step; at the end of each turn of the wheel."""
         yield from self.uplink.turn()
-        self._flush()
+        self.client.flush_queued()
 
     def hold(self, twin: str, holder: str) -> None:
         """Leave a twin to another edge, or take it back when ``holder`` is empty."""
@@ -163,103 +149,53 @@ class Bridge:
     def beat(self, extra: Mapping[str, Any]) -> None:
         """Publish the heartbeat of every twin; ``extra``: host figures."""
         self._rivals.look()
-        if self._pings and self._clock.monotonic() >= self._next_ping:
-            self._next_ping = self._clock.monotonic() + PING_EVERY
+        if self._pings:
             self.round_trip.ask()
         for port in self._served():
-            payload = edge_health(
-                twin=port.twin,
-                edge_id=self._edge,
-                uptime=self._clock.monotonic() - self._began,
-                stamp=self._clock.time(),
-                source_type=port.source_type,
-                session=self._session,
-                extra=extra,
-            )
-            self._say_now(self._topics.twin(port.twin, "edge_health"), payload)
+            self.voice.beat(port, extra)
         if self.client.state is CloudState.CONNECTED:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)
-        self._flush()
+        self.client.flush_queued()
+
+    def _takers(self) -> Mapping[str, Callable[[Topic, Message], None]]:
+        """Return what takes, by its leaf, what is for the bridge itself."""
+        return {
+            "edge_health": self._heard_heartbeat,
+            "ping:request": self._heard_ping,
+            "pong:response": self._heard_pong,
+        }
 
     def _will(self) -> Will | None:
         """Return what the broker says when we vanish; a connection has one will, so for one twin."""
         for port in self._ports.values():
-            (topic, payload) = self._telemetry(port, "disconnected", {"reason": "the edge vanished"})
+            topic, payload = self.voice.telemetry(port, "disconnected", {"reason": "the edge vanished"})
             return Will(topic, payload, qos=1)
         return None
-
-    def _telemetry(self, port: Port, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
-        """Return topic and payload of a telemetry message."""
-        report = TelemetryReport(self._clock.time(), kind, fields)
-        ((leaf, payload),) = to_mqtt(report, source_type=port.source_type, session=self._session)
-        return self._topics.twin(port.twin, leaf), payload
-
-    def _say(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
-        """Publish a telemetry message."""
-        self.said.add(Traffic.EVENT)
-        self._queue(*self._telemetry(port, kind, fields), qos=1)
-
-    def _say_now(self, topic: str, payload: bytes) -> None:
-        """Publish what is of no use later."""
-        self.said.add(Traffic.LATEST)
-        self._queue(topic, payload)
-
-    def _say_at_once(self, topic: str, payload: bytes) -> None:
-        """Publish what is timed: it does not wait for the turn's end."""
-        self.said.add(Traffic.LATEST)
-        self.client.publish(topic, payload)
 
     def _served(self) -> list[Port]:
         """Return the robots whose twins no other edge has."""
         return [port for twin, port in self._ports.items() if twin not in self._held]
 
-    def _queue(
-        self,
-        topic: str,
-        payload: bytes,
-        qos: int = 0,
-        traffic: Traffic = Traffic.EVENT,
-        expiry: float | None = None,
-    ) -> bool:
-        """Queue for the next flush; any thread."""
-        taken = self.client.publish(topic, payload, qos=qos, traffic=traffic, expiry=expiry, later=True)
-        self._queued = True  # last: another thread's flush in between must not take the mark away
-        return taken
+    def _publish(self, topic: str, payload: bytes, **how: Any) -> bool:
+        """Publish by the client, which is built after those that publish."""
+        return self.client.publish(topic, payload, **how)
 
     def _open_way(self, topic: str, rule: Rule) -> Callable[[bytes], object]:
         """Return what queues messages to a topic by a rule, for the next flush; any thread."""
-        if not rule.qos:
-            return self.client.light(topic, rule.max_age or None)
-        expiry = rule.max_age or None
-        return partial(self._queue, topic, qos=rule.qos, traffic=rule.traffic, expiry=expiry)
-
-    def _flush(self) -> None:
-        """Have what was queued written; from another thread that costs more than a message."""
-        if self._queued or self.client.waits:
-            self._queued = False
-            self.client.flush()
+        return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
     def _ping(self) -> None:
         """Ask how far the cloud is, by the first twin."""
         for twin in self._ports:
-            payload = ping(stamp=self._clock.time(), session=self._session)
-            self._say_at_once(self._topics.twin(twin, "ping:request"), payload)
+            self.voice.ping(twin)
             return
 
     def _heard_ping(self, topic: Topic, message: Message) -> None:
         """Answer a ping at one of our twins."""
         check_ping(message.payload)
-        port = self._ports[topic.twin]
-        if topic.twin in self._held:
-            return
-        payload = pong(
-            stamp=self._clock.time(),
-            edge_id=self._edge,
-            source_type=port.source_type,
-            session=self._session,
-        )
-        self._say_at_once(self._topics.twin(topic.twin, "pong:response"), payload)
+        if topic.twin not in self._held:
+            self.voice.pong(self._ports[topic.twin])
 
     def _heard_pong(self, _topic: Topic, message: Message) -> None:
         """Take the cloud's answer to our ping."""
@@ -275,24 +211,8 @@ class Bridge:
         port = self._ports.get(parsed.twin) if parsed else None
         if parsed is None or port is None:
             return
-        fields = {"leaf": parsed.leaf, "reason": gap.reason, "lost": gap.lost, "since": gap.since}
         log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.leaf, gap.reason)
-        self._say(port, "gap", {**fields, "until": gap.until})
-
-    def _answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
-        """Publish an answer at once; nobody waits for it longer than its rule says."""
-        parsed = self._topics.parse(topic)
-        rule = rule_of(parsed.leaf) if parsed else None
-        self.said.add(Traffic.REPLY)
-        self.client.publish(
-            topic,
-            payload,
-            qos=1,
-            expiry=(rule and rule.max_age) or None,
-            correlation=correlation,
-            content_type="application/json",
-            traffic=Traffic.REPLY,
-        )
+        self.voice.tell_gap(port, parsed.leaf, gap)
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Tell how the connection stands, and a broker that is back how everything is now."""
@@ -307,14 +227,14 @@ class Bridge:
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""
         self.uplink.say_newest()
-        self._flush()
+        self.client.flush_queued()
 
     def _say_connected(self) -> None:
         """Take back the will: the broker may have told everybody that we vanished."""
         for port in self._served():
             if self._alive(port.name):
-                self._say(port, "connected", {})
-        self._flush()
+                self.voice.tell(port, "connected", {})
+        self.client.flush_queued()
 
 
 def subscriptions(topics: Topics, rules: Rules) -> dict[str, int]:

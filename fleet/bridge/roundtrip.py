@@ -7,7 +7,7 @@ from collections.abc import Callable
 from fleet.clock import Clock
 from fleet.wire.ping import is_clouds_pong
 
-PING_EVERY = 10.0  # s
+PING_EVERY = 10.0  # s between pings
 LOST_AFTER = 30.0  # s; a pong that comes later is of no ping that we remember
 
 
@@ -20,12 +20,16 @@ class RoundTrip:
     def __init__(self, send: Callable[[], object], clock: Clock) -> None:
         self._send = send
         self._clock = clock
+        self._next = clock.monotonic()
         self._sent: float | None = None
         self.seconds: float | None = None
 
     def ask(self) -> None:
-        """Send a ping, unless one is under way."""
+        """Send a ping, where it is time for one and none is under way."""
         now = self._clock.monotonic()
+        if now < self._next:
+            return
+        self._next = now + PING_EVERY
         if self._sent is not None and now - self._sent < LOST_AFTER:
             return
         if self._sent is not None:

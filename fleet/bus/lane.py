@@ -163,6 +163,20 @@ class Lane:
 
         self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
 
+    def subscribe_many(self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]) -> None:
+        """Call what belongs to the very key of each sample published under ``pattern``, if anything does.
+
+        A subscription for each key would cost as many times more: a session compares every sample that it
+        gets, whatever its key, with every subscription that it has.
+        """
+
+        def arrived(key: str, payload: bytes) -> None:
+            call = calls.get(key)
+            if call is not None:
+                call(payload)
+
+        self.subscribe(pattern, arrived)
+
     def gather(self, key: str, call: OnSamples) -> None:
         """Call with all that others (not this lane) have just published under ``key``, in order.
 

@@ -45,7 +45,7 @@ def adapters(out: Output, file: str | None) -> None:
     rows = [(plugin.name, plugin.state, _detail(plugin)) for plugin in plugins]
     out.table(("name", "state", "what it takes, or why it failed"), rows)
     if not plugins:
-        out.note("no adapter is installed; see docs/adapters.md")
+        out.note("no adapter is installed; see docs/write-an-adapter.md")
 
 
 def _detail(plugin: Plugin) -> str:

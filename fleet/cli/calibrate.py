@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.config.load import load
@@ -135,8 +136,5 @@ def _place(edges: Edges, name: str) -> Vector3:
 
 
 def _robot(edges: Edges, name: str) -> RobotState:
-    """Return one robot that runs."""
-    found = edges.named(name)
-    if len(found) != 1:
-        raise Refused(f"{name!r} is {len(found)} robots; name one")
-    return found[0]
+    """Return the robot of this name, as it is now."""
+    return Asker(edges, name).robot

@@ -14,8 +14,8 @@ import msgspec
 
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option
 from fleet.errors import Refused
 
 _PIECE = 32 * 1024  # bytes asked for at once
@@ -47,7 +47,7 @@ def logs(context: click.Context, robot: str) -> None:
 
 
 @logs.command("list")
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def list_logs(out: Output, robot: str, *, file: str | None) -> ExitCode:
@@ -62,7 +62,7 @@ def list_logs(out: Output, robot: str, *, file: str | None) -> ExitCode:
 @logs.command("get")
 @click.argument("log", type=int)
 @click.argument("path", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | None) -> ExitCode:

@@ -15,9 +15,10 @@ import click
 
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option, last_of
-from fleet.cli.send import RECEIPT_WITHIN, ask, timeout_option, wait_option
+from fleet.cli.ps import last_of
+from fleet.cli.send import RECEIPT_WITHIN, ask
 from fleet.errors import Refused
 from fleet.model.state import RobotState
 from fleet.wire.missions import EXECUTION
@@ -37,7 +38,7 @@ def mission(context: click.Context, robot: str) -> None:
 @click.argument("path", metavar="FILE", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @wait_option
 @timeout_option
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def start(out: Output, robot: str, path: Path, *, wait: bool, timeout: float, file: str | None) -> ExitCode:
@@ -57,7 +58,7 @@ def _control(name: str, summary: str) -> None:
     """Add a command that sends a control message of the mission's topic and waits for its end."""
 
     @mission.command(name, help=summary)
-    @file_option
+    @reach_option
     @click.pass_obj
     @with_output
     def control(out: Output, robot: str, *, file: str | None) -> ExitCode:
@@ -71,7 +72,7 @@ _control("cancel", "End the mission of ROBOT: it holds where it is.")
 
 
 @mission.command("clear")
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def clear(out: Output, robot: str, *, file: str | None) -> ExitCode:
@@ -81,7 +82,7 @@ def clear(out: Output, robot: str, *, file: str | None) -> ExitCode:
 
 
 @mission.command("status")
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def status(out: Output, robot: str, *, file: str | None) -> ExitCode:

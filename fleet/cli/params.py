@@ -10,9 +10,9 @@ import msgspec
 
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.cli.parameters import read, same, shown, written
-from fleet.cli.ps import file_option
 from fleet.errors import Refused
 
 _ONE_WITHIN = 30.0  # s
@@ -32,7 +32,7 @@ def params(context: click.Context, robot: str) -> None:
 
 @params.command("get")
 @click.argument("names", nargs=-1)
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) -> ExitCode:
@@ -49,7 +49,7 @@ def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) ->
 @click.argument("name")
 @click.argument("value", type=float)
 @click.option("--force", is_flag=True, help="Also while it is armed.")
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, file: str | None) -> ExitCode:
@@ -70,7 +70,7 @@ def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, fi
 
 @params.command("backup")
 @click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def backup(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
@@ -87,7 +87,7 @@ def backup(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode
 
 @params.command("diff")
 @click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
-@file_option
+@reach_option
 @click.pass_obj
 @with_output
 def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:

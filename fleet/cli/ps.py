@@ -8,14 +8,13 @@ import click
 import msgspec
 
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option
 from fleet.cli.output import NotRunning, Output, counted, with_output
 from fleet.model.state import EdgeState, RobotState
 
-file_option = click.option("-f", "--file", type=click.Path(), help="Reach the edge of this fleet file.")
-
 
 @click.command()
-@file_option
+@reach_option
 @with_output
 def ps(out: Output, file: str | None) -> None:
     """Show the robots that run, and how they are.

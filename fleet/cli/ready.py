@@ -7,8 +7,8 @@ import msgspec
 
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option
 from fleet.errors import Refused
 
 _WITHIN = 15.0  # s
@@ -32,7 +32,7 @@ class _Answer(msgspec.Struct):
 
 @click.command()
 @click.argument("robot")
-@file_option
+@reach_option
 @with_output
 def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Show whether ROBOT would take off now: a check list with its autopilot's own words.

@@ -12,33 +12,14 @@ from typing import Any
 import click
 
 from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import file_option, for_programs
+from fleet.cli.ps import for_programs
 from fleet.host.safety.latch import RELEASE
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
 RECEIPT_WITHIN = 15.0  # s
-
-LONGEST = 86_400.0  # s
-
-
-def _seconds(_context: click.Context, _option: click.Parameter, value: float) -> float:
-    """Check a number of seconds; NaN is none."""
-    if not 0.0 < value <= LONGEST:
-        raise click.BadParameter(f"{value:g} is not within 0 and {LONGEST:g} seconds")
-    return value
-
-
-wait_option = click.option("--wait", is_flag=True, help="Wait until the robot was seen to have done it.")
-timeout_option = click.option(
-    "--timeout",
-    type=float,
-    default=120.0,
-    show_default=True,
-    callback=_seconds,
-    help="Seconds to wait at the most.",
-)
 
 
 def pair(text: str) -> tuple[str, Any]:
@@ -66,7 +47,7 @@ def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
 @click.argument("data", nargs=-1, metavar="[KEY=VALUE]...")
 @wait_option
 @timeout_option
-@file_option
+@reach_option
 @with_output
 def send(
     out: Output,
@@ -98,7 +79,7 @@ def send(
 )
 @wait_option
 @timeout_option
-@file_option
+@reach_option
 @with_output
 def goto(
     out: Output,
@@ -133,7 +114,7 @@ def goto(
 @click.command()
 @click.argument("robots", nargs=-1)
 @click.option("--all", "everything", is_flag=True, help="Every robot of every edge that runs here.")
-@file_option
+@reach_option
 @with_output
 def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
     """Stop ROBOTS (or groups) at once and keep them stopped.

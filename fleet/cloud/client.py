@@ -81,6 +81,7 @@ class CloudClient:
         self._patience = 0.0
         self._connection: Connection | None = None
         self._flushing = False
+        self._queued = False  # something was, for later, since the last ``flush_queued``
 
     def start(self) -> None:
         """Begin to connect, on the loop that runs. A client is started once."""
@@ -112,7 +113,7 @@ class CloudClient:
         content_type: str | None = None,
         later: bool = False,
     ) -> bool:
-        """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on ``flush``.
+        """Queue a message; from any thread, never blocking. It leaves at once, or ``later``: on a flush.
 
         ``traffic`` says how much a message of QoS 1 matters, and so when it goes and how long it is kept;
         replies go before all that waits. ``expiry`` is how many seconds it is worth sending; what is left of
@@ -126,22 +127,34 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            taken = self.light(topic, expiry)(payload)
-        if taken and not later:
+            taken = self._outbox.light(address(topic, expiry, self._settings.protocol))(payload)
+        if later:
+            self._queued = True
+        elif taken:
             self.flush()
         return taken
 
-    def light(self, topic: str, expiry: float | None) -> Callable[[bytes], bool]:
-        """Return what queues messages of QoS 0 to one topic, which leave on ``flush``; as ``publish`` does.
+    def way(self, topic: str, *, qos: int, traffic: Traffic, expiry: float | None) -> Callable[[bytes], bool]:
+        """Return what does as ``publish``, ``later``, for one topic; for what is said many times a second.
 
-        For what is said many times a second. Raises ValueError for a topic with wildcards.
+        Raises ValueError for a topic with wildcards.
         """
-        return self._outbox.light(address(topic, expiry, self._settings.protocol))
+        if not qos:
+            return self._outbox.light(address(topic, expiry, self._settings.protocol))
+        check_topic(topic)
 
-    @property
-    def waits(self) -> bool:
-        """True while messages of QoS 0 wait to be written."""
-        return self._outbox.waits
+        def queue(payload: bytes) -> bool:
+            taken = self.spool.put(Outgoing(topic, payload, qos, traffic, expiry))
+            self._queued = True  # last: another thread's flush in between must not take the mark away
+            return taken
+
+        return queue
+
+    def flush_queued(self) -> None:
+        """Flush, if something was queued since; from another thread that costs more than a message."""
+        if self._queued or self._outbox.waits:
+            self._queued = False
+            self.flush()
 
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import uuid
-from collections.abc import Mapping
 
 import msgspec
 
@@ -47,12 +46,3 @@ def credentials(
     if plain_account or username != PLACEHOLDER:
         return Credentials(username, secret)
     return Credentials("cwh_" + hashlib.sha256(secret.encode()).hexdigest(), secret)
-
-
-def from_environment(environ: Mapping[str, str]) -> Credentials | None:
-    """Return the credentials that the SDK would take from the same environment variables."""
-    return credentials(
-        environ.get("CYBERWAVE_API_KEY"),
-        environ.get("CYBERWAVE_MQTT_USERNAME") or PLACEHOLDER,
-        environ.get("CYBERWAVE_MQTT_PASSWORD"),
-    )

@@ -98,7 +98,6 @@ class CloudStats:
         self.connects = 0
         self.received = 0
         self.sent = 0
-        self.refused_subscriptions = 0
         self.inflight = 0
         self.rtt: float | None = None
         self.outcomes = dict.fromkeys(Outcome, 0)

@@ -36,6 +36,7 @@ def cloud_from_environment(document: Document, environ: Mapping[str, str]) -> No
 
 
 def _fill(cloud: dict[str, Any], document: Document, environ: Mapping[str, str]) -> None:
+    """Fill the fields that are left out, each from the first of its variables that is set."""
     section = document.marks["cloud",]
     for field, variables in _VARIABLES.items():
         variable = next((name for name in variables if environ.get(name)), None)

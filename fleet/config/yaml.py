@@ -114,6 +114,7 @@ class _Reader:
             self._open_files.pop()
 
     def _value(self, node: yaml.Node, where: Path, file: str) -> Any:
+        """Return the value of a node, its place noted; None after reporting why it has none."""
         mark = _mark(node, file, where)
         self.document.marks[where] = mark
         self._count += 1
@@ -138,6 +139,7 @@ class _Reader:
             self._open_nodes.pop()
 
     def _mapping(self, node: yaml.MappingNode, where: Path, file: str) -> dict[str, Any]:
+        """Return a mapping; keys that are no words, or stand twice, are reported and left out."""
         data: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag != STR:
@@ -157,6 +159,7 @@ class _Reader:
         return data
 
     def _scalar(self, node: yaml.ScalarNode, where: Path, mark: Mark) -> Any:
+        """Return a scalar by its tag, with its environment variables filled in."""
         if node.tag == "!include":
             return self._include(node.value, where, mark)
         if node.tag == "!secret":
@@ -173,10 +176,12 @@ class _Reader:
         return text
 
     def _unknown_tag(self, node: yaml.Node, where: Path, mark: Mark) -> None:
+        """Report a tag that is not known here; nothing is made of it."""
         hint = nearest(node.tag, ("!include", "!secret")) or "only !include and !secret are known"
         self.document.spoil(where, mark, f"the tag {node.tag} is not allowed", hint)
 
     def _include(self, name: str, where: Path, mark: Mark) -> Any:
+        """Return what another file holds; one outside the folder of the first is reported and not read."""
         path = pathlib.Path(os.path.normpath(pathlib.Path(mark.file).parent / name))
         target = path.resolve()
         if not target.is_relative_to(self._folder):
@@ -187,6 +192,7 @@ class _Reader:
         return self.file(path, mark, where)
 
     def _secret(self, name: str, where: Path, mark: Mark) -> str | None:
+        """Return a secret by its name; the file is read with the first of them."""
         path = self._shown / SECRETS
         hint = "write the file with mode 0600, one  name: value  a line"
         try:

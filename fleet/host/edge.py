@@ -96,7 +96,7 @@ class Edge:
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
-        return {
+        remote = {
             robot.name: RemoteRobot(
                 robot,
                 adapter=plugin.name,
@@ -110,6 +110,11 @@ class Edge:
             for robot, plugin in loaded.robots
             if worker_of(robot, plugin)
         }
+        edge = self._config.edge.id
+        states = {keys.state(edge, name): robot.state_arrived for name, robot in remote.items()}
+        if states:
+            self.bus.control.subscribe_many(keys.state(edge, "*"), states)
+        return remote
 
     def _worker(self, name: str, path: Path, directory: Path) -> Worker:
         """Build what watches one worker process."""
@@ -253,11 +258,11 @@ class Edge:
             if health.wanted:
                 health.put(msgspec.json.encode(self.state()))
 
-        self.process.wheel.every(HEALTH_EVERY, tell_health, owner="", failed=_log_failure)
+        self.process.wheel.every(HEALTH_EVERY, tell_health)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
-            self.process.wheel.every(HEALTH_EVERY, self._tell_holders, owner="", failed=_log_failure)
+            self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
         if self.bridge is not None:
-            self.process.wheel.every(HEARTBEAT_EVERY, self._beat, owner="", failed=_log_failure)
+            self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
         self.bus.control.token(keys.edge(edge))
 
     def _held_in_the_cloud(self, twin: str, holder: str) -> None:
@@ -327,8 +332,3 @@ def _here(loaded: Loaded) -> list[RobotSpec]:
         for robot, plugin in loaded.robots
         if not worker_of(robot, plugin)
     ]
-
-
-def _log_failure(error: Exception) -> None:
-    """Tell of the host's own timers: they are not expected to fail."""
-    log.error("a timer of the edge failed", exc_info=error)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -22,6 +22,16 @@ from fleet.wall import walled
 log = logging.getLogger(__name__)
 
 AT_ONCE = 8  # commands that do not move, under way together; more are refused
+
+
+class _Job(NamedTuple):
+    """One command on its way; ``failed`` is called when it failed by itself."""
+
+    adapter: Adapter[Any]
+    spec: CommandSpec
+    ask: Command
+    ticket: Ticket
+    failed: Callable[[], None]
 
 
 class Executor:
@@ -60,7 +70,7 @@ class Executor:
         elif len(self._tasks) >= AT_ONCE:
             ticket.reject(f"{AT_ONCE} commands are under way; try again")
             return
-        task = self.spawn(self._run(adapter, spec, ask, ticket, failed), name=ask.name)
+        task = self.spawn(self._run(_Job(adapter, spec, ask, ticket, failed)), name=ask.name)
         if spec.moves:
             self._mover, self._ticket, self.moving = task, ticket, ask.name
             self.safe = spec.safe
@@ -111,55 +121,48 @@ class Executor:
         if self._mover is task:
             self._mover, self._ticket, self.moving, self.safe = None, None, "", False
 
-    async def _run(
-        self,
-        adapter: Adapter[Any],
-        spec: CommandSpec,
-        ask: Command,
-        ticket: Ticket,
-        failed: Callable[[], None],
-    ) -> None:
+    async def _run(self, job: _Job) -> None:
         """Run one command to its end and answer."""
         try:
-            self._journal.note(ask.id, ask.name)
-            self._journal.follow(ask.id, ticket)
-            if spec.moves:
+            self._journal.note(job.ask.id, job.ask.name)
+            self._journal.follow(job.ask.id, job.ticket)
+            if job.spec.moves:
                 await self.standing()
-            data = await walled(lambda: self._call(adapter, spec, ask, ticket))
+            data = await walled(lambda: _call(job))
             msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
-            ticket.done(data)
+            job.ticket.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
                 raise
-            self._ended_badly(RuntimeError("it was cancelled from within"), ask, ticket, failed)
+            self._ended_badly(RuntimeError("it was cancelled from within"), job)
         except Exception as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
-            self._ended_badly(error, ask, ticket, failed)
+            self._ended_badly(error, job)
 
-    def _ended_badly(
-        self, error: Exception, ask: Command, ticket: Ticket, failed: Callable[[], None]
-    ) -> None:
+    def _ended_badly(self, error: Exception, job: _Job) -> None:
         """Answer a command that raised; what was cancelled has been answered, and says nothing more."""
+        name, ticket = job.ask.name, job.ticket
         if isinstance(error, TimeoutError):
-            error = TimedOut(f"{ask.name}: the robot did not answer in time")
+            error = TimedOut(f"{name}: the robot did not answer in time")
         if isinstance(error, CommandError | LinkError):
             was_ended = ticket.ended is not None
             ticket.fail(error)
             if not was_ended:
-                failed()
+                job.failed()
             return
-        log.error("the adapter failed in %s", ask.name, exc_info=error)
+        log.error("the adapter failed in %s", name, exc_info=error)
         ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
         self._crashed(error)
 
-    async def _call(self, adapter: Adapter[Any], spec: CommandSpec, ask: Command, ticket: Ticket) -> Any:
-        """Call the adapter's method, and return what it returns; its first progress is the receipt."""
-        call = perform(adapter, spec, ask)
-        if not spec.streams:
-            return await call
-        async with closing(call) as steps:
-            async for _ in steps:
-                ticket.accept()
-        return None
+
+async def _call(job: _Job) -> Any:
+    """Call the adapter's method, and return what it returns; its first progress is the receipt."""
+    call = perform(job.adapter, job.spec, job.ask)
+    if not job.spec.streams:
+        return await call
+    async with closing(call) as steps:
+        async for _ in steps:
+            job.ticket.accept()
+    return None
 
 
 def takes(spec: CommandSpec, ask: Command, ticket: Ticket) -> bool:

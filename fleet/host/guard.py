@@ -14,10 +14,10 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.errors import Refused
+from fleet.host.battery import BatteryWatch
 from fleet.host.safety.fence import Fence
-from fleet.host.safety.reserve import Reserve
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Reply, Way
+from fleet.model.command import Command, Reply
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
 from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
@@ -33,7 +33,7 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 
 
 class Guard:
-    """One robot's fence and battery.
+    """One robot's fence, and the watch on its battery.
 
     ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``free``
     tells whether nobody else has it, and nothing makes it safer already.
@@ -55,25 +55,23 @@ class Guard:
         self._name = config.name
         self._config = config.fence
         self._limits = limits
-        self._free = config.fence is None and limits.distance is None and limits.altitude is None
+        self._unfenced = config.fence is None and limits.distance is None and limits.altitude is None
         self._clock = clock
         self._end = end
-        self._ask = ask
-        self._free_to_act = free
         self._publish = publish
         self.held = ZERO_VELOCITY
         self.taken = False
-        policy = config.battery_policy
-        self._reserve = Reserve(policy.reserve, policy.low, policy.endurance) if policy else None
-        self._action = policy.action if policy else "tell"
+        self._battery: BatteryWatch | None = None
+        if config.battery_policy is not None:
+            self._battery = BatteryWatch(
+                config.battery_policy, tell=self._tell, ask=ask, free=lambda: not self.taken and free()
+            )
         place = config.origin
         self._origin = None if place is None else msgspec.convert(place, GeoOrigin, from_attributes=True)
         self._home: GeoPoint | None = None
         self._pose: Pose | None = None
         self._seen = 0.0
-        self._percent: float | None = None
         self._trouble = ""
-        self._told_low = self._acted = False
         self._fence: Fence | None = None
         self._draw()
 
@@ -86,9 +84,8 @@ class Guard:
                 self._pose = Pose(report.position, report.rotation)
                 self._seen = self._clock.monotonic()
                 self._look()
-            case BatteryReport():
-                self._percent = report.percent
-                self._look_at_battery()
+            case BatteryReport() if self._battery is not None:
+                self._battery.see(report.percent)
             case FlightControllerReport() if report.home != self._home:
                 self._home = report.home
                 self._draw()
@@ -101,7 +98,7 @@ class Guard:
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
-        if self._free or self._fence is None or self._pose is None:
+        if self._unfenced or self._fence is None or self._pose is None:
             return
         before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
         if self._trouble and not before:
@@ -109,22 +106,6 @@ class Guard:
             self._end(f"fence: it is {self._trouble}")
         elif self.within(self.held) != self.held:
             self._end("fence: the velocity leads out of it")
-
-    def _look_at_battery(self) -> None:
-        """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
-        if self._reserve is None or self._percent is None:
-            return
-        if self._reserve.is_charged(self._percent):
-            self._told_low = self._acted = False
-        if not self._reserve.is_low(self._percent):
-            return
-        if not self._told_low:
-            self._told_low = True
-            self._tell("battery_low", percent=self._percent, action=self._action)
-        if self._action != "tell" and not self._acted and not self.taken and self._free_to_act():
-            ticket = Ticket(self._action, lambda _: None)
-            self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
-            self._acted = ticket.ended is None  # else it was refused at once: it is asked again
 
     def _tell(self, kind: str, **fields: object) -> None:
         """Say what happened, in the log and on the telemetry channel."""
@@ -139,11 +120,11 @@ class Guard:
             return None
         if self._trouble:
             return f"it is {self._trouble}"
-        return (self._reserve.trouble(self._percent) or None) if self._reserve else None
+        return (self._battery.trouble() or None) if self._battery else None
 
     def task(self, task: Task | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
-        if task is None or (self._reserve is None and self._free):
+        if task is None or (self._battery is None and self._unfenced):
             return None
         try:
             start, points = self._way(task)
@@ -151,14 +132,13 @@ class Guard:
             return str(error)
         home = self._home_point()
         trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
-        if not trouble and self._reserve is not None:
-            metres = _length((start, *points, home))
-            trouble = self._reserve.trouble(self._percent, metres, self._speed(task))
+        if not trouble and self._battery is not None:
+            trouble = self._battery.trouble(_length((start, *points, home)), self._speed(task))
         return trouble or None
 
     def within(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
-        if velocity.is_zero or self._free:
+        if velocity.is_zero or self._unfenced:
             return velocity
         pose = self._fresh()
         if pose is None or self._fence is None:

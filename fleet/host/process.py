@@ -134,8 +134,9 @@ class RobotProcess:
         for robot in self.robots.values():
             self._declare(robot)
             self.watchdog.add(robot.name, robot.watched())
-            tell = partial(self.publish_state, robot.name)
-            self.wheel.every(STATE_EVERY, tell, owner="", failed=_never)
+            self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
+        drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
+        self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
         self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
@@ -249,7 +250,6 @@ class RobotProcess:
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
         control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
-        self.bus.reports.subscribe(f"cw/{robot.twin}/data/commands/velocity", self._driver(robot))
 
     def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:
         """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
@@ -271,10 +271,10 @@ class RobotProcess:
 
         return asked
 
-    def _driver(self, robot: LocalRobot) -> Callable[[str, bytes], None]:
+    def _driver(self, robot: LocalRobot) -> Callable[[bytes], None]:
         """Return what takes local setpoints."""
 
-        def arrived(_key: str, payload: bytes) -> None:
+        def arrived(payload: bytes) -> None:
             take = robot.read("motion", payload, way=Way.BUS)
             if take is not None:
                 self.loop.call_soon_threadsafe(take, _unheard)
@@ -328,10 +328,10 @@ class RobotProcess:
         os._exit(70)
 
 
+def _velocity_key(twin: str) -> str:
+    """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
+    return f"cw/{twin}/data/commands/velocity"
+
+
 def _unheard(_reply: Reply) -> None:
     """Answer nobody: a published setpoint has no reply."""
-
-
-def _never(error: Exception) -> None:
-    """Fail loudly: the host's own periodic work does not raise."""
-    log.error("the host's own timer failed", exc_info=error)

@@ -70,7 +70,6 @@ class RemoteRobot:
         )
         # Only to see what is asked: the worker decodes with the robot's own limits.
         self._decoder = Decoder(config, config.limits, planar=False)
-        control.subscribe(keys.state(edge, self.name), self._state_arrived)
         control.answer(keys.state(edge, self.name), self._state_asked)
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
@@ -171,7 +170,7 @@ class RemoteRobot:
             stamp=self._clock.time(),
         )
 
-    def _state_arrived(self, _key: str, payload: bytes) -> None:
+    def state_arrived(self, payload: bytes) -> None:
         """Take the worker's word; on the bus's thread."""
         try:
             state = msgspec.json.decode(payload, type=RobotState)

@@ -23,6 +23,11 @@ TICK = 0.02  # s
 SLICE = 0.0003  # s of work after which whatever else waits for the loop has its turn
 
 
+def log_failure(error: Exception) -> None:
+    """Tell of the host's own periodic work, which is not expected to fail."""
+    log.error("a timer of the host's own failed", exc_info=error)
+
+
 class Spoke:
     """One periodic call; ``cancel`` ends it."""
 
@@ -62,9 +67,17 @@ class Wheel:
         self.beat = clock.monotonic()
 
     def every(
-        self, period: float, call: Callable[[], None], *, owner: str, failed: Callable[[Exception], None]
+        self,
+        period: float,
+        call: Callable[[], None],
+        *,
+        owner: str = "",
+        failed: Callable[[Exception], None] = log_failure,
     ) -> Spoke:
-        """Call about every ``period`` seconds; whatever it raises goes to ``failed`` and ends it."""
+        """Call about every ``period`` seconds; whatever it raises goes to ``failed`` and ends it.
+
+        ``owner`` is the robot on whose behalf it is, empty for the host's own work.
+        """
         spoke = Spoke(owner, max(period, TICK), call, failed)
         self._hang(self._loop.time() + spoke.period, spoke)
         return spoke

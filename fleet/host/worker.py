@@ -67,7 +67,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
-    process.wheel.every(BEAT, show_life, owner="", failed=lambda _: ended.set())
+    process.wheel.every(BEAT, show_life, failed=lambda _: ended.set())
     process.start()
     try:
         await ended.wait()

@@ -117,11 +117,6 @@ def wrap_angle(angle: float) -> float:
     return math.pi if wrapped == -math.pi else wrapped
 
 
-def enu_from_ned(vector: Vector3) -> Vector3:
-    """Turn north-east-down into east-north-up; its own inverse."""
-    return Vector3(vector.y, vector.x, -vector.z)
-
-
 def ned_from_enu(vector: Vector3) -> Vector3:
     """Turn east-north-up into north-east-down; its own inverse."""
     return Vector3(vector.y, vector.x, -vector.z)

@@ -64,6 +64,5 @@ class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
     dropped: int = 0
     load: float | None = None
     memory_percent: float | None = None
-    cpu_percent: float | None = None
     threads: int | None = None
     groups: dict[str, list[str]] = {}

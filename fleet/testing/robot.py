@@ -33,6 +33,10 @@ class _Robot:
         self.reports.append(report)
         self._told.set()
 
+    def reports_of(self, kind: type[ReportT]) -> list[ReportT]:
+        """Return the reports of a kind, oldest first."""
+        return [report for report in self.reports if isinstance(report, kind)]
+
     def health(self, health: Health) -> None:
         """Record how the way to the robot is."""
         self.healths.append(health)
@@ -60,8 +64,8 @@ class _Robot:
 
     async def first(self, kind: type[ReportT]) -> ReportT:
         """Wait for the first report of a kind; raises TimeoutError."""
-        await self.until(lambda: any(isinstance(report, kind) for report in self.reports))
-        return next(report for report in self.reports if isinstance(report, kind))
+        await self.until(lambda: bool(self.reports_of(kind)))
+        return self.reports_of(kind)[0]
 
 
 class RecordingRobot(_Robot):

@@ -66,6 +66,10 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
     }
 )
 
+AXIS_WORDS: Mapping[str, tuple[Axis, str]] = MappingProxyType(
+    {"set_linear_velocity": ("x", "linear"), "set_angular_velocity": ("yaw", "angular")}
+)
+"""Commands that set the signed speed of one axis, by a field of their data; a joystick sends them in turn."""
 
 _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
@@ -246,14 +250,10 @@ def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Comman
     return envelope.setpoint(velocity, lease)
 
 
-def _set_linear(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
-    """Read a signed forward speed."""
-    return envelope.setpoint(_along("x", number(envelope.data, "linear", "data")))
-
-
-def _set_angular(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
-    """Read a signed turning speed."""
-    return envelope.setpoint(_along("yaw", number(envelope.data, "angular", "data")))
+def _axis(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+    """Read the signed speed of one axis."""
+    axis, field = AXIS_WORDS[envelope.name]
+    return envelope.setpoint(_along(axis, number(envelope.data, field, "data")))
 
 
 def _estop(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
@@ -267,8 +267,9 @@ _MEANINGS: Mapping[str, Callable[[_Envelope, MotionDefaults], Command | Setpoint
         "move": _move,
         "velocity_command": _velocity_contract,
         "locomotion_velocity": _velocity_contract,
-        "set_linear_velocity": _set_linear,
-        "set_angular_velocity": _set_angular,
+        **dict.fromkeys(AXIS_WORDS, _axis),
         "estop": _estop,
     }
 )
+VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop"}
+"""Commands that ask for a velocity, many times a second, and not for something discrete."""

@@ -7,7 +7,7 @@ something behind the end) is refused with the place of the hole, before the robo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -16,7 +16,8 @@ from fleet.model.command import Way
 from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
-from fleet.wire.strict import child, kind, optional_number, parse_object, path, text, whole
+from fleet.wire.measures import not_negative, positive, within
+from fleet.wire.strict import child, kind, parse_object, path, text, whole
 from fleet.wire.strict import without_nulls as given
 
 CONTRACT = "aerial.mission.v1"
@@ -82,7 +83,7 @@ def plan_of(mission: Mapping[str, Any], where: str) -> FlyMission:
             f"altitudes above {str(reference)[:40]!a} are not flown here; home or amsl are",
             where=path(where, "altitude_reference"),
         )
-    default = _within(mission, "default_altitude_m", where, HIGHEST)
+    default = _altitude(mission, "default_altitude_m", where)
     items = tuple(
         _item(item, path(where, f"items.{at}"), default)
         for at, item in enumerate(_items(mission, "items", where))
@@ -93,7 +94,7 @@ def plan_of(mission: Mapping[str, Any], where: str) -> FlyMission:
         items=items,
         home=_home(given(child(mission, "home", where)), path(where, "home")) if "home" in mission else None,
         above_sea=reference == "amsl",
-        constraints=Constraints(_positive(mission, "cruise_speed_ms", where)),
+        constraints=Constraints(positive(mission, "cruise_speed_ms", where)),
     )
 
 
@@ -122,17 +123,17 @@ def _item(value: object, where: str, default: float | None) -> PlanItem:
         point=point,
         seconds=_seconds(item, where) if form == "loiter_time" else 0.0,
         turns=_turns(item, where) if form == "loiter_turns" else 0,
-        radius=_not_negative(item, "radius_m", where),
+        radius=not_negative(item, "radius_m", where),
         clockwise=direction == "cw",
-        tolerance=_not_negative(item, "acceptance_radius_m", where),
-        speed=_positive(item, "speed_ms", where),
+        tolerance=not_negative(item, "acceptance_radius_m", where),
+        speed=positive(item, "speed_ms", where),
     )
 
 
 def _place(item: Mapping[str, Any], where: str, default: float | None) -> GeoPoint:
     """Read the place of an item; its altitude counts from what the mission says."""
-    latitude, longitude = _needed(item, "latitude", where, 89.9), _needed(item, "longitude", where, 180.0)
-    altitude = _within(item, "altitude_m", where, HIGHEST)
+    latitude, longitude = within(item, "latitude", where, 89.9), within(item, "longitude", where, 180.0)
+    altitude = _altitude(item, "altitude_m", where)
     if altitude is None:
         altitude = default
     if altitude is None:
@@ -142,12 +143,17 @@ def _place(item: Mapping[str, Any], where: str, default: float | None) -> GeoPoi
     return GeoPoint(latitude, longitude, altitude)
 
 
+def _altitude(members: Mapping[str, Any], name: str, where: str) -> float | None:
+    """Read an altitude in m, None when there is none."""
+    return within(members, name, where, HIGHEST) if name in members else None
+
+
 def _home(home: Mapping[str, Any], where: str) -> GeoPoint:
     """Read the planned place of the take-off, m AMSL."""
     return GeoPoint(
-        _needed(home, "latitude", where, 90.0),
-        _needed(home, "longitude", where, 180.0),
-        _needed(home, "altitude_amsl_m", where, HIGHEST),
+        within(home, "latitude", where, 90.0),
+        within(home, "longitude", where, 180.0),
+        within(home, "altitude_amsl_m", where, HIGHEST),
     )
 
 
@@ -166,40 +172,9 @@ def _members(value: object, where: str) -> dict[str, Any]:
     return given(value)
 
 
-def _checked(
-    allowed: Callable[[float], bool], why: str
-) -> Callable[[Mapping[str, Any], str, str], float | None]:
-    """Return a reader of a number that must be allowed where it is given."""
-
-    def read(members: Mapping[str, Any], name: str, where: str) -> float | None:
-        value = optional_number(members, name, where)
-        if value is not None and not allowed(value):
-            raise WireError(f"{why} is needed, not {value:g}", where=path(where, name))
-        return value
-
-    return read
-
-
-_positive = _checked(lambda value: value > 0, "more than 0")
-_not_negative = _checked(lambda value: value >= 0, "0 or more")
-
-
-def _within(members: Mapping[str, Any], name: str, where: str, most: float) -> float | None:
-    """Return a number from -most to most, None when there is none."""
-    return _checked(lambda value: abs(value) <= most, f"-{most:g} to {most:g}")(members, name, where)
-
-
-def _needed(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
-    """Return a number from -most to most that must be there."""
-    value = _within(members, name, where, most)
-    if value is None:
-        raise WireError("is missing", where=path(where, name))
-    return value
-
-
 def _seconds(item: Mapping[str, Any], where: str) -> float:
     """Return how long to loiter."""
-    seconds = _positive(item, "seconds", where)
+    seconds = positive(item, "seconds", where)
     if seconds is None or seconds > LONGEST:
         raise WireError(f"0 to {LONGEST:g} seconds are needed", where=path(where, "seconds"))
     return seconds

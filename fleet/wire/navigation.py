@@ -21,8 +21,9 @@ from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
 from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
-from fleet.wire.strict import child, finite, kind, number, optional_number, parse_object, path, text, whole
+from fleet.wire.strict import child, finite, kind, number, parse_object, path, text, whole
 from fleet.wire.strict import without_nulls as given
 
 MOST_WAYPOINTS = 500
@@ -144,7 +145,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
         members["position"] = {axis: members[axis] for axis in "xyz" if axis in members}
     turned = members.keys() & {"yaw", "rotation", "orientation"}
     inherited = {name: value for name, value in shared.items() if name != "yaw" or not turned}
-    _not_negative(members, "duration_seconds", where)
+    not_negative(members, "duration_seconds", where)
     return _goal({**inherited, **members}, where, reading, _wait(members, where) or wait)
 
 
@@ -211,8 +212,8 @@ def _geodetic(members: Mapping[str, Any], where: str, reading: _Reading) -> GeoP
     """Read a place on Earth; its altitude is returned AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
-    latitude = _within(point, "latitude", place, 90.0)
-    longitude = _within(point, "longitude", place, 180.0)
+    latitude = within(point, "latitude", place, 90.0)
+    longitude = within(point, "longitude", place, 180.0)
     if reading.planar and "altitude" not in point:
         return GeoPoint(latitude, longitude, reading.home_altitude or 0.0)
     datum = _datum(members, path(place, "altitude"), reading)
@@ -229,14 +230,6 @@ def _datum(members: Mapping[str, Any], where: str, reading: _Reading) -> float:
     if reading.home_altitude is None:
         raise WireError("counts from the take-off point, whose altitude is unknown", where=where)
     return reading.home_altitude
-
-
-def _within(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
-    """Return degrees between -most and most."""
-    value = number(members, name, where)
-    if abs(value) > most:
-        raise WireError(f"-{most:g} to {most:g} degrees are possible, not {value}", where=path(where, name))
-    return value
 
 
 def _relative(message: Mapping[str, Any], _reading: _Reading) -> Task:
@@ -258,15 +251,9 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
     if "constraints" not in message:
         return Constraints()
     members = given(child(message, "constraints"))
-    return Constraints(_positive(members, "max_speed_ms"), _positive(members, "goal_tolerance_m"))
-
-
-def _positive(members: Mapping[str, Any], name: str) -> float | None:
-    """Return a constraint that makes sense only above zero."""
-    value = optional_number(members, name, "constraints")
-    if value is not None and value <= 0:
-        raise WireError(f"more than 0 is needed, not {value}", where=path("constraints", name))
-    return value
+    return Constraints(
+        positive(members, "max_speed_ms", "constraints"), positive(members, "goal_tolerance_m", "constraints")
+    )
 
 
 def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -277,18 +264,10 @@ def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
 def _wait(members: Mapping[str, Any], where: str) -> float:
     """Return the seconds to stay at a goal."""
     place = path(where, "metadata")
-    wait = _not_negative(_metadata(members, where), "wait_s", place)
+    wait = not_negative(_metadata(members, where), "wait_s", place) or 0.0
     if wait > LONGEST_WAIT:
         raise WireError(f"at most {LONGEST_WAIT:g} s are waited, not {wait}", where=path(place, "wait_s"))
     return wait
-
-
-def _not_negative(members: Mapping[str, Any], name: str, where: str) -> float:
-    """Return a number of seconds, zero when there is none."""
-    value = optional_number(members, name, where) or 0.0
-    if value < 0:
-        raise WireError(f"0 or more is needed, not {value}", where=path(where, name))
-    return value
 
 
 def _loops(message: Mapping[str, Any]) -> int:

@@ -224,14 +224,3 @@ def rule_of(leaf: str) -> Rule | None:
     if leaf.startswith("environment:"):
         return RULES[ENVIRONMENT]
     return RULES.get(leaf)
-
-
-def rule_of_channel(channel: str) -> Rule | None:
-    """Return the rule of a channel; where it feeds several topics, they share that of the first."""
-    leaves = CHANNEL_LEAVES.get(channel)
-    return RULES[leaves[0]] if leaves else None
-
-
-def inward_of(leaf: str) -> Inward | None:
-    """Return the rule of a leaf that this project listens to, None for any other."""
-    return INWARD.get(ENVIRONMENT if leaf.startswith("environment:") else leaf)

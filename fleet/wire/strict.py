@@ -200,14 +200,6 @@ def text(members: Mapping[str, Any], name: str, where: str = "") -> str:
     return value
 
 
-def flag(members: Mapping[str, Any], name: str, where: str = "") -> bool:
-    """Return the boolean called ``name``; raises WireError when it is missing or something else."""
-    value = _member(members, name, where)
-    if not isinstance(value, bool):
-        raise WireError(f"true or false is needed, this is {kind(value)}", where=path(where, name))
-    return value
-
-
 def child(members: Mapping[str, Any], name: str, where: str = "") -> dict[str, Any]:
     """Return the object called ``name``; raises WireError when it is missing or something else."""
     value = _member(members, name, where)

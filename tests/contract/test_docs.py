@@ -69,3 +69,19 @@ def explained(root):
         row[-3:-1] for row in rows if (len(row) in (3, 4) and row[-2] == "any") or re.match("[<>=]", row[-2])
     ]
     return [package + bound for packages, bound in told for package in packages.split(", ")]
+
+
+def test_every_page_that_the_sources_name_is_there(root):
+    files = [path for folder in ("fleet", "adapters", "plugins") for path in (root / folder).rglob("*")]
+    sources = [path.read_text() for path in files if path.suffix in (".py", ".yaml")]
+    named = {page for text in sources for page in re.findall(r"docs/[\w/-]+\.md", text)}
+    assert "docs/config.md" in named
+    assert [page for page in named if not (root / page).exists()] == []
+
+
+def test_every_link_in_the_documents_leads_somewhere(root):
+    pages = [*root.glob("*.md"), *(root / "docs").rglob("*.md"), *root.glob("*/README.md")]
+    links = [(page, link) for page in pages for link in re.findall(r"\]\(([^)#\s]+)", page.read_text())]
+    local = [(page, link) for page, link in links if not link.startswith("http")]
+    assert len(local) > 20
+    assert [(page.name, link) for page, link in local if not (page.parent / link).exists()] == []

@@ -146,13 +146,6 @@ class Ears:
         """Return the payloads heard on topics that end so."""
         return [payload for topic, payload in list(self.heard) if topic.endswith("/" + leaf)]
 
-    def next_of(self, leaf: str, what: str, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Wait for a message on a leaf."""
-        return wait_until(
-            f"{leaf}: {what}; last {self.of(leaf)[-1:]}",
-            lambda: next((payload for payload in self.of(leaf) if holds(payload)), None),
-        )
-
     def pilot(self, twin: str) -> "Pilot":
         """Make a pilot for a twin that is heard."""
         return Pilot(self, twin)

@@ -25,10 +25,8 @@ def is_well(state):
     return state["health"] == "ok"
 
 
-def test_an_absent_broker_is_told_and_the_robots_fly_on_the_bus(run):
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
-    running = run(cloud={"host": "127.0.0.1", "port": port, "tls": False})
+def test_an_absent_broker_is_told_and_the_robots_fly_on_the_bus(run, free_port):
+    running = run(cloud={"host": "127.0.0.1", "port": free_port, "tls": False})
     running.robot("good", "is well", is_well)
     assert "127.0.0.1" in running.line(r"WARNING .*cloud disconnected: .*").group()
     edge = json.loads(running.call("ps", "--json").stdout)["edges"][0]
@@ -36,10 +34,8 @@ def test_an_absent_broker_is_told_and_the_robots_fly_on_the_bus(run):
     assert running.call("send", "good", "battery_check").returncode == 0
 
 
-def test_an_absent_autopilot_is_offline_with_the_place_where_it_was_expected(run):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        link = f"udpin:127.0.0.1:{probe.getsockname()[1]}"
+def test_an_absent_autopilot_is_offline_with_the_place_where_it_was_expected(run, free_udp_port):
+    link = f"udpin:127.0.0.1:{free_udp_port}"
     running = run({"name": "lost", "twin": TWINS[1], "adapter": "mavlink", "link": link})
     running.robot("good", "is well", is_well)
     state = running.robot("lost", "is missed", lambda state: "no heartbeat" in state["cause"])

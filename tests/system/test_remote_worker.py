@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 
@@ -36,10 +35,9 @@ class Arm(Adapter[ArmConfig]):
 
 
 @pytest.fixture
-def far_worker(tmp_path, fleet):
+def far_worker(tmp_path, fleet, free_port):
     """Run an edge, and its worker as on another machine: another runtime folder, the bus by TCP alone."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port}"
     (tmp_path / "plugins").mkdir()
     (tmp_path / "plugins" / "arm.py").write_text(PLUGIN)
     robot = {

@@ -2,7 +2,6 @@
 
 import json
 import math
-import socket
 import subprocess
 import sys
 import threading
@@ -44,14 +43,19 @@ class Backend(BaseHTTPRequestHandler):
 
 
 @pytest.fixture
-def autopilot():
+def autopilot(free_udp_port):
     """Start an autopilot that is there before the fleet and knows nothing of it; gives its target port."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "fleet_mavlink.sim", "--flavour", "px4", "--to", f"127.0.0.1:{port}"]
+    command = [
+        sys.executable,
+        "-m",
+        "fleet_mavlink.sim",
+        "--flavour",
+        "px4",
+        "--to",
+        f"127.0.0.1:{free_udp_port}",
+    ]
     with subprocess.Popen([*command, "--ready-after", "2"], stdout=subprocess.DEVNULL) as running:
-        yield port
+        yield free_udp_port
         running.terminate()
 
 

@@ -11,11 +11,12 @@ from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
 from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.ask import FAILED
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, WARNING, Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
 from fleet_mavlink.sim.streams import heartbeat
 
@@ -24,7 +25,6 @@ _OFFSET_FRAMES = frozenset({7, 8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
 _AMSL_FRAMES = frozenset({0, 5})
 _STOP = (0.0, 0.0, 0.0)
-_EKF_GRACE = 10.0  # seconds without satellites until the position counts as lost
 _LANDED_DISARM = 2.0
 _PREARM_EVERY = 30.0
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
@@ -39,6 +39,7 @@ class ArduPilot(Autopilot):
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
     default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     real_ready: ClassVar[float] = 42.6
+    gps_grace: ClassVar[float] = 10.0
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
@@ -64,19 +65,6 @@ class ArduPilot(Autopilot):
     def initialised(self) -> bool:
         """True after "ArduPilot Ready"."""
         return self.age(2.45)
-
-    @property
-    def origin_set(self) -> bool:
-        """True once the estimator has an origin; home comes with it."""
-        return self.home is not None
-
-    @property
-    def has_position(self) -> bool:
-        """True once the estimator uses GPS, and until it has been without for 10 s."""
-        if "not_ready" in self.faults and not self.armed:
-            return False
-        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > _EKF_GRACE
-        return self.age(self.real_ready) and not lost
 
     def refusals(self, *, force: bool) -> list[str]:
         """Return why the motors cannot be armed in this mode; force skips the checks after the start."""

@@ -19,7 +19,7 @@ from fleet_mavlink.sim.ask import (
     Ask,
     whole,
 )
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Handler, accept
+from fleet_mavlink.sim.autopilot import Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
     configure_gimbal,
@@ -30,6 +30,7 @@ from fleet_mavlink.sim.common_commands import (
     turn_gimbal,
 )
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Takeoff, Turn, hold
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What both simulated autopilots have in common: state, time, texts, readiness, arming, landing.
+"""What both simulated autopilots have in common: state, time, place, readiness, arming, landing.
 
 No I/O and no clock: time comes in with ``tick``. ArduPilot and PX4 are subclasses that bring their
 modes, commands, texts and fail-safes.
@@ -12,11 +12,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pymavlink.dialects.v20 import all as mav
-
 from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
 from fleet.model.geometry import Vector3
-from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask, ack
+from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask
 from fleet_mavlink.sim.battery import Battery
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, Idle, Manoeuvre, hold
@@ -26,13 +24,12 @@ from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.setpoints import Setpoint
+from fleet_mavlink.sim.speaker import Speaker
 from fleet_mavlink.sim.speeds import Speeds
 from fleet_mavlink.sim.streams import Streams, home_position
 
 Geo = tuple[float, float, float]  # degrees, degrees, metres above mean sea level
 Handler = Callable[[Any, Ask], "int | None"]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
-_TEXT = 50  # bytes in one STATUSTEXT
-CRITICAL, WARNING, INFO = 2, 4, 6  # severities
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +50,7 @@ class Boot:
     at: float
 
 
-class Autopilot(ABC):
+class Autopilot(Speaker, ABC):
     """One autopilot from boot to reboot. Times are seconds of the simulation."""
 
     autopilot_id: ClassVar[int]
@@ -62,19 +59,17 @@ class Autopilot(ABC):
     commands: ClassVar[Mapping[int, Handler]]
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
+    gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
     fix_type: ClassVar[int]
     speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
     agility: ClassVar[Agility] = Agility(2.5, 2.5, 1.6)
-    ends_text: ClassVar[str] = ""
-    text_id_always: ClassVar[bool] = False
     obeys_other_components: ClassVar[bool] = False
     obeys_broadcast: ClassVar[bool] = False
-    ack_delay: ClassVar[float] = 0.0
-    ack_queue: ClassVar[int] = 1000
     without_gimbal: ClassVar[int | None]  # its answer to a gimbal's commands; None: it gives none
 
     def __init__(self, boot: Boot, mode: Mode) -> None:
+        super().__init__(boot.random, boot.faults, boot.at)
         self.system_id = boot.system_id
         self.place = boot.place
         self.body = boot.body
@@ -83,19 +78,12 @@ class Autopilot(ABC):
         self.speeds = self.speeds_type(boot.params)
         self.missions = boot.missions
         self.equipment = boot.equipment
-        self.random = boot.random
-        self.faults = boot.faults
-        self.time = boot.at
         self.booted_at = boot.at
         self._epoch = boot.epoch
         ready_after = self.real_ready if boot.ready_after is None else boot.ready_after
         self._pace = ready_after / self.real_ready
         self._origin = GeoOrigin(*boot.place)
         self.streams = Streams(self.default_rates, boot.at + self.real_time(1.0))
-        self.out: list[Any] = []
-        self._later: list[tuple[float, Any]] = []
-        self._text_id = 0
-        self._told: set[str] = set()
         self.mode = mode
         self.manoeuvre: Manoeuvre = Idle()
         self.armed = False
@@ -108,7 +96,6 @@ class Autopilot(ABC):
         self.gcs_heard_at: float | None = None
         self.gps_lost_at: float | None = None
         self.fence_broken = False
-        self.pilot_flies = False
         self.reboot_asked = False
 
     # time
@@ -186,14 +173,17 @@ class Autopilot(ABC):
         """True once the autopilot has finished its start."""
 
     @property
-    @abstractmethod
     def origin_set(self) -> bool:
-        """True once the estimator has an origin."""
+        """True once the estimator has an origin; home comes with it."""
+        return self.home is not None
 
     @property
-    @abstractmethod
     def has_position(self) -> bool:
-        """True while there is a usable position."""
+        """True once the estimator uses GPS, and until it has been without for ``gps_grace``."""
+        if "not_ready" in self.faults and not self.armed:
+            return False
+        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > self.gps_grace
+        return self.age(self.real_ready) and not lost
 
     @abstractmethod
     def sensors(self) -> tuple[int, int, int]:
@@ -202,45 +192,6 @@ class Autopilot(ABC):
     @abstractmethod
     def system_status(self) -> int:
         """Return HEARTBEAT's MAV_STATE."""
-
-    # telling
-
-    def say(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT, in chunks when it is longer than one."""
-        data = (text + self.ends_text).encode()
-        number = 0
-        if self.text_id_always or len(data) > _TEXT:
-            self._text_id += 1
-            number = self._text_id
-        for chunk, start in enumerate(range(0, len(data), _TEXT)):
-            part = data[start : start + _TEXT]
-            self.out.append(mav.MAVLink_statustext_message(severity, part, number, chunk))
-
-    def say_once(self, severity: int, text: str) -> None:
-        """Send a STATUSTEXT the first time after boot only."""
-        if text not in self._told:
-            self._told.add(text)
-            self.say(severity, text)
-
-    def later(self, delay: float, message: Any) -> None:
-        """Send a message after a delay."""
-        self._later.append((self.time + delay, message))
-
-    def acknowledge(self, ask: Ask, result: int) -> None:
-        """Answer a command; answers that the faults or the autopilot's short queue lose are not sent."""
-        if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
-            return
-        delay = self.ack_delay
-        slow = self.faults.get("slow_ack", 0.0)
-        if slow:
-            self.out.append(ack(ask, mav.MAV_RESULT_IN_PROGRESS, 10))
-            delay += slow
-        if len(self._later) >= self.ack_queue:
-            return
-        if delay:
-            self.later(delay, ack(ask, result))
-        else:
-            self.out.append(ack(ask, result))
 
     # being asked
 
@@ -270,7 +221,6 @@ class Autopilot(ABC):
         if self.runs_mission and mode is not self.mode:
             leave_mission(self)
         self.mode = mode
-        self.pilot_flies = False
         self.manoeuvre = mode.enter(self) if self.armed else Idle()
 
     @property
@@ -336,7 +286,7 @@ class Autopilot(ABC):
         self._watch_gps()
         self._watch_ground()
         self.supervise()
-        self._send_due()
+        self.say_what_is_due()
         self.out.extend(self.params.pending())
         self.out.extend(self.missions.overdue(now))
         self.out.extend(self.equipment.tick(self, dt))
@@ -346,13 +296,6 @@ class Autopilot(ABC):
     @abstractmethod
     def supervise(self) -> None:
         """Do what this autopilot does by itself: start-up, auto-disarm, fail-safes."""
-
-    def _send_due(self) -> None:
-        """Send what was put off until now."""
-        if not self._later:
-            return
-        self.out.extend(message for due, message in self._later if due <= self.time)
-        self._later = [entry for entry in self._later if entry[0] > self.time]
 
     def _watch_gps(self) -> None:
         """Remember since when satellites are gone."""
@@ -370,13 +313,12 @@ class Autopilot(ABC):
             self.touched_at = self.time
             self.touched_ground()
 
-    def touched_ground(self) -> None:  # noqa: B027 - only PX4 has something to say
+    def touched_ground(self) -> None:
         """Say what there is to say at the touch-down."""
 
     def pilot_takes_over(self, mode: Mode) -> None:
         """Change to a mode by the switch of the remote control; the pilot holds the vehicle there."""
         self.mode = mode
-        self.pilot_flies = True
         self.manoeuvre = hold(self) if self.armed else Idle()
 
 

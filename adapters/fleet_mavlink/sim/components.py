@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
@@ -13,6 +13,15 @@ from fleet_mavlink.sim.vehicle import SimVehicle
 
 _CAMERA = 100
 _EXPOSURE = 0.4  # s from the command to the picture
+
+
+def framed(packer: Any, messages: Iterable[Any]) -> list[bytes]:
+    """Return the frames of messages; the packer numbers them, as pymavlink's own ``send`` does."""
+    frames = []
+    for message in messages:
+        frames.append(bytes(message.pack(packer)))
+        packer.seq = (packer.seq + 1) & 0xFF
+    return frames
 
 
 class Component:
@@ -45,11 +54,7 @@ class Component:
 
     def framed(self, messages: list[Any]) -> list[bytes]:
         """Return frames in its name."""
-        frames = []
-        for message in messages:
-            frames.append(bytes(message.pack(self._packer)))
-            self._packer.seq = (self._packer.seq + 1) & 0xFF
-        return frames
+        return framed(self._packer, messages)
 
 
 class GimbalDevice(Component):

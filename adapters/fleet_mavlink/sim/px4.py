@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Autopilot, Boot, Handler
+from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
 from fleet_mavlink.sim.modes import Mode
@@ -16,6 +16,7 @@ from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
 
 _BODY_NED = 8
@@ -24,7 +25,6 @@ _RELATIVE_FRAMES = frozenset({3, 6})
 _AMSL_FRAMES = frozenset({0, 5})
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
-_GPS_GRACE = 5.5
 _GCS_GONE = 3.0
 _TEXTS_KEPT = 20
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
@@ -54,6 +54,7 @@ class Px4(Autopilot):
         mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     }
     real_ready: ClassVar[float] = 4.6
+    gps_grace: ClassVar[float] = 5.5
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
@@ -82,19 +83,6 @@ class Px4(Autopilot):
     def initialised(self) -> bool:
         """True once the heartbeat says STANDBY."""
         return self.age(4.0)
-
-    @property
-    def origin_set(self) -> bool:
-        """True once the estimator has an origin; home comes with it."""
-        return self.home is not None
-
-    @property
-    def has_position(self) -> bool:
-        """True once the estimator is ready, and until GPS has been away for a few seconds."""
-        if "not_ready" in self.faults and not self.armed:
-            return False
-        lost = self.gps_lost_at is not None and self.time - self.gps_lost_at > _GPS_GRACE
-        return self.age(self.real_ready) and not lost
 
     @property
     def has_receiver(self) -> bool:

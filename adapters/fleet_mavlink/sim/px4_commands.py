@@ -17,7 +17,7 @@ from fleet_mavlink.sim.ask import (
     Ask,
     whole,
 )
-from fleet_mavlink.sim.autopilot import CRITICAL, INFO, Geo, Handler, accept
+from fleet_mavlink.sim.autopilot import Geo, Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
     configure_gimbal,
@@ -29,6 +29,7 @@ from fleet_mavlink.sim.common_commands import (
 )
 from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre, Takeoff
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.autopilot import CRITICAL, WARNING
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_modes import MODES
+from fleet_mavlink.sim.speaker import CRITICAL, WARNING
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.px4 import Px4

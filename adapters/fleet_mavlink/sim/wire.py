@@ -9,7 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mav
 
 from fleet.sim.faults import BadWire
-from fleet_mavlink.sim.components import ACCESSORIES
+from fleet_mavlink.sim.components import ACCESSORIES, framed
 from fleet_mavlink.sim.vehicle import ARDUPILOT_GREETING, SimVehicle
 
 
@@ -41,7 +41,7 @@ class Wire:
         frames: list[bytes] = []
         for piece in self._inbound.carry((), now):
             frames.extend(self._handle(piece, now))
-        frames.extend(self._framed(self.vehicle.step(now)))
+        frames.extend(framed(self._packer, self.vehicle.step(now)))
         frames = self._outbound.carry(frames, now)
         for accessory in self._accessories:
             frames.extend(accessory.step(now))
@@ -60,7 +60,7 @@ class Wire:
             if answers:
                 frames.extend(answers[0])
             else:
-                frames.extend(self._framed(self.vehicle.handle(message, now)))
+                frames.extend(framed(self._packer, self.vehicle.handle(message, now)))
         return frames
 
     def _sign(self, message: Any) -> None:
@@ -73,14 +73,6 @@ class Wire:
             end.signing.secret_key = bytes(message.secret_key) if signs else None
             end.signing.timestamp = message.initial_timestamp
             end.signing.sign_outgoing = signs
-
-    def _framed(self, messages: Iterable[Any]) -> list[bytes]:
-        """Return the frames of the autopilot's messages."""
-        frames = []
-        for message in messages:
-            frames.append(bytes(message.pack(self._packer)))
-            self._packer.seq = (self._packer.seq + 1) & 0xFF
-        return frames
 
 
 def _parser() -> Any:

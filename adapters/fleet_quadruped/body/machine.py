@@ -92,6 +92,7 @@ class Body:
         return self._power_up(Mode.RISING)
 
     def _recover(self, _value: float, sense: Sense) -> str:
+        """Get up from whatever it lies on; return why not, empty when it does."""
         if self.mode in _STANDS:
             return ""
         if self.mode is not Mode.OFF:

@@ -35,6 +35,11 @@ class Imu(NamedTuple):
         """How much of the body's z axis points up: 1 upright, -1 on its back."""
         return 1 - 2 * (self.rotation.x**2 + self.rotation.y**2)
 
+    @property
+    def tilt(self) -> float:
+        """Radians between the body's z axis and straight up."""
+        return math.acos(max(-1.0, min(1.0, self.up)))
+
 
 class Sense(msgspec.Struct, frozen=True, gc=False):
     """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh."""

@@ -26,7 +26,7 @@ from pydantic import AfterValidator
 from fleet.clock import Clock
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.can import raw
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import Frame, is_foreign
 from fleet_quadruped.can.raw import Packet
 
 log = logging.getLogger(__name__)
@@ -136,7 +136,7 @@ class Bus:
             self.errors += 1
             if packet.frame.id & _BUS_OFF:
                 self._dead = "bus-off: the controller has left the bus; check termination, bitrate and wiring"
-        elif not packet.remote:
+        elif not packet.unwanted:
             frames.append(packet.frame)
 
     def _failed(self, error: Exception) -> None:
@@ -158,7 +158,7 @@ class Bus:
 
 def _message(frame: Frame) -> can.Message:
     """Return a frame as python-can has it."""
-    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.id > 0x7FF, check=False)
+    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended, check=False)
 
 
 def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
@@ -168,8 +168,8 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
         if message is None:
             return
         frame = Frame(message.arbitration_id, bytes(message.data))
-        foreign = message.is_extended_id and frame.id <= raw.STANDARD_ID
-        yield Packet(frame, message.is_error_frame, message.is_remote_frame or foreign)
+        unwanted = message.is_remote_frame or is_foreign(frame.id, extended=message.is_extended_id)
+        yield Packet(frame, message.is_error_frame, unwanted)
         wait = 0.0
 
 

@@ -122,7 +122,7 @@ def _save(path: Path, frames: list[Captured]) -> None:
 
 def _line(captured: Captured) -> str:
     frame = captured.frame
-    width = 3 if frame.id <= 0x7FF else 8
+    width = 8 if frame.extended else 3
     way = "T" if captured.sent else "R"
     return f"({captured.time:.6f}) {captured.bus} {frame.id:0{width}X}#{frame.data.hex().upper()} {way}\n"
 

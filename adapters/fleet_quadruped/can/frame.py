@@ -6,15 +6,31 @@ from typing import Protocol
 
 import msgspec
 
+STANDARD_ID = 0x7FF
+"""The largest identifier of a standard frame; one beyond it makes an extended frame."""
+
 
 class Frame(msgspec.Struct, frozen=True, gc=False):
-    """One data frame: identifier (extended when it is beyond 7FFh) and up to eight bytes.
+    """One data frame: identifier (extended when it is beyond STANDARD_ID) and up to eight bytes.
 
     Thousands are made in a second, so it is what is made quickest.
     """
 
     id: int
     data: bytes
+
+    @property
+    def extended(self) -> bool:
+        """True when it is an extended frame."""
+        return self.id > STANDARD_ID
+
+
+def is_foreign(identifier: int, *, extended: bool) -> bool:
+    """Tell whether a frame that was read is nobody's here: extended, with the number of a standard one.
+
+    As a ``Frame`` it could not be told from that one.
+    """
+    return extended and identifier <= STANDARD_ID
 
 
 class CanBus(Protocol):

@@ -10,41 +10,42 @@ import socket
 import struct
 from typing import NamedTuple
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import STANDARD_ID, Frame, is_foreign
 
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 1 << 31, 1 << 30, 1 << 29
-STANDARD_ID, _EXTENDED_ID = 0x7FF, 0x1FFFFFFF
+_EXTENDED_ID = 0x1FFFFFFF
 _PACKET = 72  # bytes of the longest frame, one with flexible data rate
 
 
 class Packet(NamedTuple):
     """What was read: a frame, and whether it is one that tells of errors, or one that is for nobody here.
 
-    ``remote``: one without data, or an extended one with the number of a standard one, which it is not.
+    ``unwanted``: a remote one, which has no data, a foreign one, or one that was cut short.
     """
 
     frame: Frame
     error: bool = False
-    remote: bool = False
+    unwanted: bool = False
 
 
 def pack(frame: Frame) -> bytes:
     """Return a frame as the kernel takes it."""
-    identifier = frame.id | _EXTENDED if frame.id > STANDARD_ID else frame.id
+    identifier = frame.id | _EXTENDED if frame.extended else frame.id
     return _FRAME.pack(identifier, len(frame.data), frame.data)
 
 
 def unpack(data: bytes) -> Packet:
     """Return what the kernel gave; a frame that is cut short is an empty one that nobody wants."""
     if len(data) < _FRAME.size:
-        return Packet(Frame(0, b""), remote=True)
+        return Packet(Frame(0, b""), unwanted=True)
     word, length, payload = _FRAME.unpack_from(data)
     if word & _ERROR:
         return Packet(Frame(word & _EXTENDED_ID, payload[:length]), error=True)
-    identifier = word & (_EXTENDED_ID if word & _EXTENDED else STANDARD_ID)
-    foreign = word & _EXTENDED and identifier <= STANDARD_ID
-    return Packet(Frame(identifier, payload[:length]), remote=bool(word & _REMOTE or foreign))
+    extended = bool(word & _EXTENDED)
+    identifier = word & (_EXTENDED_ID if extended else STANDARD_ID)
+    unwanted = bool(word & _REMOTE) or is_foreign(identifier, extended=extended)
+    return Packet(Frame(identifier, payload[:length]), unwanted=unwanted)
 
 
 def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:

@@ -63,6 +63,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _run(plan: Plan, clock: Clock) -> None:
+    """Open the buses, configure the drives, say that it is ready, and run the cycles to their end."""
     body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:
         machine: Simulated | None = None

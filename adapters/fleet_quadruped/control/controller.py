@@ -160,6 +160,7 @@ class Controller:
         return imu_of(self._imu.values)
 
     def _observed(self, now: float, dt: float) -> Observed:
+        """Return what the monitor judges in this cycle; a battery that is silent tells nothing."""
         battery, described = self._battery, self.dog.battery
         fresh = battery is not None and described is not None and battery.age(now) < described.timeout
         return Observed(

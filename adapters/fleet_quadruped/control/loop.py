@@ -142,6 +142,7 @@ class Loop:
                 raise
 
     def _cycle_on(self) -> None:
+        """Run cycles at absolute deadlines until the dog rests after it was told to leave."""
         dt = self._controller.dt
         deadline = last = self._clock.monotonic()
         while True:
@@ -211,6 +212,7 @@ class Loop:
             self._window = (now, 0, 0.0)
 
     def _timing(self) -> Timing:
+        """Return how well the cycles keep their time."""
         return Timing(
             realtime=self._priority,
             rate=self._rate,

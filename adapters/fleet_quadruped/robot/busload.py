@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+from fleet_quadruped.can.frame import STANDARD_ID
 from fleet_quadruped.robot.parts import Battery, Drive, Sensor
 
 HIGHEST = 0.6  # share of a bus beyond which frames come late
@@ -29,5 +30,5 @@ def bus_loads(
     for sensor in sensors:
         rate = _BATTERY_HZ if isinstance(sensor, Battery) else drive.cycle_hz
         for frame in sensor.frames:
-            per_second[sensor.bus] += rate * frame_bits(frame.length, extended=frame.id > 0x7FF)
+            per_second[sensor.bus] += rate * frame_bits(frame.length, extended=frame.id > STANDARD_ID)
     return {bus: bits / bitrates[bus] for bus, bits in per_second.items()}

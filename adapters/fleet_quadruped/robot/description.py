@@ -141,6 +141,7 @@ class Description(Section):
         return Joint(name, wiring.bus, wiring.id, wiring.sign, wiring.offset, low, high, kind)
 
     def _leg(self, name: str) -> Leg:
+        """Return the geometry of one leg: FL, FR, RL or RR."""
         shape = self.geometry
         knees = shape.front_knees if name[0] == "F" else shape.rear_knees
         side = 1 if name[1] == "L" else -1

@@ -192,9 +192,9 @@ class Monitor:
         self._imu = seen.imu
         if self._same > _FROZEN:
             yield Trip(Stage.DAMP, f"imu: frozen, exactly the same for {self._same:.2f} s of walking")
-        angle = math.acos(max(-1.0, min(1.0, seen.imu.up)))
-        if angle > self._dog.safety.tilt:
-            yield Trip(Stage.DAMP, f"imu: tilted {angle:.2f} rad, more than {self._dog.safety.tilt:g}")
+        tilt, most = seen.imu.tilt, self._dog.safety.tilt
+        if tilt > most:
+            yield Trip(Stage.DAMP, f"imu: tilted {tilt:.2f} rad, more than {most:g}")
 
     def heat(self, seen: Observed) -> Iterator[Trip]:
         """Sit down for a hot joint."""

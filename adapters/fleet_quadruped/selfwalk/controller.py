@@ -187,9 +187,9 @@ class SelfWalkController:
         if age > self.walker.timeout and self.mode in _STANDS:
             self.fault = self.fault or f"{self.walker.robot.name}: no state for {age:.2f} s"
         if self._imu is not None and self.mode in _STANDS:
-            tilt = math.acos(max(-1.0, min(1.0, self._imu.up)))
-            if tilt > self.walker.safety.tilt:
-                self._stop(f"imu: tilted {tilt:.2f} rad, more than {self.walker.safety.tilt:g}", now)
+            tilt, most = self._imu.tilt, self.walker.safety.tilt
+            if tilt > most:
+                self._stop(f"imu: tilted {tilt:.2f} rad, more than {most:g}", now)
 
     def _warning(self) -> str:
         if self._unnamed:

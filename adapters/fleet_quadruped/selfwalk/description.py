@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from fleet_quadruped.can.frame import STANDARD_ID
 from fleet_quadruped.frames import FrameMap
 from fleet_quadruped.robot.busload import HIGHEST, frame_bits
 from fleet_quadruped.robot.parts import Bus, Machine, Pace, Positive, Section, Sensor, Switch, Watch
@@ -110,7 +111,8 @@ class SelfWalker(Section):
         """How full its bus is, as a share."""
         wire = self.wire
         bits = sum(
-            frame_bits(frame.length, extended=frame.id > 0x7FF) for frame in (*wire.velocity, *wire.state)
+            frame_bits(frame.length, extended=frame.id > STANDARD_ID)
+            for frame in (*wire.velocity, *wire.state)
         )
         bits += sum(frame_bits(len(frame.data)) for frame in wire.alive)
         return {self.bus: bits * self.cycle_hz / self.buses[self.bus].bitrate}

@@ -14,7 +14,7 @@ from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Encoder, Hears
 from fleet_quadruped.sim.sdo import Entry, SdoServer
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
@@ -55,6 +55,7 @@ class SimDrive:
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
+        self.encoder = Encoder(motor)
         self._units = wire.Units(joint)
         self._send = send
         self._warm_since: float | None = None
@@ -64,8 +65,6 @@ class SimDrive:
         self.state = State.SWITCH_ON_DISABLED
         self.nmt = 0x7F  # pre-operational
         self._muted = self._terse = self._deaf = False
-        self._jump = 0.0  # rad that the encoder is off
-        self._stuck: float | None = None  # rad that the encoder says for ever
         self._dozing = 0  # times that it does not hear that it is to be enabled
         self.voltage = FULL
         self._code = 0
@@ -120,14 +119,6 @@ class SimDrive:
         """Become warmer, for good."""
         self._warm_since = self._time
 
-    def shift(self, angle: float) -> None:
-        """Let the encoder be off by an angle, rad."""
-        self._jump += angle
-
-    def stick(self) -> None:
-        """Let the encoder say the same for ever."""
-        self._stuck = self.motor.angle + self._jump
-
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""
         self._dozing = STUBBORN
@@ -152,8 +143,7 @@ class SimDrive:
         left = self._begun + self._cycle - self._time  # s of interpolation
         self._time += dt
         motor = self.motor
-        if self._stuck is not None:
-            self._jump = self._stuck - motor.angle
+        self.encoder.follow()
         if self.state is not State.ENABLED:
             motor.kp = motor.feed = motor.target_speed = motor.slope = 0.0
             motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
@@ -229,9 +219,8 @@ class SimDrive:
         motor, status = self.motor, _STATUS[self.state]
         if self._deaf:
             status &= ~FOLLOWS
-        angle = motor.angle + self._jump if self._stuck is None else self._stuck
         torque = None if self.sdo.unmappable else motor.torque
-        self._say(wire.TPDO1, self._units.pack(status, angle, torque))
+        self._say(wire.TPDO1, self._units.pack(status, self.encoder.angle, torque))
         self._syncs += 1
         if self._syncs % SLOW_EVERY == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
@@ -248,7 +237,7 @@ class SimDrive:
             self._switch(control, before)
         if self.state is State.ENABLED and not self._deaf:
             self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
-            self._to = angle - self._jump
+            self._to = angle - self.encoder.off
             self._feed = torque
             self._begun = self._time
 

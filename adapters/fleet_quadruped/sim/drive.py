@@ -7,18 +7,46 @@ from typing import Protocol
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.robot.description import Joint
+from fleet_quadruped.sim.world import Motor
 
 STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
 COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
 
-
 Hears = Callable[[Frame], None]
+
+
+class Encoder:
+    """What a drive believes of where its motor is; ``off`` is by how much it errs, rad."""
+
+    def __init__(self, motor: Motor) -> None:
+        self.off = 0.0
+        self._motor = motor
+        self._stuck: float | None = None  # rad that it says for ever
+
+    @property
+    def angle(self) -> float:
+        """What it says, rad."""
+        return self._motor.angle + self.off if self._stuck is None else self._stuck
+
+    def shift(self, angle: float) -> None:
+        """Be off by an angle more, rad."""
+        self.off += angle
+
+    def stick(self) -> None:
+        """Say the same for ever."""
+        self._stuck = self.angle
+
+    def follow(self) -> None:
+        """Note how far the motor has gone on from where a stuck one says that it is."""
+        if self._stuck is not None:
+            self.off = self._stuck - self._motor.angle
 
 
 class AnyDrive(Protocol):
     """One simulated drive; ``voltage`` is what its supply has, V."""
 
     joint: Joint
+    encoder: Encoder
     voltage: float
 
     @property
@@ -42,12 +70,6 @@ class AnyDrive(Protocol):
 
     def warm(self) -> None:
         """Become warmer, for good."""
-
-    def shift(self, angle: float) -> None:
-        """Let the encoder be off by an angle, rad."""
-
-    def stick(self) -> None:
-        """Let the encoder say the same for ever."""
 
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""

@@ -12,7 +12,7 @@ from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Encoder, Hears
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
@@ -26,6 +26,7 @@ class SimMitDrive:
     def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
+        self.encoder = Encoder(motor)
         self._send = send
         self._profile = PROFILES[drive.profile]
         self._layout = wire.Layout(self._profile)
@@ -43,8 +44,6 @@ class SimMitDrive:
         self._temperature, self._warming = COOL, 0.0
         self._terse = False
         self._refusing = False
-        self._jump = 0.0
-        self._stuck: float | None = None  # rad that the encoder says for ever
         self._dozing = 0  # times that it does not hear that it is to be enabled
         self.voltage = FULL  # of which its frames say nothing
         self._silence = 0.0
@@ -76,14 +75,6 @@ class SimMitDrive:
         """Become warmer, for good."""
         self._warming = WARMING
 
-    def shift(self, angle: float) -> None:
-        """Let the encoder be off by an angle, rad."""
-        self._jump += angle
-
-    def stick(self) -> None:
-        """Let the encoder say the same for ever."""
-        self._stuck = self.motor.angle + self._jump
-
     def doze(self) -> None:
         """Miss the first few times that it is to be enabled."""
         self._dozing = STUBBORN
@@ -100,8 +91,7 @@ class SimMitDrive:
         """Set the motor for the next ``dt`` seconds, and look after the watchdog."""
         self._silence += dt
         self._temperature += self._warming * dt
-        if self._stuck is not None:
-            self._jump = self._stuck - self.motor.angle
+        self.encoder.follow()
         if self.status == wire.ENABLED and self._silence > self._timeout:
             self.status = _LOST
         motor = self.motor
@@ -111,7 +101,7 @@ class SimMitDrive:
         angle, speed, kp, kd, torque = self._command
         motor.kp, motor.kd = kp * self._square, kd * self._square
         target, motor.target_speed, motor.feed = self._units.joint(angle, speed, torque)
-        motor.target = target - self._jump
+        motor.target = target - self.encoder.off
 
     def _obey(self, frame: Frame) -> None:
         """Take a special frame or a command, and answer."""
@@ -136,8 +126,7 @@ class SimMitDrive:
     def _reply(self) -> None:
         """Tell where the motor is."""
         motor = self.motor
-        measured = motor.angle + self._jump if self._stuck is None else self._stuck
-        angle, speed, torque = self._units.motor(measured, motor.speed, motor.torque)
+        angle, speed, torque = self._units.motor(self.encoder.angle, motor.speed, motor.torque)
         reply = (self.joint.id, angle, speed, torque, self.status, self._temperature)
         data = self._layout.pack_reply(reply)
         self._send(Frame(self._place, data[:2] if self._terse else data))

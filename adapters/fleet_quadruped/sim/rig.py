@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import msgspec
@@ -58,7 +57,7 @@ class Rig:
             self.order = msgspec.structs.replace(self.order, until=now + 1.0, alive=now)
         self.controller.finish(now, dt, self.order)
         self.sim.advance(dt)
-        self.tilt = max(self.tilt, math.acos(max(-1.0, min(1.0, self.sim.world.imu().up))))
+        self.tilt = max(self.tilt, self.sim.world.imu().tilt)
         self.watch()
 
     def reconnect(self) -> None:

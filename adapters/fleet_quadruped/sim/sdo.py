@@ -58,6 +58,7 @@ class SdoServer:
         self._answer(command, place, entry.value.to_bytes(entry.size, "little"))
 
     def _download(self, place: tuple[int, int], data: bytes) -> None:
+        """Write an object as a master asks, or abort with the reason."""
         entry = self.objects.get(place)
         size = 4 - (data[0] >> 2 & 3) if data[0] & 1 else 4
         problem = NO_OBJECT if entry is None else self._refusal(place, entry, size)

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import ClassVar
 
 import msgspec
 
-from fleet import Lines
-from fleet_ugv.codecs.base import Codec
+from fleet_ugv.codecs.base import LineCodec
 from fleet_ugv.model import Event, Feedback, Motion, Steering, Trouble, Wheels
 
 PID_RATE = 30.0  # Hz
+LONGEST_LINE = 256  # bytes that the board says at most, with room to spare
 LARGEST = 32767  # ticks a period that fit the firmware's int
 COUNTER = 2**32  # ticks after which the counters begin anew
 _COUNTERS = re.compile(rb"(-?\d{1,10}) (-?\d{1,10})")
@@ -32,21 +31,15 @@ class Servo(msgspec.Struct, frozen=True):
     gain: float = math.degrees(1.0)
 
 
-class ArduinoCodec(Codec):
+class ArduinoCodec(LineCodec):
     """One board; ``ticks``: encoder ticks a metre; ``servo`` for a robot that steers."""
 
     stop: ClassVar[bytes] = b"\rm 0 0\r"
 
     def __init__(self, *, ticks: float, servo: Servo | None = None) -> None:
-        self.garbage = 0
+        super().__init__(LONGEST_LINE)
         self._ticks = ticks
         self._servo = servo or Servo()
-        self._cutter = Lines(b"\n", 256).cutter()
-
-    def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; return what the whole lines say."""
-        events = (self._event(line) for line in self._cutter.feed(data))
-        return [event for event in events if event is not None]
 
     def _event(self, line: bytes) -> Event | None:
         """Return what one answer says; before it may stand an echo of what was asked."""

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
-from fleet import Unsupported
+from fleet import Lines, Unsupported
 from fleet_ugv.model import Event, Motion
 
 
@@ -51,3 +51,20 @@ class Codec(ABC):
     def display(self, lines: Sequence[str]) -> bytes:  # noqa: ARG002 - for overriders
         """Return what writes on the display; no lines: its own text again."""
         raise Unsupported("this base has no display")
+
+
+class LineCodec(Codec):
+    """A codec of a base that speaks lines, of ``longest`` bytes at most; what is longer is dropped."""
+
+    def __init__(self, longest: int) -> None:
+        self.garbage = 0
+        self._cutter = Lines(b"\n", longest).cutter()
+
+    def feed(self, data: bytes) -> Sequence[Event]:
+        """Take what arrived; return what the whole lines say."""
+        events = map(self._event, self._cutter.feed(data))
+        return [event for event in events if event is not None]
+
+    @abstractmethod
+    def _event(self, line: bytes) -> Event | None:
+        """Return what one line says, None for nothing; what makes no sense is counted."""

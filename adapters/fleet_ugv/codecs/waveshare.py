@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from fleet import Lines, Vector3
-from fleet_ugv.codecs.base import Codec
+from fleet import Vector3
+from fleet_ugv.codecs.base import LineCodec
 from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Trouble, Wheels
 
 FASTEST = 2.0  # m/s; the firmware ignores more
@@ -34,22 +34,16 @@ _VOLTS: _Limits = (1.0, 60.0)
 _decode = msgspec.json.Decoder().decode
 
 
-class WaveshareCodec(Codec):
+class WaveshareCodec(LineCodec):
     """One board. ``main`` and ``module`` are the numbers of T 900; ``timeout``: of its dead-man, s."""
 
     stop: ClassVar[bytes] = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
 
     def __init__(self, *, main: int, module: int, timeout: float) -> None:
-        self.garbage = 0
+        super().__init__(LONGEST_LINE)
         self._main = main
         self._module = module
         self._timeout = round(timeout * 1000)
-        self._cutter = Lines(b"\n", LONGEST_LINE).cutter()
-
-    def feed(self, data: bytes) -> Sequence[Event]:
-        """Take what arrived; return what the whole lines say."""
-        events = (self._event(line) for line in self._cutter.feed(data))
-        return [event for event in events if event is not None]
 
     def _event(self, line: bytes) -> Event | None:
         """Return what one line says; the board prints plain text while it starts."""

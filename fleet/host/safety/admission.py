@@ -6,6 +6,7 @@ from fleet.clock import Clock
 from fleet.host.safety.age import AgeCheck
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.lease import ControlLease
+from fleet.host.safety.let_go import LetGo
 from fleet.host.safety.policy import STOPS, SourcePolicy
 from fleet.model.command import Command, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
@@ -23,13 +24,16 @@ class Admission:
         self.latch = latch
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
+        self._let_go = LetGo(config.setpoint_lease)
 
     def stopped(self, ask: Command) -> None:
         """Take note of a stop: its asker lets go of the robot, and what he asked before it is late.
 
-        Those who give no session may be several, each with a clock of his own.
+        Whoever else drives has to let go, too. Those who give no session may be several, each with a clock
+        of his own.
         """
         self.lease.let_go(ask.origin.session)
+        self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
         if ask.origin.session and ask.stamp is not None:
             self._ages.stopped(_asker(ask.origin), ask.stamp, wall=self._clock.time())
 
@@ -48,12 +52,17 @@ class Admission:
 
     def setpoint(self, ask: Setpoint) -> str | None:
         """Judge a velocity."""
-        return (
+        asker, now = _asker(ask.origin), self._clock.monotonic()
+        refusal = (
             self._policy.refusal(ask.origin)
             or self._age(ask.origin, ask.stamp, self._config.max_age, ordered=True)
             or self.motion()
+            or self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
             or self._turn(ask.origin)
         )
+        if refusal is None:
+            self._let_go.drove(asker, now)
+        return refusal
 
     def navigate(self, ask: Navigate) -> str | None:
         """Judge a navigation message; stop and pause are let through, resume is motion."""

@@ -21,10 +21,6 @@ def after(message, now=1.0):
     return reduce_carried(Carried(), message, now)
 
 
-def of(reports, kind):
-    return [report for report in reports if isinstance(report, kind)]
-
-
 def test_ardupilots_thousandths_become_si():
     imu = after(RawImu(0, 0, -1000, 100, 0, -500)).imu
     assert imu.accel.z == pytest.approx(-9.80665)
@@ -65,11 +61,11 @@ def test_rates_and_acceleration_are_reported_in_the_bodys_frame(fly, sky, flavou
     async def main():
         async with sky(flavour, rates={"imu": 20.0}) as it:
             await it.met()
-            await it.until(lambda: of(it.robot.reports, ImuReport))
-            report = of(it.robot.reports, ImuReport)[-1]
+            await it.until(lambda: it.robot.reports_of(ImuReport))
+            report = it.robot.reports_of(ImuReport)[-1]
             assert report.accel.z == pytest.approx(9.81, abs=0.05)
-            before = len(of(it.robot.reports, ImuReport))
-            await it.until(lambda: len(of(it.robot.reports, ImuReport)) >= before + 40, within=4.0)
+            before = len(it.robot.reports_of(ImuReport))
+            await it.until(lambda: len(it.robot.reports_of(ImuReport)) >= before + 40, within=4.0)
 
     fly(main())
 
@@ -79,7 +75,7 @@ def test_motors_are_the_joints_that_the_config_names(fly, sky):
         async with sky("ardupilot", motor_joints=["m1", "m2", "m3", "m4"]) as it:
             await it.met()
             await it.do("arm")
-            await it.until(lambda: of(it.robot.reports, JointReport)[-1].velocities["m4"] > 100.0)
+            await it.until(lambda: it.robot.reports_of(JointReport)[-1].velocities["m4"] > 100.0)
 
     fly(main())
 
@@ -88,13 +84,13 @@ def test_a_position_that_is_not_told_any_more_is_not_told_again(fly, sky):
     async def main():
         async with sky("px4") as it:
             await it.met()
-            await it.until(lambda: of(it.robot.reports, PoseReport))
+            await it.until(lambda: it.robot.reports_of(PoseReport))
             it.sim.pilot.streams.set = lambda *_: None
             it.sim.pilot.streams._due.pop(33)
             await it.until(lambda: it.now - it.state.position_at + it._origin > 2.0)
-            before = len(of(it.robot.reports, PoseReport))
-            await it.until(lambda: len(of(it.robot.reports, MetricsReport)) > 3)
-            assert len(of(it.robot.reports, PoseReport)) == before
+            before = len(it.robot.reports_of(PoseReport))
+            await it.until(lambda: len(it.robot.reports_of(MetricsReport)) > 3)
+            assert len(it.robot.reports_of(PoseReport)) == before
 
     fly(main())
 
@@ -103,9 +99,9 @@ def test_what_went_wrong_on_the_link_is_counted_and_told(fly, sky):
     async def main():
         async with sky("px4", faults={"corrupt": 0.2}) as it:
             await it.met()
-            await it.until(lambda: of(it.robot.reports, MetricsReport))
-            await it.until(lambda: of(it.robot.reports, MetricsReport)[-1].errors)
-            (error,) = of(it.robot.reports, MetricsReport)[-1].errors
+            await it.until(lambda: it.robot.reports_of(MetricsReport))
+            await it.until(lambda: it.robot.reports_of(MetricsReport)[-1].errors)
+            (error,) = it.robot.reports_of(MetricsReport)[-1].errors
             assert "checksum" in error["type"]
             assert error["count"] > 0
 

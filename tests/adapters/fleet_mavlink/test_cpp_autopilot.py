@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import socket
 import sys
 from pathlib import Path
 
@@ -28,17 +27,19 @@ ITEMS = tuple(
 
 
 @pytest.fixture
-async def flown():
+async def flown(free_udp_port):
     """Run the adapter on a link to the C++ autopilot, until the test is over."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    entry = {"name": "kestrel", "twin": TWIN, "adapter": "mavlink", "link": f"udpin:127.0.0.1:{port}"}
+    entry = {
+        "name": "kestrel",
+        "twin": TWIN,
+        "adapter": "mavlink",
+        "link": f"udpin:127.0.0.1:{free_udp_port}",
+    }
     adapter = MavlinkAdapter(MavlinkConfig.model_validate(entry))
     robot = RecordingRobot(clock=SystemClock())
     running = asyncio.ensure_future(adapter.run(robot))
     autopilot = await asyncio.create_subprocess_exec(
-        sys.executable, str(AUTOPILOT), str(port), stdout=asyncio.subprocess.DEVNULL
+        sys.executable, str(AUTOPILOT), str(free_udp_port), stdout=asyncio.subprocess.DEVNULL
     )
     yield adapter, robot
     autopilot.kill()

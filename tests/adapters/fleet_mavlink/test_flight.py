@@ -17,10 +17,6 @@ FORWARD = Velocity(Vector3(2.0, 0.0, 0.0))
 STILL = Velocity()
 
 
-def of(reports, kind):
-    return [report for report in reports if isinstance(report, kind)]
-
-
 @both
 def test_it_takes_off_and_lands(fly, sky, flavour):
     async def main():
@@ -30,7 +26,7 @@ def test_it_takes_off_and_lands(fly, sky, flavour):
             assert it.height == pytest.approx(8.0, abs=0.7)
             assert percents == sorted(percents)
             assert percents[-1] == 100.0
-            await it.until(lambda: of(it.robot.reports, FlightStateReport)[-1].is_flying)
+            await it.until(lambda: it.robot.reports_of(FlightStateReport)[-1].is_flying)
             await it.do("land")
             assert not it.armed
             assert it.height < 0.2

@@ -16,10 +16,6 @@ FORWARD = Velocity(Vector3(2.0, 0.0, 0.0))
 STILL = Velocity()
 
 
-def of(reports, kind):
-    return [report for report in reports if isinstance(report, kind)]
-
-
 async def exhausted(steps):
     """Let something run to its end."""
     async for _ in steps:
@@ -40,7 +36,7 @@ def test_it_goes_to_a_place_in_the_world(fly, sky, flavour):
             assert not any(step.blocked for step in steps)
             assert it.place == pytest.approx((6.0, 10.0, 7.0), abs=0.7)
             assert math.degrees(it.sim.body.heading) % 360 == pytest.approx(270.0, abs=12)
-            pose = of(it.robot.reports, PoseReport)[-1]
+            pose = it.robot.reports_of(PoseReport)[-1]
             assert (pose.position.x, pose.position.y, pose.position.z) == pytest.approx((10, 6, 7), abs=1.0)
 
     fly(main())

@@ -50,7 +50,7 @@ def test_what_the_autopilot_says_is_passed_on(fly, sky, flavour):
             await it.met()
             await it.do("arm")
             await asyncio.sleep(1)
-            said = [report.message for report in it.robot.reports if isinstance(report, LogReport)]
+            said = [report.message for report in it.robot.reports_of(LogReport)]
             assert any("rm" in text for text in said)
             controller = [each for each in it.robot.reports if isinstance(each, FlightControllerReport)][-1]
             assert controller.armed

@@ -46,7 +46,7 @@ async def test_it_stands_walks_and_sits_down(running):
         await robot.until(
             lambda: {JointReport, ImuReport, BatteryReport, MetricsReport} <= set(map(type, robot.reports))
         )
-    joints = next(report for report in robot.reports if isinstance(report, JointReport))
+    joints = robot.reports_of(JointReport)[0]
     assert list(joints.positions)[:3] == ["FL_abad", "FL_hip", "FL_knee"]
     assert len(joints.positions) == len(joints.velocities) == len(joints.efforts) == 12
 
@@ -146,9 +146,9 @@ async def test_it_takes_a_photo_lights_its_lamp_and_tells_its_battery(running, t
         await adapter.led_toggle()
         await robot.until(lambda: bool(adapter._state.battery))
         await adapter.battery_check()
-    photo = next(report for report in robot.reports if isinstance(report, PhotoReport))
+    photo = robot.reports_of(PhotoReport)[0]
     assert (photo.width, photo.height) == (640, 480)
-    assert next(report for report in robot.reports if isinstance(report, BatteryReport)).percent == 80
+    assert robot.reports_of(BatteryReport)[0].percent == 80
 
 
 async def test_without_a_camera_a_photo_is_refused(running):

@@ -55,7 +55,7 @@ class Bench:
         return self.robot.healths[-1].level if self.robot.healths else None
 
     def last(self, kind):
-        return [report for report in self.robot.reports if isinstance(report, kind)][-1]
+        return self.robot.reports_of(kind)[-1]
 
     def motion(self):
         """Return what was written since the last look, and forget it."""

@@ -87,7 +87,7 @@ async def until(condition):
 
 def place_of(robot):
     """Return where the robot last said that it is."""
-    return [report for report in robot.reports if isinstance(report, PoseReport)][-1].position
+    return robot.reports_of(PoseReport)[-1].position
 
 
 def is_ok(robot):
@@ -151,7 +151,7 @@ async def test_when_the_worker_is_killed_the_base_stops_within_its_own_time(serv
     assert port.board.halted_at - killed <= port.board.timeout + 0.1
 
 
-async def test_a_megabyte_without_an_end_costs_no_memory_and_no_link(server, serve):
+async def test_a_megabyte_without_an_end_costs_no_link(server, serve):
     port = await server.add(SimSpec("waveshare-beast"))
     robot, _, _ = serve("waveshare-beast", port.url)
     await until(lambda: is_ok(robot))

@@ -1,6 +1,6 @@
 import pytest
 
-from fleet.bridge.roundtrip import LOST_AFTER, RoundTrip
+from fleet.bridge.roundtrip import LOST_AFTER, PING_EVERY, RoundTrip
 from fleet.errors import WireError
 
 PONG = b'{"type": "pong"}'
@@ -27,11 +27,20 @@ def test_one_ping_is_under_way_at_a_time_and_a_lost_one_is_forgotten(trip, clock
     trip.ask()
     clock.advance(0.1)
     trip.heard(PONG)
+    clock.advance(PING_EVERY)
     for _ in range(4):
         trip.ask()
         clock.advance(LOST_AFTER / 2)
     assert len(trip.sent) == 3
     assert trip.seconds is None
+
+
+def test_a_ping_is_sent_now_and_then_however_often_it_is_time_to_look(trip, clock):
+    for _ in range(5):
+        trip.ask()
+        trip.heard(PONG)
+        clock.advance(PING_EVERY / 2)
+    assert len(trip.sent) == 3
 
 
 def test_another_edge_does_not_answer_for_the_cloud(trip, clock):

@@ -108,7 +108,7 @@ class World:
             clock=clock,
         )
         self.bridge.client.publish = self._publish
-        self.bridge.client.light = lambda topic, _expiry: partial(self._publish, topic)
+        self.bridge.client.way = lambda topic, **how: partial(self._publish, topic, **how)
 
     def _publish(self, topic, payload, **properties):
         json.loads(payload)

@@ -1,7 +1,6 @@
 import contextlib
 import json
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -51,14 +50,6 @@ def directory():
     path = Path(tempfile.mkdtemp(prefix="fb"))
     yield path
     shutil.rmtree(path)
-
-
-@pytest.fixture
-def port():
-    """Find a port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 import queue
 import threading
+from functools import partial
 
 import pytest
 
@@ -21,6 +22,20 @@ def test_what_is_published_arrives_with_key_and_payload(edge, caller):
     edge.control.subscribe("fleet/*/stop", lambda *sample: heard.put(sample))
     caller.put("fleet/yard/stop", b"now", urgent=True)
     assert heard.get(timeout=DEADLINE) == ("fleet/yard/stop", b"now")
+
+
+def took(got, *sample):
+    got.put(sample)
+
+
+def test_one_subscription_for_many_keys_calls_only_what_belongs_to_the_very_key(edge, caller):
+    got = queue.Queue()
+    edge.control.subscribe_many("t/*", {key: partial(took, got, key) for key in ("t/a", "t/b")})
+    for key in ("t/stranger", "t/*", "t/b"):
+        caller.put(key, b"to " + key.encode())
+    assert got.get(timeout=DEADLINE) == ("t/b", b"to t/b")
+    caller.put("t/a", b"1")
+    assert got.get(timeout=DEADLINE) == ("t/a", b"1")
 
 
 def test_publishers_know_which_of_their_keys_somebody_else_listens_to(edge, caller):

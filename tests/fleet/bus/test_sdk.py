@@ -17,15 +17,15 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
 @pytest.fixture
-def outbox(directory, opened, port):
+def outbox(directory, opened, free_port):
     return Outbox(
-        opened(open_edge(BusSettings("yard", listen=(f"tcp/127.0.0.1:{port}",)), directory)).reports
+        opened(open_edge(BusSettings("yard", listen=(f"tcp/127.0.0.1:{free_port}",)), directory)).reports
     )
 
 
 @pytest.fixture
-def sdk(outbox, opened, port):
-    backend = opened(ZenohBackend(connect=[f"tcp/127.0.0.1:{port}"]))
+def sdk(outbox, opened, free_port):
+    backend = opened(ZenohBackend(connect=[f"tcp/127.0.0.1:{free_port}"]))
     return opened(DataBus(backend, twin_uuid=TWIN))
 
 

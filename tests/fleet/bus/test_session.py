@@ -24,11 +24,11 @@ def test_by_default_nothing_listens_beyond_this_computer(spawn_edge):
 
 
 @pytest.fixture
-def taken(port, monkeypatch):
-    """Have another program on the default port; it is ``port`` here."""
-    monkeypatch.setattr("fleet.bus.session.LOOPBACK_PORT", port)
-    with socket.create_server(("127.0.0.1", port)):
-        yield port
+def taken(free_port, monkeypatch):
+    """Have another program on the default port; it is ``free_port`` here."""
+    monkeypatch.setattr("fleet.bus.session.LOOPBACK_PORT", free_port)
+    with socket.create_server(("127.0.0.1", free_port)):
+        yield free_port
 
 
 def test_a_port_that_is_taken_is_told_once_and_does_without(directory, opened, taken, caplog):
@@ -92,8 +92,8 @@ def test_a_bad_endpoint_leaves_nothing_open(directory, opened):
 
 
 @pytest.mark.parametrize("place", ["tcp/127.0.0.1:{port}", "unixsock-stream/{directory}/more"])
-def test_both_lanes_are_reached_over_an_endpoint_of_the_fleet_file(directory, opened, port, place, sees):
-    endpoint = place.format(port=port, directory=directory)
+def test_both_lanes_are_reached_over_an_endpoint_of_the_fleet_file(directory, opened, free_port, place, sees):
+    endpoint = place.format(port=free_port, directory=directory)
     edge = opened(open_edge(BusSettings("yard", listen=(endpoint,)), directory))
     edge.control.token("fleet/yard")
     away = opened(join(BusSettings("elsewhere", connect=(endpoint,)), directory))
@@ -106,12 +106,12 @@ def test_a_worker_beside_its_edge_does_not_need_the_network(directory, opened):
     opened(join(settings, directory))
 
 
-def test_only_who_knows_the_password_comes_in(directory, opened, port, sees):
-    known = BusSettings("yard", listen=(f"tcp/127.0.0.1:{port}",), user="anna", password="secret")
+def test_only_who_knows_the_password_comes_in(directory, opened, free_port, sees):
+    known = BusSettings("yard", listen=(f"tcp/127.0.0.1:{free_port}",), user="anna", password="secret")
     edge = opened(open_edge(known, directory))
     edge.control.token("fleet/yard")
     assert not list(directory.glob("users*")), "the password is left on the disk"
-    there = (f"tcp/127.0.0.1:{port}",)
+    there = (f"tcp/127.0.0.1:{free_port}",)
     for connect in ((), there):
         name = "away" if connect else "yard"
         lane = opened(
@@ -123,9 +123,11 @@ def test_only_who_knows_the_password_comes_in(directory, opened, port, sees):
                 join_control(BusSettings(name, connect=connect, user=user, password=password), directory)
 
 
-def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, port):
-    hub = BusSettings("hub", mode="router", listen=(f"tcp/127.0.0.1:{port}",), user="anna", password="secret")
-    there = {"connect": (f"tcp/localhost:{port}",), "listen": (), "user": "anna"}
+def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, free_port):
+    hub = BusSettings(
+        "hub", mode="router", listen=(f"tcp/127.0.0.1:{free_port}",), user="anna", password="secret"
+    )
+    there = {"connect": (f"tcp/localhost:{free_port}",), "listen": (), "user": "anna"}
     knows, guesses = (
         opened(open_edge(BusSettings(name, password=password, **there), directory))
         for name, password in (("yard", "secret"), ("barn", "guess"))
@@ -148,15 +150,17 @@ def test_a_second_edge_does_not_need_the_password_to_be_refused(directory, opene
         open_edge(BusSettings("yard", listen=()), directory)
 
 
-def test_edges_that_are_clients_meet_at_their_router(directory, opened, port, spawn_edge, sees):
+def test_edges_that_are_clients_meet_at_their_router(directory, opened, free_port, spawn_edge, sees):
     clients = [
-        opened(open_edge(BusSettings(name, mode="client", connect=(f"tcp/127.0.0.1:{port}",)), directory))
+        opened(
+            open_edge(BusSettings(name, mode="client", connect=(f"tcp/127.0.0.1:{free_port}",)), directory)
+        )
         for name in ("yard", "barn")
     ]
     heard = queue.Queue()
     clients[1].reports.subscribe("cw/**", lambda *sample: heard.put(sample))
     clients[0].control.token("fleet/yard")
-    spawn_edge("hub", mode="router", listen=[f"tcp/127.0.0.1:{port}"])  # the router comes last
+    spawn_edge("hub", mode="router", listen=[f"tcp/127.0.0.1:{free_port}"])  # the router comes last
     sees(clients[1].control, "fleet/yard")
     wait_until("a report crosses", lambda: clients[0].reports.put("cw/x/data/y", b"1") or not heard.empty())
 
@@ -208,8 +212,8 @@ def certificates(directory):
     return BusTls(*(str(directory / name) for name in ("ca.pem", "yard.pem", "yard.key")), mutual=True)
 
 
-def test_only_who_shows_a_certificate_comes_in(directory, opened, port, certificates, sees):
-    there = f"tls/127.0.0.1:{port}"
+def test_only_who_shows_a_certificate_comes_in(directory, opened, free_port, certificates, sees):
+    there = f"tls/127.0.0.1:{free_port}"
     edge = opened(open_edge(BusSettings("yard", listen=(there,), tls=certificates), directory))
     edge.control.token("fleet/yard")
     lane = opened(join_control(BusSettings("away", connect=(there,), tls=certificates), directory))

@@ -1,7 +1,6 @@
 import contextlib
 import json
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -93,14 +92,6 @@ def runtime(monkeypatch):
     monkeypatch.setenv("FLEET_RUNTIME_DIR", str(path))
     yield path
     shutil.rmtree(path)
-
-
-@pytest.fixture
-def port():
-    """Find a port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class PlayedEdge:

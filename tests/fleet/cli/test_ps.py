@@ -78,9 +78,9 @@ def test_an_answer_that_cannot_be_read_hides_no_other(fleet, play_edge, caplog):
     assert "fleet/yard-1/robots/ghost/state cannot be read" in caplog.text
 
 
-def test_edges_that_are_linked_are_shown_once(fleet, play_edge, port):
-    play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{port}",))
-    play_edge("barn", connect=(f"tcp/127.0.0.1:{port}",)).sees("yard-1")
+def test_edges_that_are_linked_are_shown_once(fleet, play_edge, free_port):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{free_port}",))
+    play_edge("barn", connect=(f"tcp/127.0.0.1:{free_port}",)).sees("yard-1")
     result = fleet("ps", "--json")
     assert [edge["edge"] for edge in result.json["edges"]] == ["barn", "yard-1"]
     assert len(result.json["robots"]) == 1

@@ -167,9 +167,9 @@ def test_a_name_that_two_edges_have_is_not_guessed(fleet, yard, play_edge):
     assert (len(there), len(here)) == (0, 1)
 
 
-def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, port):
-    yard = play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{port}",))
-    play_edge("barn", connect=(f"tcp/127.0.0.1:{port}",)).sees("yard-1")
+def test_a_robot_that_is_reached_by_two_ways_is_asked_once(fleet, play_edge, free_port):
+    yard = play_edge("yard-1", robots={"rex": {"health": "ok"}}, listen=(f"tcp/127.0.0.1:{free_port}",))
+    play_edge("barn", connect=(f"tcp/127.0.0.1:{free_port}",)).sees("yard-1")
     asked = yard.answers("rex", ACCEPTED)
     assert fleet("send", "rex", "takeoff").code == 0
     assert len(asked) == 1

@@ -51,7 +51,7 @@ async def broker(ends):
 @pytest.fixture
 async def connection(ends, broker, clock):
     """Be connected, with the settings that an edge has by itself."""
-    box = Outbox(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats())
+    box = Outbox(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
     session = Session(SETTINGS, {}, box, CloudStats())
     one = Connection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.taken.set)
     broker.say(mqtt5.ConnAckPacket())

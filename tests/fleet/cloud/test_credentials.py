@@ -3,7 +3,7 @@ import re
 import pytest
 from cyberwave.config import resolve_mqtt_credentials
 
-from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials, from_environment
+from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 
 
 @pytest.mark.parametrize("token", [None, "cw_token", "plain"])
@@ -13,13 +13,6 @@ def test_the_broker_sees_what_the_published_sdk_sends(token, username, password)
     expected = resolve_mqtt_credentials(username, password, token)
     found = credentials(token, username, password)
     assert (found and (found.username, found.password)) == (expected if expected[1] else None)
-
-
-def test_the_environment_is_read_under_the_names_of_the_sdk():
-    found = from_environment({"CYBERWAVE_MQTT_USERNAME": "station", "CYBERWAVE_MQTT_PASSWORD": "secret"})
-    assert (found.username, found.password) == ("station", "secret")
-    assert from_environment({"CYBERWAVE_API_KEY": "cw_token"}) == credentials("cw_token")
-    assert from_environment({}) is None
 
 
 def test_a_password_is_not_shown():

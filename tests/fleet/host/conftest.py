@@ -26,8 +26,9 @@ from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Reply, Setpoint, Way
-from fleet.model.geometry import Vector3, Velocity
+from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress
+from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
 
@@ -140,6 +141,20 @@ class Bench:
     def statuses(self) -> list[str]:
         """Return the states of all navigation statuses, in order."""
         return [str(report.state) for report in self.reports if hasattr(report, "state")]
+
+    def happened(self, kind: str) -> list[TelemetryReport]:
+        """Return what was told of a kind on the telemetry channel."""
+        return [each for each in self.reports if isinstance(each, TelemetryReport) and each.type == kind]
+
+    def stands(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: Any = None) -> None:
+        """Let the robot say where it is."""
+        report = PoseReport(self.clock.time(), Vector3(x, y, z), rotation or Quaternion())
+        self.desk.see(report)
+        self.desk.guard.see(report)
+
+    def has(self, percent: float) -> None:
+        """Let the robot say how full its battery is."""
+        self.desk.guard.see(BatteryReport(0.0, percent))
 
 
 def a_command(name: str, source: str | None = "tele", session: str = "anna", **fields: Any) -> Command:

@@ -129,6 +129,18 @@ async def test_an_operator_who_stops_lets_go_of_the_robot(bench, asks):
     assert statuses(bench.ask(asks.setpoint(session="bert"))) == [ACCEPTED]
 
 
+async def test_a_stick_that_is_held_does_not_undo_somebody_else_s_stop(bench, asks):
+    bench.ask(asks.setpoint(session="anna"))
+    bench.ask(asks.command("stop", session="bert"))
+    for _ in range(20):
+        bench.clock.advance(0.1)
+        (answer,) = bench.ask(asks.setpoint(session="anna"))
+        assert "somebody else stopped it" in answer.reason
+    assert not bench.desk.in_motion
+    bench.clock.advance(0.6)
+    assert statuses(bench.ask(asks.setpoint(session="anna"))) == [ACCEPTED]
+
+
 async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     bench.ask(asks.command("emergency_stop", source=None))
     await asks.settle()

@@ -37,6 +37,9 @@ class Bench:
             arrival=clock.monotonic,
             worker="w",
         )
+        self.lane.subscribe(
+            keys.state("yard", "rex"), lambda _key, payload: self.robot.state_arrived(payload)
+        )
 
     def works(self, *answers):
         """Play a worker that gives these answers; returns what it is asked."""

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import socket
 
 import pytest
 
@@ -17,12 +16,10 @@ HERE = {"worker": "main"}
 
 
 @pytest.fixture
-def two(yard):
+def two(yard, free_port):
     """Return the yard of the first edge, and the maker of another that has one of its twins, and one more."""
     place = yard(rex=HERE, max=HERE)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port}"
     fleet = json.loads(place.file.read_text())
     fleet["bus"] = {"listen": [endpoint]}
     place.file.write_text(json.dumps(fleet))

@@ -1,7 +1,9 @@
 import pytest
 
+from fleet.spool.losses import Reason
 from fleet.spool.message import Outcome, Outgoing
-from fleet.spool.spool import Spool, SpoolSettings
+from fleet.spool.queue import NEWEST_FIRST, Queue
+from fleet.spool.spool import AGES, Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
@@ -45,6 +47,126 @@ class Opened:
 
         wait_until("nothing waits", nothing_waits)
         return sent
+
+
+class Bench:
+    """A queue, its disk (a dictionary), its time, and the broker that takes what it sends."""
+
+    wall = 1_800_000_000.0
+
+    def __init__(self, *, messages=5, size=10**6, disk=True, first=0):
+        self.now = 1000.0
+        self.rows = {}
+        self.queue = Queue(messages, size, AGES, disk=disk, first=first)
+        self.put_count = 0
+
+    def put(self, topic="t", traffic=Traffic.EVENT, payload=b"", **more):
+        message = Outgoing(topic, payload or b"%d" % self.put_count, 1, traffic, **more)
+        self.put_count += 1
+        return self.queue.put(message, self.now, self.wall)
+
+    def online(self):
+        self.queue.go_online(self.now)
+        self.now += NEWEST_FIRST
+        return self
+
+    def take(self, window=100, reserve=0):
+        return self.queue.take(self.now, window=window, reserve=reserve, size=10**6)
+
+    def send(self, window=100, outcome=Outcome.ACKED):
+        """Send what may go and have the broker answer; return the payloads."""
+        batch = self.take(window)
+        for message in batch:
+            self.queue.settle(message, outcome, self.now, self.wall)
+        return [message.payload for message in batch]
+
+    def drain(self):
+        """Send and fetch until nothing more comes."""
+        sent = []
+        while part := [*self.send(), *(self.disk() or self.send())]:
+            sent += part
+        return sent
+
+    def disk(self, *, works=True):
+        """Do what the disk's thread does in one turn."""
+        self.commit(self.queue.work(self.now), works=works)
+        if works:
+            self.fetch()
+
+    def commit(self, work, *, works=True):
+        """End a change of the disk, which may have taken long."""
+        if not works:
+            self.queue.not_written(work)
+            return
+        for message in work.rows:
+            self.rows[message.seq] = message
+        for seq in work.done:
+            self.rows.pop(seq, None)
+        self.queue.losses.changed = False
+        self.queue.wrote(work)
+
+    def evict(self, count):
+        """Remove the oldest rows, as is done to make room on disk."""
+        removed = {}
+        for seq in sorted(self.rows)[:count]:
+            removed.setdefault(self.rows.pop(seq).topic, []).append(seq)
+        for topic, seqs in removed.items():
+            self.queue.removed(topic, seqs, Reason.ROOM, self.wall)
+
+    def fetch(self):
+        """Bring back from disk what is wanted."""
+        for fetch in self.queue.fetches():
+            found = [
+                Outgoing(
+                    row.topic,
+                    row.payload,
+                    1,
+                    row.traffic,
+                    seq=row.seq,
+                    stored=True,
+                    since=self.now,
+                    deadline=self.now + row.expires - self.wall,
+                )
+                for row in sorted(self.rows.values(), key=lambda row: row.seq)
+                if row.topic == fetch.topic and row.seq > fetch.after
+            ]
+            part = found[: fetch.limit]
+            self.queue.fetched(fetch.topic, part, more=len(part) == fetch.limit)
+
+    def restarted(self, messages=5, *, there=True):
+        """Return what a new process makes of the disk, or of its memory when no disk is ``there``."""
+        other = Bench(messages=messages, first=max(self.rows, default=0))
+        other.rows, other.now, other.put_count = self.rows, self.now, self.put_count
+        other.look(there=there)
+        return other
+
+    def look(self, *, there):
+        """Read the disk for the first time, or find that it cannot be read."""
+        if not there:
+            self.queue.no_disk()
+            return
+        for topic in dict.fromkeys(row.topic for row in self.rows.values()):
+            rows = [row for row in self.rows.values() if row.topic == topic]
+            seqs = [row.seq for row in rows]
+            self.queue.found(topic, rows[0].traffic, len(rows), min(seqs), max(seqs))
+
+    def live(self, topic):
+        """Return what stands in memory of a topic, but what is cold."""
+        line = self.queue._lines.get(topic)
+        return [one for one in (*line.back, *line.memory) if not one.gone] if line else []
+
+    def cold(self, topic):
+        line = self.queue._lines.get(topic)
+        return line.cold if line else 0
+
+    def lost(self, topic):
+        return sum(gap.lost for gap in self.queue.losses.known() if gap.topic == topic)
+
+
+@pytest.fixture
+def make_bench():
+    """Make queues with their disks."""
+    return Bench
 
 
 @pytest.fixture

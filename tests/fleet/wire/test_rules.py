@@ -17,9 +17,7 @@ from fleet.wire.rules import (
     Kind,
     Taker,
     Traffic,
-    inward_of,
     rule_of,
-    rule_of_channel,
 )
 from fleet.wire.topics import Topics, data_key, parse_data_key
 
@@ -124,7 +122,6 @@ def test_any_requesters_inbox_carries_replies():
 
 def test_any_update_of_an_environment_has_the_rule_of_environments():
     assert rule_of("environment:twin_added") is RULES[ENVIRONMENT]
-    assert inward_of("environment:twin_added") is INWARD[ENVIRONMENT]
 
 
 def test_replies_go_before_status_before_events_before_state_before_streams():
@@ -138,13 +135,10 @@ def test_a_channel_that_feeds_two_topics_has_one_rule():
     assert CHANNEL_LEAVES["position"] == ("position", "rotation")
     position, rotation = rule_of("position"), rule_of("rotation")
     assert (position.traffic, position.max_rate) == (rotation.traffic, rotation.max_rate)
-    assert rule_of_channel("position") is position
 
 
 def test_what_this_project_does_not_send_has_no_rule():
     assert rule_of("video") is None
-    assert rule_of_channel("frames") is None
-    assert inward_of("position") is None
 
 
 def test_nothing_that_comes_from_the_cloud_can_go_back_to_it():

@@ -239,6 +239,7 @@ class Cia402Drives:
         return f"no heartbeat (700h) from id {number} for {now - node.beat_at:.2f} s"
 
     def _told(self, node: _Node, data: bytes, now: float) -> None:
+        """Take a TPDO1: status, angle, torque; the speed is what the angle has changed by."""
         told = node.units.unpack(data)
         if told is None:
             return

@@ -1,0 +1,57 @@
+"""What must hold before a vehicle is asked for something; each raises what is missing, and what to do."""
+
+from __future__ import annotations
+
+from fleet import GeoPoint, NotReady
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.vehicle import Vehicle
+
+
+def require_heartbeat(vehicle: Vehicle) -> None:
+    """Raise NotReady unless the vehicle answers."""
+    if not vehicle.connected:
+        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
+
+
+def require_connection(vehicle: Vehicle) -> None:
+    """Raise NotReady unless the vehicle answers and is the only one with its id."""
+    require_heartbeat(vehicle)
+    if vehicle.clashing:
+        raise NotReady(
+            f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
+        )
+
+
+def require_control(vehicle: Vehicle, authority: Authority) -> None:
+    """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours."""
+    require_connection(vehicle)
+    if authority.lost_to:
+        raise NotReady(f"a pilot or a fail-safe has it, in {authority.lost_to}", hint="send hover to take it")
+
+
+def require_flying(vehicle: Vehicle, authority: Authority) -> None:
+    """Raise NotReady unless the vehicle flies, by our will, and knows where it is."""
+    require_control(vehicle, authority)
+    state = vehicle.state
+    if not state.armed or not state.in_air:
+        raise not_in_the_air()
+    if not state.knows_where(vehicle.now()):
+        raise NotReady("position or attitude is older than 1 s", hint="wait for the estimator")
+
+
+def known_position(vehicle: Vehicle) -> GeoPoint:
+    """Return where the vehicle is (altitude AMSL); raises NotReady while it has not said so."""
+    position = vehicle.state.position
+    if position is None:
+        raise NotReady("position is unknown")
+    return position
+
+
+def not_in_the_air() -> NotReady:
+    """Return the error for a vehicle that would have to fly."""
+    return NotReady("not in the air", hint="send takeoff first")
+
+
+def home_unknown() -> NotReady:
+    """Return the error for a vehicle that has not told its home yet."""
+    return NotReady("home is unknown", hint="wait for a position")

@@ -1,0 +1,76 @@
+"""How a simulated autopilot speaks: texts in chunks, acknowledgements that may get lost, what comes later."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ask import Ask, ack
+
+_TEXT = 50  # bytes in one STATUSTEXT
+CRITICAL, WARNING, INFO = 2, 4, 6  # severities
+
+
+class Speaker:
+    """What an autopilot has to say is in ``out``, oldest first, until it is sent. ``time``: now, s."""
+
+    ends_text: ClassVar[str] = ""
+    text_id_always: ClassVar[bool] = False
+    ack_delay: ClassVar[float] = 0.0
+    ack_queue: ClassVar[int] = 1000
+
+    def __init__(self, chance: random.Random, faults: Mapping[str, float], now: float) -> None:
+        self.random = chance
+        self.faults = faults
+        self.time = now
+        self.out: list[Any] = []
+        self._later: list[tuple[float, Any]] = []
+        self._text_id = 0
+        self._told: set[str] = set()
+
+    def say(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT, in chunks when it is longer than one."""
+        data = (text + self.ends_text).encode()
+        number = 0
+        if self.text_id_always or len(data) > _TEXT:
+            self._text_id += 1
+            number = self._text_id
+        for chunk, start in enumerate(range(0, len(data), _TEXT)):
+            part = data[start : start + _TEXT]
+            self.out.append(mav.MAVLink_statustext_message(severity, part, number, chunk))
+
+    def say_once(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT the first time after boot only."""
+        if text not in self._told:
+            self._told.add(text)
+            self.say(severity, text)
+
+    def later(self, delay: float, message: Any) -> None:
+        """Send a message after a delay."""
+        self._later.append((self.time + delay, message))
+
+    def acknowledge(self, ask: Ask, result: int) -> None:
+        """Answer a command; answers that the faults or the autopilot's short queue lose are not sent."""
+        if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
+            return
+        delay = self.ack_delay
+        slow = self.faults.get("slow_ack", 0.0)
+        if slow:
+            self.out.append(ack(ask, mav.MAV_RESULT_IN_PROGRESS, 10))
+            delay += slow
+        if len(self._later) >= self.ack_queue:
+            return
+        if delay:
+            self.later(delay, ack(ask, result))
+        else:
+            self.out.append(ack(ask, result))
+
+    def say_what_is_due(self) -> None:
+        """Send what was put off until now."""
+        if not self._later:
+            return
+        self.out.extend(message for due, message in self._later if due <= self.time)
+        self._later = [entry for entry in self._later if entry[0] > self.time]

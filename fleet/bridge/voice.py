@@ -1,0 +1,103 @@
+"""What the edge says itself to the cloud: heartbeats, pings, who came and went, what was lost, answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fleet.bridge.answers import Port
+from fleet.bridge.counters import ClassCounts
+from fleet.clock import Clock
+from fleet.model.report import TelemetryReport
+from fleet.spool.losses import Gap
+from fleet.wire.health import edge_health
+from fleet.wire.ping import ping, pong
+from fleet.wire.reports import to_mqtt
+from fleet.wire.rules import Traffic, rule_of
+from fleet.wire.topics import Topics
+
+
+class Voice:
+    """Says it on the topics of twins; ``publish`` is the client's, ``session`` stands on every message.
+
+    ``said`` counts the messages. What is queued only leaves when the client is flushed.
+    """
+
+    def __init__(
+        self, topics: Topics, *, edge: str, session: str, publish: Callable[..., bool], clock: Clock
+    ) -> None:
+        self.said = ClassCounts()
+        self._topics = topics
+        self._edge = edge
+        self._session = session
+        self._publish = publish
+        self._clock = clock
+        self._began = clock.monotonic()
+
+    def telemetry(self, port: Port, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
+        """Return topic and payload of a telemetry message."""
+        report = TelemetryReport(self._clock.time(), kind, fields)
+        ((leaf, payload),) = to_mqtt(report, source_type=port.source_type, session=self._session)
+        return self._topics.twin(port.twin, leaf), payload
+
+    def tell(self, port: Port, kind: str, fields: dict[str, Any]) -> None:
+        """Queue a telemetry message."""
+        self.said.add(Traffic.EVENT)
+        self._publish(*self.telemetry(port, kind, fields), qos=1, later=True)
+
+    def tell_gap(self, port: Port, leaf: str, gap: Gap) -> None:
+        """Queue that messages of a twin's topic were lost."""
+        fields = {
+            "leaf": leaf,
+            "reason": gap.reason,
+            "lost": gap.lost,
+            "since": gap.since,
+            "until": gap.until,
+        }
+        self.tell(port, "gap", {**fields, "since": gap.since, "until": gap.until})
+
+    def beat(self, port: Port, extra: Mapping[str, Any]) -> None:
+        """Queue the heartbeat of a twin; ``extra``: figures of the host."""
+        payload = edge_health(
+            twin=port.twin,
+            edge_id=self._edge,
+            uptime=self._clock.monotonic() - self._began,
+            stamp=self._clock.time(),
+            source_type=port.source_type,
+            session=self._session,
+            extra=extra,
+        )
+        self.said.add(Traffic.LATEST)
+        self._publish(self._topics.twin(port.twin, "edge_health"), payload, later=True)
+
+    def ping(self, twin: str) -> None:
+        """Ask how far the cloud is, at once, for it is timed."""
+        payload = ping(stamp=self._clock.time(), session=self._session)
+        self.said.add(Traffic.LATEST)
+        self._publish(self._topics.twin(twin, "ping:request"), payload)
+
+    def pong(self, port: Port) -> None:
+        """Answer a ping at a twin, at once, for it is timed."""
+        payload = pong(
+            stamp=self._clock.time(),
+            edge_id=self._edge,
+            source_type=port.source_type,
+            session=self._session,
+        )
+        self.said.add(Traffic.LATEST)
+        self._publish(self._topics.twin(port.twin, "pong:response"), payload)
+
+    def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
+        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        parsed = self._topics.parse(topic)
+        rule = rule_of(parsed.leaf) if parsed else None
+        self.said.add(Traffic.REPLY)
+        self._publish(
+            topic,
+            payload,
+            qos=1,
+            expiry=(rule and rule.max_age) or None,
+            correlation=correlation,
+            content_type="application/json",
+            traffic=Traffic.REPLY,
+        )

@@ -1,0 +1,55 @@
+"""A robot's low battery is told and acted upon, and what the battery cannot carry is not begun."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fleet.host.safety.reserve import Reserve
+from fleet.host.ticket import Ticket
+from fleet.model.command import Command, Origin, Way
+from fleet.robot_config import BatteryPolicy
+
+
+class BatteryWatch:
+    """One robot's battery, by its policy.
+
+    ``tell`` says what happened, by a word and its fields; ``ask`` sends the robot a command of ours; ``free``
+    tells whether nobody else has it, and nothing makes it safer already.
+    """
+
+    def __init__(
+        self,
+        policy: BatteryPolicy,
+        *,
+        tell: Callable[..., None],
+        ask: Callable[[Command, Ticket], None],
+        free: Callable[[], bool],
+    ) -> None:
+        self._reserve = Reserve(policy.reserve, policy.low, policy.endurance)
+        self._action = policy.action
+        self._tell = tell
+        self._ask = ask
+        self._free = free
+        self._percent: float | None = None
+        self._told_low = self._acted = False
+
+    def see(self, percent: float | None) -> None:
+        """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
+        self._percent = percent
+        if percent is None:
+            return
+        if self._reserve.is_charged(percent):
+            self._told_low = self._acted = False
+        if not self._reserve.is_low(percent):
+            return
+        if not self._told_low:
+            self._told_low = True
+            self._tell("battery_low", percent=percent, action=self._action)
+        if self._action != "tell" and not self._acted and self._free():
+            ticket = Ticket(self._action, lambda _: None)
+            self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
+            self._acted = ticket.ended is None  # else it was refused at once: it is asked again
+
+    def trouble(self, metres: float = 0.0, speed: float | None = None) -> str:
+        """Return why a way of ``metres`` (there and home, at ``speed`` m/s) may not begin; empty: it may."""
+        return self._reserve.trouble(self._percent, metres, speed)

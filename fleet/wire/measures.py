@@ -1,0 +1,38 @@
+"""Numbers of messages that must lie within bounds: read, or refused (WireError) with the place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fleet.errors import WireError
+from fleet.wire.strict import number, optional_number, path
+
+
+def positive(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+    """Return the number called ``name``, which is more than 0; None when there is none."""
+    value = optional_number(members, name, where)
+    if value is not None and value <= 0:
+        raise _refusal(value, "more than 0", path(where, name))
+    return value
+
+
+def not_negative(members: Mapping[str, Any], name: str, where: str = "") -> float | None:
+    """Return the number called ``name``, which is 0 or more; None when there is none."""
+    value = optional_number(members, name, where)
+    if value is not None and value < 0:
+        raise _refusal(value, "0 or more", path(where, name))
+    return value
+
+
+def within(members: Mapping[str, Any], name: str, where: str, most: float) -> float:
+    """Return the number called ``name``, which must be there, from ``-most`` to ``most``."""
+    value = number(members, name, where)
+    if abs(value) > most:
+        raise _refusal(value, f"-{most:g} to {most:g}", path(where, name))
+    return value
+
+
+def _refusal(value: float, wanted: str, where: str) -> WireError:
+    """Return the error for a number that is not what is wanted."""
+    return WireError(f"{wanted} is needed, not {value}", where=where)
