@@ -56,7 +56,7 @@ class FleetLoop(uvloop.Loop):
 
     def __init__(self) -> None:
         super().__init__()
-        self._aside = ThreadPoolExecutor(thread_name_prefix="fleet-executor")
+        self._aside = ThreadPoolExecutor(thread_name_prefix="asyncio")
         self.set_default_executor(self._aside)
         self.set_task_factory(_make_task)
 
