@@ -11,7 +11,7 @@ import asyncio
 import contextvars
 import threading
 from collections.abc import Callable, Coroutine
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -56,7 +56,13 @@ class FleetLoop(uvloop.Loop):
 
     def __init__(self) -> None:
         super().__init__()
+        self._aside = ThreadPoolExecutor(thread_name_prefix="asyncio")
+        self.set_default_executor(self._aside)
         self.set_task_factory(_make_task)
+
+    async def shutdown_default_executor(self) -> None:  # type: ignore[override]
+        """End it without waiting for calls of adapters, which may never return."""
+        self._aside.shutdown(wait=False, cancel_futures=True)
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Any, *args: Any, context: Any = None

@@ -28,7 +28,7 @@ import msgspec
 
 from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
 from fleet.commands import commands_of
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import AdapterConfig, Limits
 
 log = logging.getLogger(__name__)
 
@@ -123,8 +123,10 @@ class Registry:
         self._files[path.stem] = path
         try:
             classes = _adapters_of(_module_from(path))
+        except KeyboardInterrupt:
+            raise
         # A drop-in file is anybody's code: whatever it raises is told, and costs only its own robots.
-        except (Exception, SystemExit) as error:  # noqa: BLE001
+        except BaseException as error:  # noqa: BLE001
             self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, _why(error, path)))
             return
         if not classes:
@@ -137,8 +139,10 @@ class Registry:
         """Take an adapter of a drop-in file under the name that its Config declares."""
         try:
             name = _checked(adapter)
+        except KeyboardInterrupt:
+            raise
         # The checks run the plugin's own annotations and class methods.
-        except Exception as error:  # noqa: BLE001
+        except BaseException as error:  # noqa: BLE001
             report = f"{adapter.__name__}: {_why(error, path)}"
             self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, report))
         else:
@@ -166,8 +170,10 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
         with contextlib.redirect_stdout(sys.stderr):
             adapter = point.load()
         _check_name(_checked(adapter), plugin.name)
+    except KeyboardInterrupt:
+        raise
     # An adapter is anybody's code: whatever its import raises is told, and costs only its own robots.
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
         report = _why(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)
@@ -226,8 +232,30 @@ def _checked(adapter: Any) -> str:
     names = typing.get_args(field.annotation) if field else ()
     if len(names) != 1 or not isinstance(names[0], str):
         raise _Unusable(f'{config.__name__} needs the field adapter: Literal["its name"]')
-    commands_of(adapter)  # raises for a method whose parameters have no types
+    _check_fields(config)
+    _check_attributes(adapter)
     return names[0]
+
+
+def _check_fields(config: type[AdapterConfig]) -> None:
+    """Refuse a Config that gives a field of the host's own another type: the host relies on it."""
+    for name, field in AdapterConfig.model_fields.items():
+        if config.model_fields[name].annotation != field.annotation:
+            raise _Unusable(f"{config.__name__}.{name} is a field of the host's own; give yours another name")
+
+
+def _check_attributes(adapter: type[AnyAdapter]) -> None:
+    """Refuse a class that declares what the host cannot use, before a robot of it is to run."""
+    if not isinstance(adapter.limits, Limits):
+        raise _Unusable(f"{adapter.__name__}.limits must be Limits(...), not {adapter.limits!r}")
+    verbs = getattr(adapter, "verbs", ())
+    if isinstance(verbs, str) or not all(isinstance(verb, str) for verb in verbs):
+        raise _Unusable(f"{adapter.__name__}.verbs must be a tuple of names, not {verbs!r}")
+    commands_of(adapter)  # raises for a method whose parameters have no types
+    if issubclass(adapter, Adapter):
+        adapter.commands()
+        adapter.drives()
+        adapter.navigates()
 
 
 def _why(error: BaseException, path: Path | None) -> str:

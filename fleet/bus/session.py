@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -95,7 +96,16 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None, given
     except BusError:
         reports.close()
         raise
+    _keep_locks(directory)
     return Bus(reports, control, settings.connect)
+
+
+def _keep_locks(directory: Path) -> None:
+    """Keep Zenoh's lock files from our child processes: one that outlives us would keep the next edge out."""
+    for link in Path("/proc/self/fd").glob("*"):
+        with contextlib.suppress(OSError):  # closed meanwhile
+            if link.readlink().is_relative_to(directory) and link.readlink().suffix == ".lock":
+                os.set_inheritable(int(link.name), False)
 
 
 def join(settings: BusSettings, directory: Path) -> Bus:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Self, TypeVar
@@ -39,9 +39,10 @@ class Edges:
     ``unreached`` says in words which of them run but let nobody in.
     """
 
-    def __init__(self, lanes: list[Lane], unreached: list[str]) -> None:
+    def __init__(self, lanes: Mapping[str, Lane], unreached: list[str]) -> None:
         self.unreached = unreached
-        self._lanes = lanes
+        self._joined = tuple(lanes)
+        self._lanes = tuple(lanes.values())
         self._ways: dict[tuple[str, str], Lane] = {}
 
     @classmethod
@@ -53,12 +54,9 @@ class Edges:
             raise NotRunning(f"no edge is running here; {START}")
         with ThreadPoolExecutor(len(wanted)) as pool:
             joined = list(pool.map(lambda settings: _joined(settings, directory), wanted))
-        lanes = [lane for lane in joined if isinstance(lane, Lane)]
-        unreached = [
-            f"edge {each.edge}: {lane}"
-            for each, lane in zip(wanted, joined, strict=True)
-            if lane not in lanes
-        ]
+        found = [(settings.edge, lane) for settings, lane in zip(wanted, joined, strict=True)]
+        lanes = {edge: lane for edge, lane in found if isinstance(lane, Lane)}
+        unreached = [f"edge {edge}: {lane}" for edge, lane in found if not isinstance(lane, Lane)]
         if not lanes:
             advice = "" if file else "; if it has a password, give its file: -f fleet.yaml"
             raise NotRunning("; ".join(unreached) + advice)
@@ -74,7 +72,7 @@ class Edges:
     def states(self) -> list[RobotState]:
         """Return the robots' states, by edge and name; the newest where several speak for a robot."""
         found: dict[tuple[str, str], RobotState] = {}
-        for lane, state in self._asked(keys.state("*", "*"), RobotState):
+        for lane, _, state in self._asked(keys.state("*", "*"), RobotState):
             robot = (state.edge, state.name)
             self._ways.setdefault(robot, lane)
             if robot not in found or state.stamp > found[robot].stamp:
@@ -83,8 +81,17 @@ class Edges:
 
     def edges(self) -> list[EdgeState]:
         """Return the edges' own states, by name."""
-        found = {state.edge: state for _, state in self._asked(keys.health("*"), EdgeState)}
+        found = {state.edge: state for _, _, state in self._asked(keys.health("*"), EdgeState)}
         return [found[edge] for edge in sorted(found)]
+
+    def silent(self, found: Iterable[EdgeState]) -> list[str]:
+        """Return in words which of the edges that let us in are not among those that answered."""
+        answered = {state.edge for state in found}
+        return [
+            f"edge {edge} runs but does not answer: its event loop hangs"
+            for edge in self._joined
+            if edge not in answered
+        ]
 
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
@@ -97,12 +104,13 @@ class Edges:
             which = ", ".join(f"{state.edge}/{state.name}" for state in found)
             raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")
         found = found or _members(name, states, edges)
+        if not found and any(name in edge.groups for edge in edges):
+            raise UnknownRobot(f"the group {name!r} is empty: none of its robots runs")
         if not found:
             known = [state.name for state in states]
             near = nearest(name, [*known, *(group for edge in edges for group in edge.groups)])
-            raise UnknownRobot(
-                f"there is no robot {name!r}", hint=near or f"there are: {', '.join(known) or 'none'}"
-            )
+            hints = [near or f"there are: {', '.join(known) or 'none'}", *self.unreached, *self.silent(edges)]
+            raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
         return found
 
     def command(
@@ -114,31 +122,33 @@ class Edges:
             return iter(())
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
         key = keys.command(robot.edge, robot.name)
-        return _decoded(lane.ask(key, payload, timeout=timeout, parameters=parameters), Reply)
+        answers = lane.ask(key, payload, timeout=timeout, parameters=parameters)
+        return (reply for _, reply in _decoded(answers, Reply))
 
-    def stop(self, names: list[str]) -> list[str]:
-        """Emergency-stop robots on every edge (no name: all); returns who was stopped."""
-        payload = msgspec.json.encode(names)
-        stopped: set[str] = set()
-        for _, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
-            stopped.update(found)
-        return sorted(stopped)
+    def stop(self, names: list[str]) -> set[tuple[str, str]]:
+        """Emergency-stop robots on every edge (no name: all); returns edge and name of who was stopped."""
+        stopped: set[tuple[str, str]] = set()
+        # A name that is no text must not hold up the others.
+        payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in names])
+        for _, key, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
+            stopped.update((key.split("/")[1], name) for name in found)
+        return stopped
 
     def _asked(
         self, key: str, kind: type[T], payload: bytes = b"", *, urgent: bool = False
-    ) -> Iterator[tuple[Lane, T]]:
-        """Ask all at once; yield what everyone answers on a key, and by which lane."""
+    ) -> Iterator[tuple[Lane, str, T]]:
+        """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
         asked = [(lane, lane.ask(key, payload, timeout=ANSWER_WITHIN, urgent=urgent)) for lane in self._lanes]
         for lane, answers in asked:
-            for answer in _decoded(answers, kind):
-                yield lane, answer
+            for answered, answer in _decoded(answers, kind):
+                yield lane, answered, answer
 
 
-def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[T]:
-    """Yield the answers that can be read; one that cannot must not hide the others."""
+def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
+    """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
     for key, data in answers:
         try:
-            yield msgspec.json.decode(data, type=kind)
+            yield key, msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
             log.warning("an answer on %s cannot be read: %s", key, error)
 

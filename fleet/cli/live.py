@@ -74,7 +74,7 @@ async def _lines(edge: Edge, said: Callable[[RobotState], str]) -> None:
             mark = f"{state.health} {state.cause} {mode_of(state)} {state.activity} {state.last_outcome}"
             if before.get(state.name) != mark:
                 before[state.name] = mark
-                with contextlib.suppress(BrokenPipeError):
+                with contextlib.suppress(OSError):  # who reads it is gone, or its disk is full
                     sys.stdout.write(f"{said(state)}\n")
                     sys.stdout.flush()
             if not number % AT_ONCE:

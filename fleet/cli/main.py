@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import logging
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -15,6 +17,8 @@ from fleet.cli.output import ExitCode, exit_code_of, show_error
 from fleet.config.text import nearest
 from fleet.errors import FleetError
 from fleet.version import __version__
+
+log = logging.getLogger(__name__)
 
 COMMANDS: Mapping[str, str] = {
     "init": "fleet.cli.init:init",
@@ -104,6 +108,9 @@ def fleet() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code. Errors are one line (or one a problem) on stderr."""
+    for name in ("stdout", "stderr"):  # closed by who started us: a stop goes out all the same
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - to the end
     try:
         result: Any = fleet.main(args=list(arguments), prog_name="fleet", standalone_mode=False)
         sys.stdout.flush()
@@ -115,7 +122,10 @@ def main(arguments: Sequence[str]) -> int:
     except FleetError as error:
         show_error(error)
         return exit_code_of(error)
-    except BrokenPipeError:  # the reader of our output went away, as head does
+    except OSError as error:  # the reader of our output went away, as head does, or its disk is full
+        if not isinstance(error, BrokenPipeError):
+            log.debug("the command failed", exc_info=True)
+            sys.stderr.write(f"fleet: {error}\n")
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.RUNTIME_ERROR

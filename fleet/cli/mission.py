@@ -48,7 +48,7 @@ def start(out: Output, robot: str, path: Path, *, wait: bool, timeout: float, fi
     """
     try:
         plan = json.loads(path.read_bytes())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise Refused(f"{path} is no JSON: {error}") from None
     message = {"command": "start", EXECUTION: uuid.uuid4().hex, "mission": plan, "timestamp": time.time()}
     return ask(out, robot, "mission", message, wait=wait, timeout=timeout, file=file, around=_followed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import functools
 import json
@@ -93,8 +94,9 @@ class Output:
             self._out.write(f"{printable(text)}\n")
 
     def note(self, text: str) -> None:
-        """Write what is no result to stderr."""
-        self._err.write(f"{printable(text)}\n")
+        """Write what is no result to stderr; where that is full or gone, robots run all the same."""
+        with contextlib.suppress(OSError):
+            self._err.write(f"{printable(text)}\n")
 
     def data(self, value: Any) -> None:
         """Write the result for programs, as one JSON document."""

@@ -23,10 +23,11 @@ def ps(out: Output, file: str | None) -> None:
     """
     with Edges.reach(file) as edges:
         found, states = edges.edges(), edges.states()
-    for problem in edges.unreached:
-        out.note(problem)
+        problems = [*edges.unreached, *edges.silent(found)]
     if not found:
-        raise NotRunning("an edge runs here but does not answer: its event loop hangs")
+        raise NotRunning("; ".join(problems))
+    for problem in problems:
+        out.note(problem)
     out.data(
         {"edges": [for_programs(edge) for edge in found], "robots": [for_programs(one) for one in states]}
     )

@@ -125,8 +125,11 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
     with Edges.reach(file) as edges:
-        stopped = edges.stop([name.rpartition("/")[2] for name in robots])
-        missing = [*edges.unreached, *_missing(edges, robots, stopped)]
+        hit = edges.stop([name.rpartition("/")[2] for name in robots])
+        missing = [*edges.unreached, *_missing(edges, robots, hit)]
+        if everything:
+            missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
+    stopped = sorted({name for _, name in hit})
     out.data({"stopped": stopped, "missing": missing})
     for name in stopped:
         out.say(f"{name}: stopped")
@@ -139,14 +142,15 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     return ExitCode.SOME_FAILED if missing else ExitCode.OK
 
 
-def _missing(edges: Edges, names: tuple[str, ...], stopped: list[str]) -> list[str]:
-    """Return the robots and groups that were not, or not wholly, stopped."""
-    missing = [name for name in names if name.rpartition("/")[2] not in stopped]
+def _missing(edges: Edges, names: tuple[str, ...], hit: set[tuple[str, str]]) -> list[str]:
+    """Return the robots and groups that were not, or not wholly, stopped; ``hit`` were, by edge and name."""
+    stopped = {name for pair in hit for name in (pair[1], "/".join(pair))}
+    missing = [name for name in names if name not in stopped]
     if not missing:
         return []
     groups = [edge.groups for edge in edges.edges()]
     members = {name: {member for group in groups for member in group.get(name, ())} for name in missing}
-    return [name for name in missing if not members[name] or not members[name] <= set(stopped)]
+    return [name for name in missing if not members[name] or not members[name] <= stopped]
 
 
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:

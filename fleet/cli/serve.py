@@ -6,9 +6,9 @@ import asyncio
 import contextlib
 import logging
 import os
-import signal
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from fleet.bus.settings import runtime_dir
@@ -19,6 +19,7 @@ from fleet.config.load import Loaded
 from fleet.event_loop import run as run_loop
 from fleet.host.edge import Edge
 from fleet.host.logs import log_to_stderr
+from fleet.host.signals import end_by_signal
 
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
@@ -36,7 +37,7 @@ async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edg
     """Run the edge and its live view."""
     edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock())
     ended = asyncio.Event()
-    end_by_signal(ended)
+    end_by_signal(partial(end, ended))
     started(edge)
     view = asyncio.create_task(show(edge, out), name="view")
     try:
@@ -47,14 +48,7 @@ async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edg
             await view
 
 
-def end_by_signal(ended: asyncio.Event) -> None:
-    """Set ``ended`` on Ctrl-C, on SIGTERM, and when the terminal is closed, unless under nohup."""
-    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
-    for number in (signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up):
-        asyncio.get_running_loop().add_signal_handler(number, _end, ended)
-
-
-def _end(ended: asyncio.Event) -> None:
+def end(ended: asyncio.Event) -> None:
     """End in order; the second time at once, for whoever cannot wait."""
     if ended.is_set():
         os._exit(ExitCode.INTERRUPTED)

@@ -175,8 +175,10 @@ def _robot(
     try:
         config = validated(plugin.adapter.Config, merged, at, document, context)
         return _Made(config, plugin, identity_of(config)) if config else None
+    except KeyboardInterrupt:
+        raise
     # The validators are the adapter's own code.
-    except Exception as error:  # noqa: BLE001
+    except BaseException as error:  # noqa: BLE001
         reason = f"{type(error).__name__}: {error}"
         document.report(document.marks[at], f"the adapter {plugin.name!r} failed to check it", reason)
         return None

@@ -7,6 +7,8 @@ than a command is obeyed, has an empty one.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,11 +39,12 @@ _ROW: msgspec.json.Decoder[Row] = msgspec.json.Decoder(Row)
 
 
 class Begun:
-    """The file of one process; raises OSError."""
+    """The file of one process, locked for as long as that lives; raises OSError."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+        _is_dead(self._file)
 
     def add(self, row: Row) -> None:
         """Write a row; when this returns, the end of the process does not lose it."""
@@ -51,9 +54,22 @@ class Begun:
         """Forget all rows."""
         os.ftruncate(self._file, 0)
 
-    def everybodys(self) -> list[Row]:
-        """Return the rows of all processes of this edge; half a line at the end of a file is none."""
-        return [row for path in self._path.parent.glob(f"{self._path.stem}.*") for row in _rows(path)]
+    @contextlib.contextmanager
+    def everybodys(self) -> Iterator[list[Row]]:
+        """Give the rows of all processes of this edge; half a line at the end of a file is none.
+
+        Once the block has taken them, our own and those that dead processes left are forgotten: nobody else
+        would, and a stop among them would be set again by every start, though it was released long ago.
+        """
+        with contextlib.ExitStack() as stack:
+            paths = sorted(self._path.parent.glob(f"{self._path.stem}.*"))
+            others = [os.open(path, os.O_WRONLY | os.O_CLOEXEC) for path in paths if path != self._path]
+            for other in others:
+                stack.callback(os.close, other)
+            dead = [other for other in others if _is_dead(other)]
+            yield [row for path in paths for row in _rows(path)]
+            for file in (self._file, *dead):
+                os.ftruncate(file, 0)
 
     def close(self) -> None:
         """Close the file."""
@@ -63,6 +79,15 @@ class Begun:
 def begun_file(directory: Path, edge: str, worker: str = "main") -> Path:
     """Return where a process of an edge writes; ``directory`` is the runtime folder."""
     return directory / f"begun-{edge}.{worker}"
+
+
+def _is_dead(file: int) -> bool:
+    """Take a file's lock; False when its process lives and has it."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _rows(path: Path) -> Iterator[Row]:

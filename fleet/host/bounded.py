@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Coroutine
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager, aclosing, nullcontext
 from typing import Any, TypeVar
 
@@ -39,27 +39,6 @@ def take_note(task: asyncio.Future[Any]) -> None:
     """Look at a finished task's exception, which nobody else will ask for."""
     if not task.cancelled():
         task.exception()
-
-
-async def walled(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
-    """Return what ``work()`` returns; a ``sys.exit`` in it ends it alone, with a RuntimeError."""
-    try:
-        return await work()
-    except SystemExit as error:
-        raise failure_of(error) from error
-
-
-def failure_of(error: BaseException) -> Exception:
-    """Return what an adapter raised as a failure that a future takes, and that ends nobody else.
-
-    A stray cancellation, a ``sys.exit`` and a StopIteration become a RuntimeError.
-    """
-    if isinstance(error, Exception) and not isinstance(error, StopIteration):
-        return error
-    called = f"called sys.exit({error.code!r})" if isinstance(error, SystemExit) else f"raised {error!r}"
-    failure = RuntimeError(f"the adapter {called}")
-    failure.__cause__ = error
-    return failure
 
 
 def insist(task: asyncio.Task[None], why: str, deaf: Callable[[Exception], None]) -> None:

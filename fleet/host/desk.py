@@ -30,7 +30,7 @@ from fleet.host.safety.policy import STOPS
 from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
-from fleet.model.geometry import ZERO_VELOCITY, Velocity
+from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
@@ -358,9 +358,8 @@ class Desk:
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
-        self._driving.let_go()
         try:
-            adapter.drive(ZERO_VELOCITY)
+            self._driving.stand(adapter)
         except (CommandError, LinkError) as error:
             log.warning("%s: %s", self.name, error)
             self.halt()

@@ -13,6 +13,7 @@ from fleet.host.safety.limits import clamp
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
+from fleet.wall import called
 
 
 class Driving:
@@ -51,8 +52,13 @@ class Driving:
         self._guard.held = velocity
         if velocity.is_zero:
             self.deadman.clear()
-        adapter.drive(velocity)
+        called(lambda: adapter.drive(velocity))
         self._guard.taken = self._guard.taken and velocity.is_zero
+
+    def stand(self, adapter: Adapter[Any]) -> None:
+        """Have the adapter hold zero velocity; raises what the adapter raises."""
+        self.let_go()
+        called(lambda: adapter.drive(ZERO_VELOCITY))
 
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""

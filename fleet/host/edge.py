@@ -104,6 +104,7 @@ class Edge:
                 control=self.bus.control,
                 clock=self._clock,
                 soon=self._soon,
+                arrival=self.process.watchdog.arrival,
                 worker=worker_of(robot, plugin),
             )
             for robot, plugin in loaded.robots
@@ -246,7 +247,7 @@ class Edge:
     def _declare(self) -> None:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
-        take_stops(self.process, self.bus, self._groups)
+        take_stops(self.process, self.bus, self._groups, self.remote.values())
         if self.bridge is not None:
             self.process.outbox.crossing = self.bridge.uplink.crossing
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)

@@ -7,14 +7,17 @@ import logging
 from collections.abc import Callable, Coroutine
 from typing import Any, NamedTuple
 
+import msgspec
+
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, TimedOut
-from fleet.host.bounded import closing, insist, walled, was_cancelled
+from fleet.host.bounded import closing, insist, was_cancelled
 from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
+from fleet.wall import walled
 
 log = logging.getLogger(__name__)
 
@@ -125,7 +128,9 @@ class Executor:
             self._journal.follow(job.ask.id, job.ticket)
             if job.spec.moves:
                 await self.standing()
-            job.ticket.done(await walled(lambda: _call(job)))
+            data = await walled(lambda: _call(job))
+            msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
+            job.ticket.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
                 raise

@@ -14,7 +14,6 @@ from typing import Any
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import Fault, LinkLost, NotReady, Refused
-from fleet.host.bounded import failure_of
 from fleet.link.base import Address
 from fleet.link.framing import Cutter
 from fleet.link.motion import LOOK, Motion
@@ -24,6 +23,7 @@ from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
 from fleet.model.report import Report
+from fleet.wall import failure_of
 
 _BAD_DATA = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
 _log = logging.getLogger(__name__)
@@ -144,7 +144,7 @@ class Framed(Adapter[Any]):
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
         try:
             return tuple(self.inner.halt()) or self._last_resort
-        except Exception:  # noqa: BLE001 - whatever it raises, the robot must stop
+        except BaseException:  # noqa: BLE001 - whatever it raises, the robot must stop
             _log.exception("%s: halt() raised; its first frames are used", self.config.name)
             return self._last_resort
 
@@ -192,7 +192,7 @@ class _Session:
             if not self.failure.done() and self._framed.greet(address):
                 for frame in self._cutter.feed(data):
                     self._decoded(frame)
-        except Exception as error:  # noqa: BLE001 - handed to ``run``, which raises it
+        except BaseException as error:  # noqa: BLE001 - handed to ``run``, which raises it
             self.failure.set_exception(failure_of(error))
 
     def _decoded(self, frame: bytes) -> None:

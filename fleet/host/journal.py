@@ -177,8 +177,9 @@ class Journal:
                 if aside is not None:
                     self._database.execute(_LATCH, (ANY, LOST))
                 self._begun = Begun(begun)
-                for row in self._begun.everybodys():
-                    self._database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
+                with self._begun.everybodys() as rows:
+                    for row in rows:
+                        self._database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
         except (StateError, sqlite3.Error, OSError) as error:
             self._fail(error)
         self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)

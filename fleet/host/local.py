@@ -60,6 +60,14 @@ def patience(ask: Ask, config: AdapterConfig) -> float:
     return math.inf if wanted in STOPS or wanted in (Control.STOP, Control.PAUSE) else config.command_max_age
 
 
+def _is_known(report: Report) -> bool:
+    """Return False for a pose that is no place: nothing is led or kept within a fence by not-a-number."""
+    if not isinstance(report, PoseReport):
+        return True
+    at, turned = report.position, report.rotation
+    return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)
+
+
 class LocalRobot:
     """A robot whose adapter runs in this process."""
 
@@ -76,6 +84,7 @@ class LocalRobot:
         shared: Shared,
         outbox: Outbox,
         journal: RobotJournal,
+        arrival: Callable[[], float],
         changed: Callable[[str], None],
     ) -> None:
         self.config = config
@@ -115,6 +124,7 @@ class LocalRobot:
             journal=journal,
             clock=clock,
         )
+        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._changed = changed
         self.runner = Runner(
             self.desk,
@@ -134,7 +144,7 @@ class LocalRobot:
         are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
         too long for a loop that is held up is refused.
         """
-        arrived = self._clock.monotonic()
+        arrived = self._arrival()
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
             ask = goal_of(ask, self._can, self._limits)
@@ -153,7 +163,7 @@ class LocalRobot:
         if waited <= patience(ask, self.config):
             self._context.run(self.desk.receive, ask, ticket)
             return
-        why = f"it waited {waited:.1f} s in here: the edge was held up"
+        why = f"it waited up to {waited:.1f} s: the edge was held up"
         self._refusals.add("late", "refused %s: %s", ask.name, why)
         ticket.reject(why)
         self._tell_failed(kind, getattr(ask, "action_id", ""), why)
@@ -198,7 +208,7 @@ class LocalRobot:
 
     def publish(self, report: Report) -> None:
         """Send a report on its way."""
-        if type(report) in READ:
+        if type(report) in READ and _is_known(report):
             self._seen.take(report)
             self.desk.see(report)
             self.desk.guard.see(report)

@@ -11,13 +11,14 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.actions import Action
-from fleet.host.bounded import at_once, closing, insist, walled, was_cancelled
+from fleet.host.bounded import at_once, closing, insist, was_cancelled
 from fleet.host.follow.leader import Navigates
 from fleet.host.journal import Past, RobotJournal, answer_to
 from fleet.host.ticket import Ticket
 from fleet.model.command import Reply
 from fleet.model.navigation import ActionState, Navigate, RelativeMove, Task
 from fleet.model.report import NavigationReport
+from fleet.wall import walled
 
 log = logging.getLogger(__name__)
 

@@ -117,6 +117,7 @@ class RobotProcess:
             shared=self._shared,
             outbox=self.outbox,
             journal=self.journal.robot(config.name),
+            arrival=self.watchdog.arrival,
             changed=self.publish_state,
         )
 

@@ -42,6 +42,7 @@ class RemoteRobot:
         control: Lane,
         clock: Clock,
         soon: Callable[[Callable[[], None]], None],
+        arrival: Callable[[], float],
         worker: str,
     ) -> None:
         self.name = config.name
@@ -54,8 +55,10 @@ class RemoteRobot:
         self._control = control
         self._clock = clock
         self._soon = soon
+        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._cause = "its worker is starting"
         self._heard = float("-inf")
+        self._unheard_stop = False
         self._state = RobotState(
             name=self.name,
             twin=self.twin,
@@ -72,8 +75,15 @@ class RemoteRobot:
 
     def emergency(self, _why: str) -> None:
         """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
-        self._state = msgspec.structs.replace(self._state, emergency_stop=True)
+        self.stop_later()
         aside(self._put_stop, wait=HALT_WAIT)
+
+    def stop_later(self) -> None:
+        """Remember an emergency stop until the worker says that it is set; from any thread.
+
+        One that is frozen, dead or away now is stopped as soon as it is there again.
+        """
+        self._unheard_stop = True
 
     def _put_stop(self) -> None:
         """Put the stop on its lane; waits while that is full. Never raises."""
@@ -98,7 +108,7 @@ class RemoteRobot:
         else:
             if ask is None:
                 return None
-            name, until = ask.name, self._clock.monotonic() + patience(ask, self._config)
+            name, until = ask.name, self._arrival() + patience(ask, self._config)
             if name == EMERGENCY:
                 self.emergency("asked over the cloud")
         parameters = {"kind": kind, "way": way.value}
@@ -148,10 +158,12 @@ class RemoteRobot:
 
     def state(self) -> RobotState:
         """Return what the worker last said, or why it says nothing."""
+        stopped = self._state.emergency_stop or self._unheard_stop
+        said = msgspec.structs.replace(self._state, emergency_stop=stopped)
         if self._clock.monotonic() - self._heard <= SILENT_AFTER:
-            return self._state
+            return said
         return msgspec.structs.replace(
-            self._state,
+            said,
             health=Level.OFFLINE.word,
             cause=self._cause,
             reachable=False,
@@ -169,6 +181,7 @@ class RemoteRobot:
             log.warning("%s: a state with the unknown health %a", self.name, state.health[:40])
             return
         self._state = state
+        self._unheard_stop &= not state.emergency_stop
         self._heard = self._clock.monotonic()
 
     def _state_asked(self, question: Question) -> None:
@@ -178,6 +191,6 @@ class RemoteRobot:
 
     def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Set an emergency stop again in a worker that was started anew: only a release ends it."""
-        if alive and self._state.emergency_stop:
+        if alive and (self._state.emergency_stop or self._unheard_stop):
             log.warning("%s: its worker is back: the emergency stop is set again", self.name)
             self.emergency("set before its worker ended")

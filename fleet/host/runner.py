@@ -23,10 +23,11 @@ import msgspec
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
-from fleet.host.bounded import failure_of, result_of, take_note, walled
+from fleet.host.bounded import result_of, take_note
 from fleet.host.desk import Desk
 from fleet.host.handle import Handle
 from fleet.model.health import Health, Level
+from fleet.wall import called, failure_of, walled
 
 STRIKES = 3
 STRIKE_WINDOW = 60.0  # s
@@ -133,7 +134,7 @@ class Runner:
         handle = self._handle(self)
         end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
-            adapter = self._make()
+            adapter = called(self._make)
             self.desk.attach(adapter)
             await self._serve(adapter, handle)
         except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's

@@ -10,6 +10,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, TypeVar
 
 from fleet.event_loop import OWNER
+from fleet.wall import walled
 
 log = logging.getLogger(__name__)
 
@@ -30,16 +31,20 @@ class _Held:
         self.task = loop.create_task(self._hold(make), name=f"shared:{key}", context=context)
 
     async def _hold(self, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
-        """Enter, hand the value to whoever waits, and leave when the last user has gone."""
+        """Serve the resource to its users; whoever waits for it hears why it cannot be had."""
         try:
-            async with make() as value:
-                self.ready.set_result(value)
-                await self.released.wait()
+            await walled(lambda: self._serve(make))
         except Exception as error:
             if self.ready.done():
                 log.exception("a shared resource failed while it was in use")
             else:
                 self.ready.set_exception(error)
+
+    async def _serve(self, make: Callable[[], AbstractAsyncContextManager[Any]]) -> None:
+        """Enter, hand the value to whoever waits, and leave when the last user has gone."""
+        async with make() as value:
+            self.ready.set_result(value)
+            await self.released.wait()
 
     async def release(self) -> None:
         """Leave the resource and wait until it is closed; whoever waits may be cancelled, the closing not."""

@@ -9,6 +9,7 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.errors import TimedOut
 from fleet.host.bounded import bounded
+from fleet.wall import called, walled
 
 log = logging.getLogger(__name__)
 
@@ -17,7 +18,7 @@ def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> N
     """Have an adapter write its halt at once; from any thread; never raises."""
     try:
         if adapter is not None:
-            adapter.emergency_halt() if emergency else adapter.halt()
+            called(adapter.emergency_halt if emergency else adapter.halt)
     except Exception:
         log.exception("%s: its halt failed", name)
 
@@ -30,7 +31,7 @@ async def stand_still(
     Raises CommandError, LinkError, or a crash of the adapter's.
     """
     try:
-        await bounded(adapter.stop(why), within)
+        await bounded(walled(lambda: adapter.stop(why)), within)
     except TimeoutError:
         halt()
         log.error("%s: the adapter did not stop within %g s", name, within)  # noqa: TRY400

@@ -5,6 +5,9 @@ Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list,
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Protocol
+
 import msgspec
 
 from fleet.bus import keys
@@ -13,12 +16,29 @@ from fleet.bus.session import Bus
 from fleet.host.process import RobotProcess
 
 
-def take_stops(process: RobotProcess, bus: Bus, groups: dict[str, list[str]]) -> None:
+class Elsewhere(Protocol):
+    """A robot of the edge in another process, which hears the stop key itself if it lives."""
+
+    name: str
+
+    def stop_later(self) -> None:
+        """Remember the stop for a process that does not hear it now; from any thread."""
+
+
+def take_stops(
+    process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[Elsewhere] = ()
+) -> None:
     """Stop this process's robots when the stop key is published or asked; on the bus's threads."""
+    others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
     def stop(payload: bytes) -> list[str]:
-        return process.stop_robots(names_in(payload, groups), "the stop key")
+        names = names_in(payload, groups)
+        stopped = process.stop_robots(names, "the stop key")
+        for robot in others:
+            if not names or robot.name in names:
+                robot.stop_later()
+        return stopped
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)

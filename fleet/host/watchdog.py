@@ -25,6 +25,8 @@ PERIOD = 0.02  # s between looks, at most: a lease that runs out before is await
 SHORTEST = 0.001  # s between looks, at least
 BLOCKED = 0.25  # s without a turn of the wheel after which the loop counts as blocked
 STUCK = 10.0  # s after which the process is given up
+ASLEEP = 0.25  # s without a look after which the whole process counts as having been stopped
+BACKLOG = 1.0  # s after such a sleep in which what is read may have come during it
 
 
 class Watched(msgspec.Struct, frozen=True):
@@ -88,6 +90,8 @@ class Watchdog:
         self._ended = threading.Event()
         self._silence = _Silence()
         self._named = ""
+        self._looked = math.inf
+        self._asleep = (0.0, -math.inf)  # from when to when the process last was
         self._thread = threading.Thread(target=self._run, name="fleet-watchdog", daemon=True)
 
     def start(self) -> None:
@@ -97,8 +101,20 @@ class Watchdog:
     def stop(self) -> None:
         """End; returns when the thread has ended."""
         self._ended.set()
+        self._looked = math.inf
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)
+
+    def arrival(self) -> float:
+        """Return since when (monotonic s) what is read now may have waited to be read; from any thread.
+
+        That is now, but for a process that was stopped, or had no processor: nobody in it could read.
+        """
+        now, looked = self._clock.monotonic(), self._looked
+        if now - looked > ASLEEP:
+            return looked
+        since, until = self._asleep
+        return since if now - until < BACKLOG else now
 
     def add(self, name: str, watched: Watched) -> None:
         """Watch a robot."""
@@ -128,6 +144,9 @@ class Watchdog:
 
         Returns how long to sleep from ``now``: to the end of the first lease, at most ``PERIOD``.
         """
+        if now - self._looked > ASLEEP:
+            self._asleep = (self._looked, now)
+        self._looked = now
         first = self._first_end()
         if first <= now:
             over = [watched for watched in self._robots.values() if watched.deadman.expire(now)]

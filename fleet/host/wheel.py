@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from fleet.clock import Clock
-from fleet.host.bounded import failure_of
+from fleet.wall import failure_of
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,6 @@ import argparse
 import asyncio
 import logging
 import os
-import signal
 import sys
 from pathlib import Path
 
@@ -24,9 +23,11 @@ from fleet.errors import FleetError
 from fleet.event_loop import run as run_loop
 from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
+from fleet.host.leave import leave
 from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
+from fleet.host.signals import end_by_signal
 from fleet.host.stops import take_stops
 from fleet.spool.place import state_folder
 
@@ -36,7 +37,7 @@ BEAT = 0.25  # s between signs that the event loop turns
 
 
 async def run(name: str, config: Path, directory: Path, parent: int | None) -> None:
-    """Run one worker until SIGTERM, or until ``parent``, the edge that started it, is gone."""
+    """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
     loaded = load(config, os.environ, partial=True)
     bus = join(bus_settings(loaded.config), directory)
     specs = [
@@ -51,8 +52,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     settle = settle_time(loaded.config)
     process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
     ended = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
     take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
@@ -63,7 +63,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
 
     def show_life() -> None:
         beat.put(b"")
-        if parent is not None and os.getppid() != parent:
+        if parent is not None and os.getppid() != parent and not ended.is_set():
             log.error("the edge is gone: worker %s ends", name)
             ended.set()
 
@@ -95,4 +95,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(leave(main()))

@@ -65,7 +65,8 @@ class _Damaged(sqlite3.DatabaseError):
 
 
 def _opened(path: Path, schema: str, version: int, synchronous: Synchronous) -> sqlite3.Connection:
-    """Open a file and check it, or make it."""
+    """Open a file and check it, or make it, for this user alone: its folder may be open to others."""
+    path.touch(mode=0o600)
     connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
     try:
         connection.execute(f"PRAGMA page_size = {PAGE}")

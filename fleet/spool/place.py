@@ -17,11 +17,16 @@ JOURNAL = "journal.db"
 def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of an edge's lasting state: ``given``, else one of the user's (XDG) for this edge.
 
-    It need not exist.
+    It need not exist. Raises StateError for a user without a home.
     """
     if given is not None:
         return given
-    home = environ.get("XDG_STATE_HOME") or Path(environ.get("HOME") or Path.home()) / ".local" / "state"
+    try:
+        home = environ.get("XDG_STATE_HOME") or Path(environ.get("HOME") or Path.home()) / ".local" / "state"
+    except RuntimeError:
+        raise StateError(
+            "this user has no home for the edge's lasting state; set HOME or edge.spool.path"
+        ) from None
     return Path(home) / "fleet" / edge
 
 

@@ -78,8 +78,15 @@ def test_files_that_begin_with_an_underscore_are_not_loaded(folder):
             + "    from fleet import command\n    @command('go')\n    async def go(self, far): ...\n",
             "KeyError: 'far'",
         ),
+        ("class Panic(BaseException): pass\nraise Panic('gone')", "Panic: gone ({file}:2)"),
+        (body("x") + "    limits = 5\n", "xAdapter.limits must be Limits(...), not 5"),
+        (body("x") + "    verbs = 'beep'\n", "xAdapter.verbs must be a tuple of names, not 'beep'"),
+        (
+            body("x").replace("    link: str", "    link: str\n    limits: float = 1.0"),
+            "Config.limits is a field of the host's own; give yours another name",
+        ),
     ],
-    ids=range(10),
+    ids=range(14),
 )
 def test_a_file_that_cannot_be_used_is_a_report_with_the_place(folder, tmp_path, text, report):
     (plugin,) = folder(broken=text).plugins()

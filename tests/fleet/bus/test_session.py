@@ -72,6 +72,14 @@ def test_what_a_killed_edge_left_is_cleared_away(directory, opened, spawn_edge):
     opened(join(BusSettings("yard"), directory))
 
 
+def test_a_child_of_an_edge_that_outlives_it_does_not_keep_the_next_one_out(directory, edge):
+    has = subprocess.run(
+        ["ls", "-l", "/proc/self/fd"], check=False, close_fds=False, stdout=subprocess.PIPE, text=True
+    )
+    assert "pipe" in has.stdout
+    assert str(directory) not in has.stdout
+
+
 def test_an_edge_that_does_not_run_cannot_be_joined(directory):
     with pytest.raises(BusError, match=r"edge 'yard' does not run here; start it, or set bus.connect"):
         join(BusSettings("yard"), directory)

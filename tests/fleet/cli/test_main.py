@@ -5,7 +5,7 @@ import sys
 import click
 import pytest
 
-from fleet.cli.main import COMMANDS, SUMMARIES
+from fleet.cli.main import COMMANDS, SUMMARIES, main
 from fleet.version import __version__
 
 SHOW_MODULES = """
@@ -98,3 +98,27 @@ def test_a_reader_that_went_away_is_no_traceback(place):
     assert process.wait(60) == 1
     assert process.stderr.read() == b""
     process.stderr.close()
+
+
+def test_a_full_disk_behind_the_output_is_told_in_one_line(place):
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
+        command = [sys.executable, "-m", "fleet", "schema"]
+        done = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, cwd=place)
+    assert (done.returncode, done.stderr) == (1, b"fleet: [Errno 28] No space left on device\n")
+
+
+def test_a_command_runs_without_an_output(monkeypatch, play_edge):
+    edge = play_edge("yard-1", robots={"rex": {}})
+    monkeypatch.setattr(sys, "stdout", None)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert main(["stop", "rex"]) == 0
+    sys.stdout.close()
+    sys.stderr.close()
+    assert edge.stops == [["rex"]]
+
+
+def test_who_closes_all_that_is_open_gets_none_of_it_for_our_links():
+    script = "import os, sys; from fleet.__main__ import main; sys.argv[1:] = ['--help']; main(); "
+    script += "sys.exit([os.readlink(f'/proc/self/fd/{fd}') for fd in range(3)] != ['/dev/null'] * 3)"
+    shell = ["sh", "-c", 'exec "$0" -c "$1" <&- >&- 2>&-', sys.executable, script]
+    assert subprocess.run(shell, check=False, timeout=60).returncode == 0

@@ -1,3 +1,4 @@
+import errno
 import io
 import textwrap
 
@@ -129,3 +130,11 @@ def test_adapters_fit_the_terminal(fleet, monkeypatch, columns):
     assert all(len(line) <= columns or len(line.split()) <= 2 for line in lines), textwrap.indent(
         "\n".join(lines), "|"
     )
+
+
+def test_what_is_no_result_costs_nobody_anything_where_it_cannot_be_written():
+    class Full(io.StringIO):
+        def write(self, text):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    Output(err=Full()).note("edge yard-1 runs")

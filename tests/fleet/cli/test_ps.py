@@ -118,6 +118,14 @@ def test_an_edge_that_answers_nothing_is_told(fleet, spawn_edge):
     assert "does not answer" in result.err
 
 
+def test_an_edge_that_answers_nothing_is_told_beside_one_that_does(fleet, play_edge, spawn_edge):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}})
+    spawn_edge("barn")
+    result = fleet("ps")
+    assert (result.code, "rex" in result.out) == (0, True)
+    assert result.err == "edge barn runs but does not answer: its event loop hangs\n"
+
+
 @pytest.mark.parametrize("arguments", [("--json",), ()])
 def test_an_edge_without_robots_is_shown(fleet, play_edge, arguments):
     play_edge("yard-1")

@@ -143,6 +143,11 @@ def test_a_robot_of_a_group_that_does_not_run_is_not_passed_over(fleet, play_edg
     assert result.err == "beast: takeoff timeout: it does not run on yard-1\n"
 
 
+def test_an_empty_group_is_told_as_such(fleet, play_edge):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}}, groups={"ground": []})
+    assert "the group 'ground' is empty" in fleet("send", "ground", "land").err
+
+
 def test_groups_of_one_name_on_two_edges_are_both_meant(fleet, yard, play_edge):
     barn = play_edge("barn", robots={"mule": {"health": "ok"}}, groups={"ground": ["mule"]})
     for edge, robot in ((yard, "rex"), (yard, "beast"), (barn, "mule")):
@@ -254,6 +259,18 @@ def test_who_was_not_stopped_is_told(fleet, yard):
     assert "kestral: NOT STOPPED" in result.err
 
 
+def test_a_robot_of_another_edge_is_not_stopped_by_its_namesake(fleet, yard):
+    result = fleet("stop", "yard-1/rex", "barn/rex")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert "barn/rex: NOT STOPPED" in result.err
+
+
+def test_a_name_that_is_no_text_holds_up_no_stop(fleet, yard):
+    result = fleet("stop", "rex", "kestr\udce9l")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert yard.stops == [["rex", "kestr?l"]]
+
+
 def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
     result = fleet("stop", "kestral")
     assert (result.code, result.out) == (5, "")
@@ -264,6 +281,20 @@ def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
     yard.falls_silent()
     result = fleet("stop", "rex", "ghost")
     assert (result.code, result.out) == (7, "rex: stopped\n")
+
+
+def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
+    yard.also_speaks("mule", cause="worker mule: frozen")
+    result = fleet("stop", "--all")
+    assert result.code == 7
+    assert "mule: NOT STOPPED" in result.err
+
+
+def test_a_robot_that_is_not_found_may_be_of_the_edge_that_answers_nothing(fleet, yard, spawn_edge):
+    spawn_edge("barn")
+    result = fleet("send", "mule", "land")
+    assert result.code == 5
+    assert "edge barn runs but does not answer" in result.err
 
 
 def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_edge):

@@ -50,9 +50,9 @@ class Puppet(Adapter[PuppetConfig]):
         super().__init__(config)
         self.told: list[Any] = []
         self.go = asyncio.Event()
-        self.raises: Exception | None = None  # in drive, navigate and takeoff
-        self.halts: Exception | None = None  # what a halt raises
-        self.stops: Exception | str = ""  # what a stop raises, or "never": it does not return
+        self.raises: BaseException | None = None  # in drive, navigate and takeoff
+        self.halts: BaseException | None = None  # what a halt raises
+        self.stops: BaseException | str = ""  # what a stop raises, or "never": it does not return
 
     async def run(self, robot):
         robot.health_ok()
@@ -66,7 +66,7 @@ class Puppet(Adapter[PuppetConfig]):
         while self.stops == "never" and not self.go.is_set():
             with contextlib.suppress(asyncio.CancelledError):
                 await self.go.wait()
-        if isinstance(self.stops, Exception):
+        if isinstance(self.stops, BaseException):
             raise self.stops
 
     def halt(self):

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from fleet.host.bounded import bounded, closing, walled
+from fleet.host.bounded import bounded, closing
 
 
 async def test_what_ends_in_time_returns_its_value():
@@ -73,11 +73,3 @@ async def test_an_iteration_without_a_close_is_iterated_all_the_same():
 
     async with closing(Steps()) as steps:
         assert [step async for step in steps] == []
-
-
-async def test_sys_exit_is_an_error_like_any_other():
-    async def leave():
-        raise SystemExit(2)
-
-    with pytest.raises(RuntimeError, match=r"sys\.exit\(2\)"):
-        await walled(leave)

@@ -63,6 +63,10 @@ class Rude:
     async def leaves(self):
         sys.exit(3)
 
+    @command("mumbles", moves=False)
+    async def mumbles(self):
+        return object()
+
     @command("breaks_off")
     async def breaks_off(self):
         try:
@@ -97,6 +101,13 @@ async def test_a_command_that_is_superseded_before_it_began_is_answered(rude, as
     rude.start("steps")
     await asks.settle()
     assert [answer.reason for answer in first] == ["superseded by steps"]
+
+
+async def test_an_answer_that_cannot_be_said_is_a_failure_that_the_asker_hears(rude, asks):
+    answers = rude.start("mumbles")
+    await asks.settle()
+    assert "the adapter failed: TypeError" in answers[0].reason
+    assert [type(crash) for crash in rude.crashes] == [TypeError]
 
 
 async def test_a_command_that_is_superseded_as_it_ends_has_one_answer(rude, asks):

@@ -195,6 +195,24 @@ def test_a_stop_that_is_not_on_the_disk_yet_is_set_again_and_a_release_is_not(tm
     assert not journal.robot("max").latched
 
 
+def test_a_release_outlives_the_stop_that_a_dead_process_left(tmp_path, opened):
+    (tmp_path / "begun.arm").write_bytes(b'["latch","rex","the stop key"]\n')
+    journal = opened()
+    journal.robot("rex").latch("")
+    journal.close()
+    assert not opened().robot("rex").latched
+
+
+def test_what_a_process_that_lives_has_not_written_yet_is_left_to_it(tmp_path, clock, opened, monkeypatch):
+    monkeypatch.setattr("fleet.host.journal.GATHER", 600.0)
+    other = Journal(tmp_path, clock, tmp_path / "begun.arm")
+    other.robot("max").latch("fire")
+    before = (tmp_path / "begun.arm").read_bytes()
+    assert opened().robot("max").latched == "fire"
+    assert (tmp_path / "begun.arm").read_bytes() == before != b""
+    other.close()
+
+
 def test_a_stop_after_the_end_is_written_into_nobody_elses_file(tmp_path, clock):
     journal = Journal(tmp_path, clock, tmp_path / "begun.main")
     robot, number = journal.robot("rex"), journal._begun._file

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import math
 import threading
 import time
 
@@ -11,6 +12,8 @@ from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
+from fleet.model.geometry import Quaternion, Vector3
+from fleet.model.report import PoseReport
 from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
@@ -112,6 +115,21 @@ async def test_a_halt_that_hangs_keeps_nobody_from_reading_the_stop_of_another(s
     assert held == []
     free.set()
     await asks.until(lambda: held == [True])
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edge, asks, bad):
+    corners = [[-5, -5], [5, -5], [5, 5], [-5, 5]]
+    place = yard(rex={"worker": "main", "fence": {"frame": "world", "inclusion": [corners]}})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: edge.states()[0].health == "ok")
+        robot = edge.process.robots["rex"]
+        for x, told in ((bad, "where the robot is, is unknown"), (1.0, "")):
+            robot.publish(PoseReport(edge.process.clock.time(), Vector3(x), Quaternion()))
+            answers = []
+            robot.read("command", b'{"command": "move_forward"}', way=Way.BUS)(answers.append)
+            assert (answers[0].ok, told in answers[0].reason) == (not told, True)
 
 
 async def test_a_stop_for_one_touches_no_other(served, asks):

@@ -34,6 +34,7 @@ class Bench:
             control=self.lane,
             clock=clock,
             soon=self.later.put,
+            arrival=clock.monotonic,
             worker="w",
         )
         self.lane.subscribe(
@@ -242,6 +243,22 @@ def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(b
     bench.robot.read("command", b'{"command": "emergency_stop"}', way=Way.CLOUD)
     bench.lane.token(keys.robot("yard", "rex"))
     assert bench.stopped(2) == [["rex"], ["rex"]]
+
+
+def test_a_stop_that_came_while_the_worker_was_frozen_is_set_in_the_next_one(bench):
+    bench.says(health="ok")
+    bench.robot.stop_later()
+    bench.says(health="ok")
+    assert bench.robot.state().emergency_stop
+    bench.lane.token(keys.robot("yard", "rex"))
+    assert bench.stopped() == [["rex"]]
+
+
+def test_a_stop_that_the_worker_has_told_is_the_workers_to_release(bench):
+    bench.robot.stop_later()
+    bench.says(health="ok", emergency_stop=True)
+    bench.says(health="ok", emergency_stop=False)
+    assert not bench.robot.state().emergency_stop
 
 
 def test_what_was_released_stays_released(bench):

@@ -2,7 +2,6 @@
 
 import asyncio
 import itertools
-import sys
 
 import pytest
 
@@ -14,6 +13,10 @@ from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.wheel import Wheel
 from fleet.model.health import Health, Level
+
+
+class Panic(BaseException):
+    """As libraries written in Rust raise."""
 
 
 class Stage:
@@ -201,13 +204,43 @@ async def test_a_run_that_cancels_itself_is_a_failure_not_the_end_of_the_robot(s
     assert len(one.made) == 2
 
 
-async def test_a_run_that_calls_sys_exit_is_a_failure_not_the_end_of_the_process(stage, asks):
-    async def leave(robot):
-        sys.exit(3)
-
-    one = stage(leave, serve)
+@pytest.mark.parametrize("error", [SystemExit(3), Panic("gone")])
+async def test_a_run_that_raises_no_exception_is_a_failure_not_the_end_of_the_process(stage, asks, error):
+    one = stage(fail(error), serve)
     await asks.until(lambda: one.runner.health == Health())
     assert len(one.made) == 2
+
+
+@pytest.mark.parametrize("error", [SystemExit(3), Panic("gone")])
+async def test_an_adapter_whose_making_raises_no_exception_is_tried_again(stage, asks, error):
+    one = stage(serve)
+    one.broken = error
+    one.runner.restart()
+    await asks.until(lambda: "quarantined" in one.runner.health.cause)
+    one.broken = None
+    one.runner.restart()
+    await asks.until(lambda: one.runner.health == Health())
+
+
+@pytest.mark.parametrize("error", [SystemExit(3), Panic("gone"), asyncio.CancelledError()])
+async def test_a_stop_that_raises_no_exception_is_halted_and_ends_the_run(stage, asks, bench, error):
+    one = stage(serve, lambda robot: asyncio.Event().wait())
+    await asks.until(lambda: one.runner.health == Health())
+    bench.puppet.stops = error
+    answers = bench.ask(asks.command("stop"))
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert not answers[0].ok
+    assert "halt" in bench.puppet.told
+
+
+@pytest.mark.parametrize("error", [SystemExit(3), Panic("gone"), asyncio.CancelledError()])
+async def test_a_velocity_and_a_halt_that_raise_no_exception_end_the_run_alone(stage, asks, bench, error):
+    one = stage(serve, lambda robot: asyncio.Event().wait())
+    await asks.until(lambda: one.runner.health == Health())
+    bench.puppet.raises = bench.puppet.halts = error
+    answers = bench.ask(asks.setpoint())
+    await asks.until(lambda: one.runner.health.level is Level.FAULT)
+    assert not answers[0].ok
 
 
 async def test_a_robot_that_is_stopped_before_it_began_leaves_nothing(bench):

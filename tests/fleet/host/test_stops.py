@@ -100,3 +100,18 @@ def test_no_bytes_keep_a_stop_from_being_read(payload):
 @given(st.lists(st.text(max_size=8), min_size=1))
 def test_names_never_come_to_mean_everything(names):
     assert set(names) <= set(names_in(json.dumps(names).encode(), GROUPS))
+
+
+@pytest.mark.parametrize(("payload", "later"), [(b"", ["rex"]), (b'["yard"]', ["rex"]), (b'["kestrel"]', [])])
+def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload, later):
+    stopped = []
+
+    class Elsewhere:
+        name = "rex"
+
+        def stop_later(self):
+            stopped.append(self.name)
+
+    take_stops(Process("yard-1"), bus, GROUPS, [Elsewhere()])
+    bus.control.put("fleet/*/stop", payload)
+    assert stopped[:1] == later

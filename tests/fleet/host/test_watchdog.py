@@ -68,6 +68,32 @@ def join_aside():
             thread.join()
 
 
+def test_what_is_read_has_just_come_while_the_process_is_awake():
+    watch = Watch()
+    assert watch.dog.arrival() == watch.clock.monotonic()
+    watch.looks(1.0, beats=True)
+    watch.clock.advance(PERIOD)
+    assert watch.dog.arrival() == watch.clock.monotonic()
+
+
+@pytest.mark.parametrize("awake", [0.0, PERIOD, 0.5])
+def test_what_is_read_after_a_sleep_of_the_process_may_have_come_when_it_began(awake):
+    watch = Watch()
+    watch.looks(1.0, beats=True)
+    began = watch.clock.monotonic()
+    watch.clock.advance(3.0)
+    watch.looks(awake, beats=True)
+    assert watch.dog.arrival() == began
+
+
+def test_some_time_after_a_sleep_what_is_read_is_new_again():
+    watch = Watch()
+    watch.looks(1.0, beats=True)
+    watch.clock.advance(3.0)
+    watch.looks(1.1, beats=True)
+    assert watch.dog.arrival() == watch.clock.monotonic()
+
+
 @pytest.fixture
 def watch():
     watch = Watch()

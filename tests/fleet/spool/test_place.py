@@ -1,0 +1,28 @@
+"""Where an edge keeps what outlives it."""
+
+from pathlib import Path
+
+import pytest
+
+from fleet.errors import StateError
+from fleet.spool.place import state_folder
+
+
+@pytest.mark.parametrize(
+    ("environ", "folder"),
+    [
+        ({"XDG_STATE_HOME": "/state", "HOME": "/home/anna"}, "/state/fleet/yard"),
+        ({"HOME": "/home/anna"}, "/home/anna/.local/state/fleet/yard"),
+    ],
+)
+def test_the_state_is_the_users_own(environ, folder):
+    assert state_folder("yard", None, environ) == Path(folder)
+
+
+def test_a_user_without_a_home_is_told_what_to_set(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    with pytest.raises(StateError, match=r"no home .* set HOME or edge\.spool\.path"):
+        state_folder("yard", None, {})
