@@ -65,10 +65,11 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     start = place(twin)
     twin.move_forward(0.3)
     wait_until("forward", lambda: math.dist(place(twin), start) > 0.1)
+    # Each way of the SDK ends in a stop of its own, which would end the next one, too, if it came late; and
+    # which gives the robot back to who comes next.
+    wait_until("its stop is answered", lambda: stops_answered(ears) == 1)
     twin.move_backward(0.3)
     wait_until("back", lambda: math.dist(place(twin), start) < 0.1)
-
-    # Each of the two ways of the SDK ends in a stop of its own, which gives the robot back to who comes next.
     wait_until("both stops are answered", lambda: stops_answered(ears) == 2)
     action = uuid.uuid4().hex
     waypoints = [{"id": str(n), "position": {"x": x, "y": y, "z": 0}} for n, (x, y) in enumerate(SQUARE)]
