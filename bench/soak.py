@@ -15,7 +15,7 @@ from bench.bridge.faults import PROMISES, settle
 from bench.bridge.sides import side
 from bench.common import line, mosquitto, puppets
 from fleet.testing.asker import Asker, executed
-from fleet.testing.journal import broken
+from fleet.testing.promises import broken
 from fleet.testing.proxy import TcpProxy
 
 MINUTES = 15.0

@@ -10,7 +10,6 @@ import click
 
 from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
-from fleet_quadruped.bench import Bench, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.capture import read_capture
 from fleet_quadruped.jog import (
@@ -28,6 +27,7 @@ from fleet_quadruped.replay import Replay
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.selfwalk.description import SelfWalker
+from fleet_quadruped.workbench import Workbench, listen, offsets, open_buses, problems, scan
 
 _BODY = click.argument("body", type=click.Path(dir_okay=False, path_type=Path))
 _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A bus: a=can:socketcan:can0.")
@@ -73,7 +73,7 @@ def check_command(body: Path, buses: tuple[str, ...]) -> int:
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         if isinstance(dog, Description):
-            found = problems(dog.all_joints, Bench(dog, opened, SystemClock()).settle())
+            found = problems(dog.all_joints, Workbench(dog, opened, SystemClock()).settle())
             good = "all twelve drives answer, where their joints can be"
         else:
             found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
@@ -97,7 +97,7 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         clock = SystemClock()
-        bench = Bench(dog, opened, clock)
+        bench = Workbench(dog, opened, clock)
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
             began = clock.monotonic()
@@ -140,7 +140,7 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
         click.confirm(f"Is the dog in the pose {pose!r}, and are its drives off?", abort=True, err=True)
     wanted = dog.posture(dog.poses.fold) if pose == "fold" else dog.stance(dog.gait.height)
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        told = Bench(dog, opened, SystemClock()).settle()
+        told = Workbench(dog, opened, SystemClock()).settle()
     silent = [line for line in problems(dog.all_joints, told) if "is silent" in line]
     if silent:
         raise LinkRefused(silent[0])

@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, Refused
-from fleet_quadruped.bench import Bench, problems
 from fleet_quadruped.body.sense import Targets
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointFeedback, Power
 from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.workbench import Workbench, problems
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ class Jogger:
         self._jog = jog
         self._clock = clock
         self._interrupted = interrupted
-        self._bench = Bench(dog, buses, clock, (jog.joint,))
+        self._bench = Workbench(dog, buses, clock, (jog.joint,))
         self._dt = dog.dt
         self._margin = dog.safety.margin
 

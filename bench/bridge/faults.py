@@ -13,7 +13,7 @@ import time
 from bench.bridge.sides import Ears, side, source
 from bench.common import free_port, line, listener, mosquitto
 from fleet.testing.asker import Asker, counted, executed
-from fleet.testing.journal import Rules, What, broken
+from fleet.testing.promises import Rules, What, broken
 from fleet.testing.proxy import TcpProxy
 
 KILLS = 5

@@ -62,7 +62,7 @@ class Answers:
         """Return what answers a message: a response to who asked for one, else a status."""
         inbox = message.response_topic
         if inbox is not None and not self._topics.is_own_inbox(inbox, port.twin):
-            line = "%s: no reply to %r: it is not a reply inbox of this twin"
+            line = "%s: no reply to %.120r: it is not a reply inbox of this twin"
             self._refusals.add("foreign inbox", line, port.name, inbox)
             return _no_answer
         if inbox is not None:

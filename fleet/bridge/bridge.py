@@ -86,6 +86,7 @@ class Bridge:
             open_way=self._open_way,
             alive=alive,
             waiting=lambda: self.client.stats.queued_bytes,
+            full=lambda: self.client.full,
             refusals=self.refusals,
             clock=clock,
         )
@@ -217,7 +218,8 @@ class Bridge:
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Tell how the connection stands, and a broker that is back how everything is now."""
         fallen = state in (CloudState.DISCONNECTED, CloudState.REFUSED)
-        level = logging.WARNING if fallen else logging.INFO
+        deaf = state is CloudState.CONNECTED and cause
+        level = logging.WARNING if fallen or deaf else logging.INFO
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
             self._say_newest()

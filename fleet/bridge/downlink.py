@@ -6,6 +6,7 @@ while that is stuck. ``take`` obeys, on the loop. Commands wait for nothing that
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -116,9 +117,8 @@ class Downlink:
 
     def _read(self, route: Route, port: Port, message: Message) -> Take | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
-        request_id = message.correlation.hex() if message.correlation else ""
         try:
-            return port.read(route.kind, message.payload, way=Way.CLOUD, request_id=request_id)
+            return port.read(route.kind, message.payload, way=Way.CLOUD, request_id=_request_id(message))
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
             refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
@@ -200,3 +200,14 @@ class Downlink:
             handle(topic, message)
         except WireError as error:
             self.refusals.add("unreadable", "a message on %s was refused: %s", message.topic, error)
+
+
+def _request_id(message: Message) -> str:
+    """Return what tells a request from all others, of short and harmless letters; empty for none.
+
+    Correlation Data means something to who sent it alone: two may well count from 1.
+    """
+    if not message.correlation:
+        return ""
+    asker = (message.response_topic or "").encode()
+    return hashlib.blake2b(asker + b"\0" + message.correlation, digest_size=16).hexdigest()

@@ -130,6 +130,7 @@ class Uplink:
 
     ``session`` is stamped on every payload. ``alive`` tells whether a robot answers, so that only what is
     still true is repeated. ``waiting`` tells how many bytes wait to be sent: streams are dropped first.
+    ``full`` tells that the network does not take them: of state the newest waits here until it does.
     ``held`` holds the twins that another edge has: nothing is said of them.
     """
 
@@ -142,6 +143,7 @@ class Uplink:
         open_way: OpenWay,
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
+        full: Callable[[], bool],
         refusals: Tally,
         clock: Clock,
     ) -> None:
@@ -151,6 +153,8 @@ class Uplink:
         self._open_way = open_way
         self._alive = alive
         self._waiting = waiting
+        self._full = full
+        self._held_up = False  # the way was full at the last turn
         self._clock = clock
         self._slots: dict[str, _Slot | None] = {}
         self._repeated: list[_Slot] = []
@@ -190,7 +194,7 @@ class Uplink:
     def _take_state(self, slot: _Slot, report: Report) -> None:
         """Take a state of a robot of this process."""
         now = self._clock.monotonic()
-        if slot.fresh or now < slot.due:
+        if slot.fresh or self._held_up or now < slot.due:
             self._take(slot, report)
             return
         self.received.counts[slot.traffic] += 1
@@ -217,10 +221,12 @@ class Uplink:
     def turn(self) -> Iterator[None]:
         """Publish the state that is due, a few samples a step."""
         now = self._clock.monotonic()
+        self._held_up = self._full()
         yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
-            yield from self._repeat(now)
+            if not self._held_up:
+                yield from self._repeat(now)
             self._tell_dropped(now)
 
     def say_newest(self) -> None:
@@ -236,11 +242,11 @@ class Uplink:
         waiting = self._waiting() if self._fresh else 0
         for number in range(len(self._fresh)):
             slot = self._fresh.popleft()
-            if now < slot.due:
+            if now < slot.due or (self._held_up and not slot.streams):
                 self._fresh.append(slot)
                 continue
             slot.fresh = False
-            if slot.streams and waiting >= slot.info.rules.backlog:
+            if slot.streams and (self._held_up or waiting >= slot.info.rules.backlog):
                 self.dropped.add(slot.rule.traffic)
                 continue
             slot.goes(now)

@@ -156,6 +156,12 @@ class CloudClient:
             self._queued = False
             self.flush()
 
+    @property
+    def full(self) -> bool:
+        """True while the network has not taken QoS 0 of before: what has a newer one soon had better wait."""
+        connection = self._connection
+        return connection is not None and connection.full and self._outbox.waits
+
     def flush(self) -> None:
         """Have the loop write everything that waits; asked for many times, it does so once."""
         if not self._flushing:

@@ -68,6 +68,11 @@ class Connection:
         self._write(session.connect())
 
     @property
+    def full(self) -> bool:
+        """True while the network does not take what is to be written."""
+        return self._stream.full
+
+    @property
     def patience(self) -> float:
         """Return how often, in seconds, ``watch`` wants to be called."""
         return min(1.0, self._keepalive.interval / 20 or 1.0)
@@ -98,9 +103,10 @@ class Connection:
         self._conclude()
 
     def _writable(self) -> None:
-        """Write what had to wait, and go on where the socket stopped."""
+        """Write what had to wait, and go on where the socket stopped: the link is slow, and alive."""
         with self._lock:
             self._stream.write_rest()
+            self._keepalive.received(self._clock.monotonic())
         self.flush()
 
     def _receive_all(self) -> None:

@@ -1,6 +1,6 @@
 """What waits to be sent: durable messages in the spool, and light ones (QoS 0), which never wait offline.
 
-The spool sends replies first, then status, then events; light ones go with what is left of a write. A full
+The spool sends replies first, then status, then events; light ones go behind them, in every write. A full
 light lane refuses what is new.
 """
 

@@ -18,6 +18,13 @@ from fleet.link.tcp import reset_on_close
 
 MOST = 16384  # bytes of one read: a whole TLS record, of which TLS must keep nothing to itself
 
+UNSENT = 16 * 1024
+"""Bytes that wait in the kernel for the network at most.
+
+Left to itself it takes megabytes: on a slow network states are seconds old when they leave, and what is
+urgent, and pings, wait behind them.
+"""
+
 LATER = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 """What a socket raises that has nothing to give or no room now."""
 
@@ -35,6 +42,7 @@ class Stream:
     ) -> None:
         # Without it replies wait 40 ms for one another's acknowledgement.
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
         self.closed = False
         self._socket = opened
         self._writable = writable

@@ -63,13 +63,14 @@ class Decoder:
         """Decode the ``command`` topic's messages."""
         return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
 
-    def _navigate(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
+    def _navigate(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
         origin = self._origin
         home = self._home_altitude()
         return decode_navigate(
             payload,
             way=way,
+            request_id=request_id,
             rotation_order=self._order,
             planar=self._planar,
             home_altitude=origin.altitude if home is None and origin else home,

@@ -297,10 +297,11 @@ class Edge:
 
     def _cloud_health(self) -> Health:
         """Return how the cloud's connection is."""
-        if self.bridge is None or self.bridge.client.state is CloudState.CONNECTED:
-            problem = self.bridge.client.spool.problem if self.bridge else ""
-            return Health(Level.DEGRADED, problem) if problem else Health()
+        if self.bridge is None:
+            return Health()
         client = self.bridge.client
+        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
+            return _degraded(client.cause or client.spool.problem)
         level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
         return Health(level, f"cloud {client.state.value}: {client.cause}")
 

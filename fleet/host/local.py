@@ -27,7 +27,7 @@ from fleet.host.ticket import Answer, Ticket
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.command import Command, Origin, Reply, Setpoint, Way
 from fleet.model.navigation import ActionState, Control
 from fleet.model.report import (
     BatteryReport,
@@ -167,6 +167,11 @@ class LocalRobot:
         self._refusals.add("late", "refused %s: %s", ask.name, why)
         ticket.reject(why)
         self._tell_failed(kind, getattr(ask, "action_id", ""), why)
+
+    def tell_refused(self, reply: Reply) -> None:
+        """Say that a velocity was refused which was published on the bus: nobody waits for its answer."""
+        if not reply.ok:
+            self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
 
     def _refuse(self, kind: Kind, error: WireError, answer: Answer) -> None:
         """Refuse a message that cannot be read."""

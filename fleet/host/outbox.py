@@ -6,9 +6,10 @@ gets the reports themselves.
 
 from __future__ import annotations
 
-import itertools
 import logging
+from collections import deque
 from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 from fleet.bus.lane import Lane, Question, keys_meet
 from fleet.errors import WireError
@@ -28,18 +29,20 @@ Cross = Callable[[Report], None]
 
 
 class _Channel:
-    """One channel of one twin: the newest report that waits, the last that left, how many samples were put.
+    """One channel of one twin: its newest report, whether that waits, and how many samples were put.
 
-    ``cross`` is None where nothing crosses to the cloud.
+    ``last`` is the last that left; ``cross`` is None where nothing crosses to the cloud.
     """
 
-    __slots__ = ("cross", "key", "last", "newest", "refused", "sequence")
+    __slots__ = ("cross", "key", "last", "newest", "refused", "sequence", "waits")
+
+    newest: Report
 
     def __init__(self, key: str, cross: Cross | None) -> None:
         self.key = key
         self.cross = cross
         self.sequence = 0
-        self.newest: Report | None = None
+        self.waits = False
         self.last: Report | None = None
         self.refused = False
 
@@ -51,10 +54,14 @@ class _Channel:
 
 
 class _Robot:
-    """What one robot has to say: its channels, and the events that wait."""
+    """What one robot has to say: its channels, and the events that wait.
+
+    An adapter may report from a thread of its own: each step is whole, and what is to be found is there
+    before it can be found.
+    """
 
     def __init__(self, twin: str, outbox: Outbox) -> None:
-        self.events: list[Report] = []
+        self.events: deque[Report] = deque()
         self._twin = twin
         self._outbox = outbox
         self._states: dict[type[Report], _Channel] = {}  # of the kinds of which a robot has one
@@ -64,11 +71,14 @@ class _Robot:
         """Take a report; it leaves with the next ``flush``."""
         channel = self._states.get(type(report))
         if channel is None:
-            self._put_other(report)
-            return
-        if channel.newest is None:
-            self._outbox.states.append(channel)
+            if isinstance(report, EVENTS):
+                self._put_event(report)
+                return
+            channel = self._channel_of_state(report)
         channel.newest = report
+        if not channel.waits:
+            channel.waits = True
+            self._outbox.states.append(channel)
 
     def channel(self, report: Report) -> _Channel:
         """Return the channel of a report."""
@@ -78,26 +88,30 @@ class _Robot:
             channel = self._channels[place] = self._outbox.open(self._twin, report.channel, place[1])
         return channel
 
-    def _put_other(self, report: Report) -> None:
-        """Take an event, the first state of its kind, or one of several sensors of a kind."""
-        if isinstance(report, EVENTS):
-            self._put_event(report)
-            return
+    def _channel_of_state(self, report: Report) -> _Channel:
+        """Return the channel of the first state of its kind, or of one of several sensors of a kind."""
         channel = self.channel(report)
-        if channel.newest is None:
-            self._outbox.states.append(channel)
-        channel.newest = report
         if not hasattr(report, "sensor"):
             self._states[type(report)] = channel
+        return channel
 
     def _put_event(self, report: Report) -> None:
         """Take an event, unless too many wait."""
-        if not self.events:
-            self._outbox.eventful.append(self)
         if len(self.events) < WAITING:
             self.events.append(report)
+            self._outbox.eventful.append(self)
         else:
             self._outbox.dropped += 1
+
+
+Waiting = TypeVar("Waiting")
+
+
+def _now(queue: deque[Waiting]) -> Iterator[Waiting]:
+    """Remove and yield what waits when it is begun."""
+    for _ in range(len(queue)):
+        if queue:  # or somebody else has taken it meanwhile
+            yield queue.popleft()
 
 
 class Outbox:
@@ -109,9 +123,8 @@ class Outbox:
     def __init__(self, lane: Lane) -> None:
         self._publishers = lane.publishers(ALL)
         self._channels: list[_Channel] = []
-        self.states: list[_Channel] = []  # which wait, each once
-        self.eventful: list[_Robot] = []
-        self._leaving: Iterator[None] = iter(())  # the flush that is under way
+        self.states: deque[_Channel] = deque()  # which wait, each once
+        self.eventful: deque[_Robot] = deque()  # each once for each of its events
         self.crossing: Callable[[str], Cross | None] = lambda _key: None
         self.dropped = 0
         lane.answer(ALL, self._asked)
@@ -121,17 +134,24 @@ class Outbox:
         return _Robot(twin, self).put
 
     def flush(self) -> None:
-        """Put everything that waits, after what a flush under way has left."""
-        for _ in itertools.chain(self._leaving, self.flushing()):
+        """Put everything that waits."""
+        for _ in self.flushing():
             pass
 
     def flushing(self) -> Iterator[None]:
         """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time.
 
-        Who leaves off in the middle loses nothing: ``flush`` goes on with it.
+        Who leaves off in the middle, or fails, loses nothing of the rest: the next time goes on with it.
         """
-        self._leaving = self._put_all()
-        return self._leaving
+        for robot in _now(self.eventful):
+            report = robot.events.popleft()
+            self._send(robot.channel(report), report)
+            yield
+        for number, channel in enumerate(_now(self.states), 1):
+            channel.waits = False
+            self._send(channel, channel.newest)
+            if not number % STEP:
+                yield
 
     def open(self, twin: str, name: str, sensor: str) -> _Channel:
         """Begin a channel; that of a sensor that cannot be part of a key has no key, and nothing leaves."""
@@ -143,22 +163,6 @@ class Outbox:
         channel = _Channel(key, self.crossing(key))
         self._channels.append(channel)
         return channel
-
-    def _put_all(self) -> Iterator[None]:
-        """Put what waits when it is begun."""
-        eventful, self.eventful = self.eventful, []
-        states, self.states = self.states, []
-        for robot in eventful:
-            events, robot.events = robot.events, []
-            for report in events:
-                self._send(robot.channel(report), report)
-                yield
-        for number, channel in enumerate(states, 1):
-            newest, channel.newest = channel.newest, None
-            assert newest is not None  # or it would not wait
-            self._send(channel, newest)
-            if not number % STEP:
-                yield
 
     def _send(self, channel: _Channel, report: Report) -> None:
         """Put one report, where anybody listens; what cannot be said is dropped and counted."""

@@ -277,7 +277,7 @@ class RobotProcess:
         def arrived(payload: bytes) -> None:
             take = robot.read("motion", payload, way=Way.BUS)
             if take is not None:
-                self.loop.call_soon_threadsafe(take, _unheard)
+                self.loop.call_soon_threadsafe(take, robot.tell_refused)
 
         return arrived
 
@@ -331,7 +331,3 @@ class RobotProcess:
 def _velocity_key(twin: str) -> str:
     """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
     return f"cw/{twin}/data/commands/velocity"
-
-
-def _unheard(_reply: Reply) -> None:
-    """Answer nobody: a published setpoint has no reply."""

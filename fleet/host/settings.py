@@ -73,7 +73,7 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> Rules:
     usual = of_a_twin(everyone)  # one for all robots that say nothing of their own: each is 16 kB
     twins = {
         str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
-        if robot.rules
+        if robot.rules or robot.listen
         else usual
         for robot in robots
     }

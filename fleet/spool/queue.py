@@ -31,6 +31,7 @@ class Queue:
     """All durable messages of one edge. Times are monotonic seconds, ``wall`` is Unix time.
 
     ``messages`` and ``size`` (bytes) bound what stands in memory. ``first``: what the numbers begin after.
+    ``before``: the newest number of an earlier process, and of all before it.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class Queue:
         self._unwritten = Unwritten()
         self._done = Done()
         self._writing = False
-        self._seq = first
+        self._seq = self.before = first
         self._lasting_from = float("-inf")
 
     # -- in and out ----------------------------------------------------------------------------------
@@ -242,6 +243,7 @@ class Queue:
     def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
+        self.before = max(self.before, newest)
         line = self._lines.of(topic, traffic)
         live = [message for message in line.memory if not message.gone]
         for message in live:

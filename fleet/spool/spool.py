@@ -39,6 +39,8 @@ SYNC = 5.0
 """Seconds between two times that the medium itself is brought up to date."""
 LATE_LOOK = 30.0
 """Seconds between two looks for what is too old on disk."""
+STEPPED = 1.0
+"""Seconds by which the wall clock must be set for what is on disk to follow it."""
 RETRY = 1.0
 """Seconds after which a disk that failed is tried again."""
 AGES: Mapping[Traffic, float] = MappingProxyType(
@@ -72,6 +74,7 @@ class Spool:
         self.problem = ""
         self._settings = settings
         self._clock = clock
+        self._offset = clock.time() - clock.monotonic()
         self._queue = Queue(
             settings.messages,
             settings.memory,
@@ -273,7 +276,7 @@ class Spool:
             assert self._settings.folder is not None
             return self._open_store(self._settings.folder / SPOOL)
         fine = True
-        for work in (self._expire, self._write, self._fetch, self._sync):
+        for work in (self._follow_clock, self._expire, self._write, self._fetch, self._sync):
             try:
                 work(self._store)
             except sqlite3.Error as error:  # a disk that is full can still be read
@@ -284,6 +287,14 @@ class Spool:
                     break
         return fine
 
+    def _follow_clock(self, store: Store) -> None:
+        """Have what this process wrote keep its age when the wall clock is set, as after a start offline."""
+        stepped = self._clock.time() - self._clock.monotonic() - self._offset
+        if abs(stepped) >= STEPPED:
+            store.postpone(stepped, after=self._queue.before)
+            self._offset += stepped
+            log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
+
     def _write(self, store: Store) -> None:
         """Write what is due, after making room for it."""
         with self._using:
@@ -292,6 +303,9 @@ class Spool:
             self._queue.losses.changed = False
         if not (work.rows or work.done or losses is not None):
             return
+        for message in work.rows:
+            assert message.deadline is not None  # the queue has given it
+            message.expires = message.deadline + self._offset
         try:
             self._change(store, work, losses)
         except sqlite3.Error:

@@ -146,6 +146,11 @@ class Store:
         with self._transaction():
             return self._remove(late)
 
+    def postpone(self, seconds: float, after: int) -> None:
+        """Have messages with numbers beyond ``after`` grow too old later by so many seconds, or earlier."""
+        with self._transaction():
+            self._database.execute("UPDATE message SET expires = expires + ? WHERE seq > ?", (seconds, after))
+
     def checkpoint(self) -> None:
         """Have everything on the medium itself, so that a power cut loses nothing of it."""
         self._database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()

@@ -34,4 +34,7 @@ def read_heartbeat(payload: bytes) -> Heartbeat:
     if session is not None and not isinstance(session, str):
         raise WireError("a string is needed", where="session_id")
     uptime = number(message, "uptime_seconds") if "uptime_seconds" in message else 0.0
-    return Heartbeat(text(message, "edge_id"), session or "", uptime)
+    edge = text(message, "edge_id")
+    if not edge:
+        raise WireError("an edge has a name", where="edge_id")
+    return Heartbeat(edge, session or "", uptime)

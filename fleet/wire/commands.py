@@ -23,9 +23,10 @@ from fleet.wire.envelope import (
     name_of,
     origin_and_stamp,
     seconds_of,
+    stamp_of,
     tolerant,
 )
-from fleet.wire.samples import json_payload
+from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
@@ -100,7 +101,7 @@ class _Envelope(msgspec.Struct, frozen=True):
 
     def command(self, name: str, data: Mapping[str, Any]) -> Command:
         """Return a command that was asked by this message."""
-        same = identity(self.payload, self.stamp, self.request_id)
+        same = identity(self.payload, self.stamp, self.request_id, (name, data))
         return Command(name, data, self.origin, same, self.stamp)
 
     def setpoint(self, velocity: Velocity, lease: float | None = None) -> Setpoint:
@@ -137,15 +138,25 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
     signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. On the bus a sample may
-    have Cyberwave's header. Raises BadCommand.
+    have Cyberwave's header, whose stamp counts where the message has none of its own: a recording that is
+    played again moves nothing. Raises BadCommand.
     """
     try:
-        message = parse_object(json_payload(payload) if way is Way.BUS else payload)
+        message = _sampled(payload) if way is Way.BUS else parse_object(payload)
         envelope = _envelope("motion", message, payload, way, request_id)
         nested = "linear" in message or "angular" in message
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
     except WireError as error:
         raise BadCommand(error, command="motion") from None
+
+
+def _sampled(sample: bytes) -> dict[str, Any]:
+    """Read a message of the bus; its header says when it was put, 0 that nobody knows."""
+    message = parse_object(json_payload(sample))
+    stamp = stamp_of_header(sample)
+    if stamp and stamp_of(message) is None:
+        message["timestamp"] = stamp
+    return message
 
 
 def _usual(payload: bytes, way: Way, request_id: str) -> _Envelope | None:

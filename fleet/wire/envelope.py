@@ -7,6 +7,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import msgspec
+
 from fleet.errors import WireError
 from fleet.model.command import Origin, Way
 from fleet.wire.strict import kind, number
@@ -42,11 +44,20 @@ def name_of(message: Mapping[str, Any]) -> str:
     return name
 
 
-def identity(payload: bytes, stamp: float | None, request_id: str) -> str:
-    """Return what makes a repeat recognisable: the asker's own id, else a digest of a stamped message."""
-    if request_id or stamp is None:
-        return request_id
-    return hashlib.blake2b(payload, digest_size=16).hexdigest()
+def identity(payload: bytes, stamp: float | None, request_id: str, asked: object) -> str:
+    """Return what makes a repeat recognisable: the asker's own id with what is ``asked``, else the message.
+
+    An asker may use its ids again, for something else; so what is asked must be the same. A message without
+    an id is a repeat when it is the same to the last byte, and stamped; else nothing tells (empty).
+    """
+    if request_id:
+        return _digest(request_id.encode() + msgspec.json.encode(asked))
+    return "" if stamp is None else _digest(payload)
+
+
+def _digest(content: bytes) -> str:
+    """Return what stands for some bytes."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> tuple[Origin, float | None]:

@@ -74,7 +74,8 @@ def decode_joints(payload: bytes, *, way: Way, request_id: str = "") -> Command 
             data["mode"] = mode
     except WireError as error:
         raise BadCommand(error, command=JOINT_TARGETS) from None
-    return Command(JOINT_TARGETS, data, origin, identity(payload, stamp, request_id), stamp)
+    same = identity(payload, stamp, request_id, data)
+    return Command(JOINT_TARGETS, data, origin, same, stamp)
 
 
 def _measured_form(message: Mapping[str, Any]) -> Sets:

@@ -20,7 +20,7 @@ from fleet.model.command import Way
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
 from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
-from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.envelope import BadCommand, identity, name_of, optional_word, origin_and_stamp, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
 from fleet.wire.strict import child, finite, kind, number, parse_object, path, text, whole
@@ -55,6 +55,7 @@ def decode_navigate(
     payload: bytes,
     *,
     way: Way,
+    request_id: str = "",
     rotation_order: Literal["auto", "wxyz", "xyzw"],
     planar: bool = False,
     home_altitude: float | None = None,
@@ -62,6 +63,8 @@ def decode_navigate(
 ) -> Navigate | None:
     """Return the goal or control in a message; None for a status that strayed onto the topic.
 
+    A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
+    a repeat of it does not move the robot once more.
     ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
     geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
     ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
@@ -79,6 +82,8 @@ def decode_navigate(
         order = _order(name, rotation_order)
         reading = _Reading(order, planar, home_altitude, origin_heading)
         ask = CONTROLS.get(name) or _task(name, message, reading)
+        if not isinstance(ask, Control):
+            action_id = action_id or identity(payload, stamp, request_id, ask)
     except WireError as error:
         raise BadCommand(error, command=name, action_id=action_id) from None
     return Navigate(ask, action_id, origin, stamp)

@@ -35,7 +35,7 @@ from fleet.model.report import (
 )
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
-from fleet.wire.strict import without_nulls
+from fleet.wire.strict import finite, without_nulls
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
@@ -259,7 +259,7 @@ def _pointcloud(report: PointCloudReport) -> Leaves:
         "rows": len(report.points) // (4 * report.stride),
         "cols": report.stride,
         "point_stride": report.stride,
-        "timestamp_us": int(report.stamp * 1e6),
+        "timestamp_us": int(finite(report.stamp * 1e6, "timestamp")),
     }
     return [("pointcloud", body)]
 

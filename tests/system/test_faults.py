@@ -6,7 +6,7 @@ import time
 import pytest
 
 from fleet.testing.asker import PUPPETS, Asker, counted, executed
-from fleet.testing.journal import Rules, What, broken
+from fleet.testing.promises import Rules, What, broken
 from fleet.testing.proxy import TcpProxy
 from fleet.testing.waiting import wait_until
 

@@ -87,8 +87,8 @@ def command(name, topic=f"{T}/command", **properties):
     ],
 )
 def test_each_topic_reaches_the_robot_as_its_kind(bench, rex, leaf, kind):
-    bench.arrive(Message(f"{T}/{leaf}", b"{}", correlation=b"\x01\xff"))
-    assert rex.received == [(kind, b"{}", "01ff")]
+    bench.arrive(Message(f"{T}/{leaf}", b"{}"))
+    assert rex.received == [(kind, b"{}", "")]
 
 
 def test_what_several_reads_bring_is_taken_in_order(bench, rex):
@@ -357,3 +357,25 @@ def test_our_own_offer_that_comes_back_is_not_taken_for_one_to_us(bench):
     bench.arrive(Message(f"{T}/webrtc-offer", json.dumps(ours).encode()))
     assert bench.put == []
     assert bench.downlink.refusals.counts() == {}
+
+
+def test_what_is_for_us_crosses_though_it_names_the_backend_as_its_sender(bench):
+    answer = {**OFFER, "type": "answer", "target": "edge", "sender": "backend"}
+    bench.arrive(Message(f"{T}/webrtc-answer", json.dumps(answer).encode()))
+    assert [key for key, _ in bench.put] == [f"cw/{TWIN}/data/cloud/webrtc_answer"]
+
+
+def test_askers_that_count_their_requests_alike_are_told_apart_and_an_id_is_short(bench, rex):
+    other = f"{T}/command/another/response"
+    bench.arrive(
+        command("takeoff", response_topic=INBOX, correlation=b"1"),
+        command("takeoff", response_topic=INBOX, correlation=b"1"),
+        command("takeoff", response_topic=other, correlation=b"1"),
+        command("takeoff", response_topic=INBOX, correlation=b"x" * 65_000),
+        command("takeoff", response_topic=INBOX),
+    )
+    first, again, another, long, without = (request_id for _, _, request_id in rex.received)
+    assert first == again
+    assert len({first, another, long}) == 3
+    assert {len(each) for each in (first, another, long)} == {32}
+    assert without == ""

@@ -47,6 +47,7 @@ class Bench:
     def __init__(self, book=None, environments=()) -> None:
         self.alive = True
         self.queued_bytes = 0
+        self.full = False
         self.clock = ManualClock()
         twins = {TWIN: TwinInfo("rex", "edge", of_a_twin(book or rulebook()))}
         twins |= {uuid: TwinInfo("", "edge", of_an_environment(rulebook())) for uuid in environments}
@@ -58,6 +59,7 @@ class Bench:
             open_way=lambda topic, rule: partial(self._publish, topic, rule.qos),
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
+            full=lambda: self.full,
             refusals=Tally(logging.getLogger("fleet.bridge"), self.clock),
             clock=self.clock,
         )
@@ -430,6 +432,45 @@ def test_streams_are_dropped_while_the_way_is_full_and_state_is_not(bench, pose)
     assert bench.uplink.dropped.by_class() == dict.fromkeys(("reply", "status", "event", "latest"), 0) | {
         "stream": 1
     }
+
+
+def test_while_the_network_takes_nothing_only_the_newest_of_a_state_waits_and_goes_when_it_does(bench):
+    bench.run(2.0)
+    bench.full = True
+    bench.turn()
+    cross = bench.uplink.crossing(POSITION)
+    for x in range(50):
+        cross(a_pose(x))
+        bench.uplink.arrived(BATTERY, battery(float(x)))
+        bench.turn(1.0)
+    assert bench.sent == []
+    bench.full = False
+    bench.turn()
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [49.0]
+    assert [message["percentage"] for _, message in bench.of("battery/status")] == [49.0]
+
+
+def test_while_the_network_takes_nothing_events_are_still_kept_and_streams_dropped(bench):
+    bench.full = True
+    bench.uplink.arrived(STATUS, status("a1"))
+    bench.uplink.arrived(f"cw/{TWIN}/data/depth", encode_report(DepthReport(2.0, b"\0\0", 1, 1, "uint16"), 0))
+    bench.turn()
+    bench.full = False
+    bench.turn()
+    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
+    assert bench.uplink.dropped.by_class()["stream"] == 1
+
+
+def test_a_parked_robot_s_state_is_not_repeated_into_a_network_that_takes_nothing(bench):
+    bench.uplink.arrived(POSITION, encode_report(a_pose(1), 0))
+    bench.turn()
+    bench.sent.clear()
+    bench.full = True
+    bench.run(5.0)
+    assert bench.sent == []
+    bench.full = False
+    bench.run(0.5)
+    assert len(bench.of("position")) == 1
 
 
 def test_a_satellite_link_counts_less_as_full():

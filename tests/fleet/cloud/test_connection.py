@@ -154,6 +154,24 @@ async def test_a_link_is_kept_alive_while_the_loop_is_stuck(connection, broker, 
     assert broker.hear() == [mqtt5.PingReqPacket]
 
 
+async def test_a_link_that_is_only_slow_is_not_given_up_and_one_that_takes_no_more_is(
+    connection, broker, clock
+):
+    connection._write(b"\0" * (32 << 20))
+    for _ in range(5):
+        clock.advance(SETTINGS.keepalive)
+        connection.watch()
+        before = len(connection._stream._rest)
+        while len(connection._stream._rest) == before:
+            await asyncio.to_thread(broker.end.recv, 1 << 20)
+    assert connection.full
+    assert not connection.ended.done()
+    for _ in range(3):
+        connection.watch()
+        clock.advance(SETTINGS.keepalive)
+    assert "silent" in str(connection.ended.result())
+
+
 async def test_a_failure_that_nobody_foresaw_ends_the_connection(connection, broker, monkeypatch, caplog):
     monkeypatch.setattr(connection._session, "receive", lambda *_: 1 / 0)
     broker.say(mqtt5.PublishPacket("t", b"x"))

@@ -184,6 +184,17 @@ def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
     assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
 
 
+def test_a_message_of_qos_2_does_not_keep_the_round_trip_from_being_measured():
+    talk = Talk()
+    talk.put(message("offer", qos=2))
+    talk.send()
+    talk.put(message("t"))
+    talk.send()
+    talk.clock.advance(0.25)
+    talk.hear(mqtt5.PubAckPacket(2))
+    assert talk.stats.rtt == 0.25
+
+
 @pytest.mark.parametrize("code", [0x10, 0x97])
 def test_what_nobody_hears_or_the_broker_has_no_room_for_is_sent_again(code):
     talk = Talk()
@@ -425,6 +436,17 @@ def test_what_is_durable_goes_before_qos_0_and_its_window_does_not_hold_that_up(
     assert [packet.topic for packet in talk.send()] == [*map(str, range(14)), "state"]
     talk.light("state")
     assert [(packet.topic, packet.packet_id) for packet in talk.send()] == [("state", None)]
+
+
+def test_a_backlog_leaves_room_for_qos_0_in_each_write():
+    talk = Talk()
+    for number in range(WINDOW):
+        talk.put(Outgoing(f"t/{number}", b"x" * 1000, 1))
+        talk.light("state", b"x" * 1000)
+    for _ in range(5):
+        topics = [packet.topic for packet in read(talk.session.send(talk.clock.monotonic()))]
+        assert "state" in topics
+        assert topics.count("state") < len(topics)
 
 
 def test_qos_0_goes_with_the_time_that_is_left():

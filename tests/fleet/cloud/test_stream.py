@@ -1,10 +1,13 @@
 import asyncio
+import fcntl
+import struct
 import threading
 
 import pytest
 
-from fleet.cloud.stream import Stream
+from fleet.cloud.stream import UNSENT, Stream
 
+SIOCOUTQNSD = 0x894B  # how many bytes of a socket the network has not been given yet
 WITHIN = 20.0  # s
 LARGE = bytes(range(256)) * 65_536  # more than any socket takes at once
 
@@ -50,3 +53,9 @@ async def test_what_has_no_room_when_it_is_closed_is_lost(stream, ends):
     stream.close()
     assert not stream.full
     assert len(received(ends[1], 1)) < len(LARGE)
+
+
+async def test_little_waits_in_the_kernel_for_a_slow_network_to_go_stale_there(stream, ends):
+    stream.write(LARGE)
+    unsent = struct.unpack("i", fcntl.ioctl(ends[0], SIOCOUTQNSD, b"\0" * 4))[0]
+    assert 0 < unsent < 4 * UNSENT

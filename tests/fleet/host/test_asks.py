@@ -28,9 +28,8 @@ def decode(kind, message, **made):
 
 
 def test_each_kind_of_message_has_its_own_meaning():
-    assert decode("command", {"command": "takeoff"}) == Command(
-        "takeoff", {}, origin=decode("command", {"command": "takeoff"}).origin, id="q1"
-    )
+    takeoff = decode("command", {"command": "takeoff"})
+    assert takeoff == Command("takeoff", {}, takeoff.origin, takeoff.id)
     assert isinstance(decode("motion", {"linear": {"x": 1.0}}), Setpoint)
     goal = decode("navigate", {"command": "goto", "position": [1, 2, 3]})
     assert isinstance(goal, Navigate)

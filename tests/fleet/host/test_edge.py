@@ -15,8 +15,10 @@ import psutil
 import pytest
 
 from fleet.bus import keys
+from fleet.cloud.values import CloudState
 from fleet.errors import BusError
 from fleet.model.command import Reply, ReplyStatus
+from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import wait_until
 
@@ -198,3 +200,16 @@ async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge
     later = place.edge()
     async with run_edge(later):
         assert not later.states()[0].emergency_stop
+
+
+async def test_an_edge_that_the_broker_does_not_let_hear_its_commands_says_so(yard, run_edge):
+    place = yard(rex={"worker": "main"})
+    fleet = json.loads(place.file.read_text())
+    place.file.write_text(json.dumps({**fleet, "cloud": {"host": "127.0.0.1", "port": 1, "tls": False}}))
+    edge = place.edge()
+    client = edge.bridge.client
+    client.state = CloudState.CONNECTED
+    for client.cause in ("the broker refuses the subscription T command (NOT_AUTHORIZED)", ""):
+        assert edge._cloud_health() == (Health(Level.DEGRADED, client.cause) if client.cause else Health())
+    async with run_edge(edge):
+        pass

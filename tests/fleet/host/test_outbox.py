@@ -1,3 +1,5 @@
+from collections import deque
+
 import pytest
 
 from fleet.bus.lane import Lane, Question
@@ -115,8 +117,45 @@ def test_what_a_flush_that_was_left_in_the_middle_still_had_leaves_first(outbox,
     next(begun)
     put(TWIN, running(5))
     outbox.flush()
-    assert [getattr(report, "progress", "pose") for _, report in crossed] == [0, 1, 2, 3, 4, "pose", 5]
+    assert [getattr(report, "progress", "pose") for _, report in crossed] == [0, 1, 2, 3, 4, 5, "pose"]
     assert list(begun) == []
+
+
+def test_what_fails_on_its_way_to_the_bridge_takes_nothing_with_it(outbox, put):
+    crossed = []
+
+    def cross(report):
+        if report == pose(1.0):
+            raise ZeroDivisionError
+        crossed.append(report)
+
+    outbox.crossing = lambda key: cross
+    for report in (running(0), pose(1.0), BatteryReport(1.0, 50.0), running(1)):
+        put(TWIN, report)
+    with pytest.raises(ZeroDivisionError):
+        outbox.flush()
+    outbox.flush()
+    assert crossed == [running(0), running(1), BatteryReport(1.0, 50.0)]
+    for again in (pose(2.0), running(2)):
+        put(TWIN, again)
+        outbox.flush()
+        assert crossed[-1] == again
+
+
+@pytest.mark.parametrize(("queue", "report"), [("states", pose), ("eventful", running)])
+def test_a_report_that_an_adapter_s_thread_puts_while_the_loop_flushes_leaves_too(
+    outbox, put, crossed, queue, report
+):
+    class Preempted(deque):
+        def append(self, item):
+            super().append(item)
+            outbox.flush()  # the loop has its turn between the steps of the thread
+
+    setattr(outbox, queue, Preempted())
+    for number in range(3):
+        put(TWIN, report(number))
+        outbox.flush()
+    assert [sent for _, sent in crossed] == [report(number) for number in range(3)]
 
 
 def test_a_robot_that_floods_loses_its_own_events_and_nobody_else_s(outbox, put, ear):

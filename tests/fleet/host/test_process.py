@@ -8,6 +8,7 @@ import threading
 import time
 
 import pytest
+from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
@@ -168,6 +169,16 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
     process, _ = served
     process.robots["rex"].read("command", payload, way=Way.CLOUD)
     assert not process.robots["rex"].desk.latched
+
+
+async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_told(served, asks, caplog):
+    process, place = served
+    arrived, sample = process._driver(process.robots["rex"]), HeaderTemplate("application/json")
+    arrived(sample.pack(b'{"linear_x": 0.2}', ts=time.time() - 60))
+    await asks.until(lambda: "refused a velocity of the bus" in caplog.text)
+    assert not any("drive" in word for word in place.words("rex"))
+    arrived(sample.pack(b'{"linear_x": 0.2}'))
+    await asks.until(lambda: "drive:0.2" in place.words("rex"))
 
 
 def watching():

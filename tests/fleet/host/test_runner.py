@@ -379,9 +379,8 @@ async def test_a_halt_that_raises_does_not_keep_the_robot_from_its_stop(stage, a
     assert last_words(bench)[-1] == "stop"
 
 
-async def test_a_run_that_ignores_its_end_never_has_a_second_beside_it(stage, asks, bench, monkeypatch):
-    monkeypatch.setattr(runners, "LEAVE_WITHIN", 0.01)
-    free = asyncio.Event()
+def deaf_until(free):
+    """Make a run that ignores its cancellation until it is free."""
 
     async def deaf(robot):
         robot.health(Health())
@@ -391,7 +390,13 @@ async def test_a_run_that_ignores_its_end_never_has_a_second_beside_it(stage, as
             except asyncio.CancelledError:
                 continue
 
-    one = stage(deaf, serve)
+    return deaf
+
+
+async def test_a_run_that_ignores_its_end_never_has_a_second_beside_it(stage, asks, bench, monkeypatch):
+    monkeypatch.setattr(runners, "LEAVE_WITHIN", 0.01)
+    free = asyncio.Event()
+    one = stage(deaf_until(free), serve)
     await asks.until(lambda: one.runner.health == Health())
     one.runner.crashed(LinkLost("gone"))
     await asks.until(lambda: "does not end" in one.runner.health.cause)
@@ -405,16 +410,7 @@ async def test_a_run_that_ignores_its_end_never_has_a_second_beside_it(stage, as
 async def test_a_host_stops_though_a_run_ignores_its_end(stage, asks, monkeypatch):
     monkeypatch.setattr(runners, "LEAVE_WITHIN", 0.01)
     free = asyncio.Event()
-
-    async def deaf(robot):
-        robot.health(Health())
-        while not free.is_set():
-            try:
-                await free.wait()
-            except asyncio.CancelledError:
-                continue
-
-    one = stage(deaf)
+    one = stage(deaf_until(free))
     await asks.until(lambda: one.runner.health == Health())
     one.task.cancel()
     await asyncio.wait({one.task}, timeout=20)

@@ -1,11 +1,12 @@
 import pytest
 
 from fleet.config.schema import BusConfig, CloudConfig, EdgeConfig, FleetConfig
-from fleet.host.settings import bus_settings, cloud_settings, topics, worker_of
+from fleet.host.settings import bridge_rules, bus_settings, cloud_settings, topics, worker_of
 from fleet.registry import Plugin
 from fleet.robot_config import AdapterConfig
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
+OTHER = "6f0c9a1e-0000-4000-8000-000000000002"
 
 
 def fleet(**bus):
@@ -103,3 +104,18 @@ def test_no_text_of_the_settings_holds_the_password():
 )
 def test_the_prefix_of_the_file_wins_even_when_it_is_empty(given, environ, prefix):
     assert topics(cloud(**given), environ).prefix == prefix
+
+
+def test_a_robot_that_does_not_listen_to_a_topic_is_not_asked_on_it_though_it_says_nothing_else():
+    deaf = robot(listen={"motion/command": {"on": False}})
+    usual = AdapterConfig(name="kestrel", twin=OTHER)
+    books = bridge_rules(cloud(), [deaf, usual]).twins
+    assert "motion/command" not in books[TWIN].inward
+    assert "motion/command" in books[OTHER].inward
+
+
+def test_a_robot_s_own_rate_counts_for_it_alone():
+    slow = robot(rules={"position": {"rate": 2}})
+    usual = AdapterConfig(name="kestrel", twin=OTHER)
+    books = bridge_rules(cloud(), [slow, usual]).twins
+    assert (books[TWIN].outward["position"].max_rate, books[OTHER].outward["position"].max_rate) == (2, 20)

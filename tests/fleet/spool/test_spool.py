@@ -264,6 +264,42 @@ def test_nobody_waits_for_a_disk_that_hangs(opened):
     other.close()
 
 
+@pytest.mark.parametrize("step", [AGES[Traffic.EVENT] + 3600, -365 * 86400])
+def test_a_clock_that_is_set_right_makes_nothing_older_or_younger(opened, clock, step):
+    spool = opened(messages=8)
+    for payload in payloads(20):
+        spool.put(payload).written()
+    with spool.spool._using:  # the disk hears of the last only after the step
+        spool.spool._queue.put(Outgoing("t", b"20", 1), clock.monotonic(), clock.time())
+        clock.step(step)
+    clock.advance(LATE_LOOK)
+    spool.spool.tick()
+    spool.written()
+    clock.advance(AGES[Traffic.EVENT] - LATE_LOOK - 60)
+    spool.spool.tick()
+    assert [payload for _, payload in spool.online().drain()] == payloads(21)
+
+
+def test_what_an_earlier_process_left_is_as_old_as_the_clock_says(opened, clock):
+    opened().put(*payloads(3)).written()
+    spool = opened()
+    clock.step(AGES[Traffic.EVENT])
+    clock.advance(LATE_LOOK)
+    spool.put(b"new").written()
+    assert spool.online().drain() == [("t", b"new")]
+
+
+@pytest.mark.parametrize("step", [7200, -365 * 86400])
+def test_what_waits_grows_too_old_in_its_time_though_the_clock_was_set(opened, clock, step):
+    spool = opened(messages=8)
+    for payload in payloads(20):
+        spool.put(payload).written()
+    clock.step(step)
+    clock.advance(AGES[Traffic.EVENT])
+    spool.put(b"new").written()
+    assert spool.online().drain() == [("t", b"new")]
+
+
 def test_its_figures_say_what_waits_of_each_class_since_when_also_from_before(opened, clock):
     began = clock.time()
     opened().put(b"old", traffic=Traffic.STATUS, topic="s").written()

@@ -36,6 +36,7 @@ def test_who_runs_longer_was_first():
         b"{}",
         b'{"type": "edge_health"}',
         b'{"type": "edge_health", "edge_id": 5}',
+        b'{"type": "edge_health", "edge_id": ""}',
         b'{"type": "edge_health", "edge_id": "a", "uptime_seconds": "5"}',
         b'{"type": "edge_health", "edge_id": "a", "uptime_seconds": NaN}',
         b'{"type": "edge_health", "edge_id": "a", "session_id": 5}',

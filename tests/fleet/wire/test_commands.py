@@ -40,7 +40,8 @@ def test_an_sdk_message_is_read_whole():
         request_id="c0ffee",
     )
     origin = Origin(Way.CLOUD, "tele", "python-sdk_live_1f")
-    assert command == Command("takeoff", {"altitude": 2}, origin, "c0ffee", 1760000000.25)
+    assert command == Command("takeoff", {"altitude": 2}, origin, command.id, 1760000000.25)
+    assert command.id
 
 
 def test_an_older_sender_calls_the_command_type():
@@ -91,7 +92,18 @@ def test_a_repeat_of_a_stamped_message_has_the_same_id():
 
 def test_an_unstamped_message_without_a_request_id_cannot_be_told_from_a_second_press():
     assert decode({"command": "takeoff"}).id == ""
-    assert decode({"command": "takeoff"}, request_id="r1").id == "r1"
+    assert decode({"command": "takeoff"}, request_id="r1").id
+
+
+def test_a_request_is_a_repeat_when_its_id_and_what_it_asks_are_the_same():
+    def asked(command, data, request_id="1", stamp=5):
+        message = {"command": command, "data": data, "timestamp": stamp}
+        return decode(message, request_id=request_id).id
+
+    first = asked("takeoff", {"altitude": 2})
+    assert first == asked("takeoff", {"altitude": 2}, stamp=6), "the asker tries again"
+    others = asked("land", {}), asked("takeoff", {"altitude": 3}), asked("takeoff", {"altitude": 2}, "2")
+    assert len({first, *others}) == 4
 
 
 @pytest.mark.parametrize(
@@ -355,6 +367,23 @@ def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
     assert decode_motion(sample, way=Way.BUS).velocity == Velocity(Vector3(0.2), 0.1)
     with pytest.raises(BadCommand):
         decode_motion(sample, way=Way.CLOUD)
+
+
+@pytest.mark.parametrize(
+    ("header", "message", "stamp"),
+    [(7.0, {}, 7.0), (7.0, {"ts": 9.0}, 9.0), (7.0, {"timestamp": None}, 7.0), (0.0, {}, None)],
+)
+def test_a_setpoint_of_the_bus_is_as_old_as_it_says_else_as_its_header_says(header, message, stamp):
+    payload = json.dumps({"linear_x": 0.2} | message).encode()
+    sample = HeaderTemplate("application/json").pack(payload, ts=header)
+    assert decode_motion(sample, way=Way.BUS).stamp == stamp
+
+
+@pytest.mark.parametrize("header", [float("nan"), float("inf")])
+def test_a_setpoint_whose_header_is_of_no_time_is_refused(header):
+    sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2}', ts=header)
+    with pytest.raises(BadCommand, match="timestamp: a finite number is needed"):
+        decode_motion(sample, way=Way.BUS)
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,20 @@ def test_a_status_on_the_command_topic_asks_nothing():
     assert decode({"action_id": "a", "status": "running", "progress": 10}) is None
 
 
+def test_a_repeat_of_a_goal_without_an_action_id_has_the_same_one_all_the_same():
+    move = {"command": "relative_move", "relative_translation": [1, 0, 0], "frame": "body"}
+    stamped = decode({**move, "timestamp": 5}).action_id
+    assert stamped
+    assert stamped == decode({**move, "timestamp": 5}).action_id
+    assert stamped != decode({**move, "timestamp": 6}).action_id
+    requested = decode({**move, "timestamp": 5}, request_id="1").action_id
+    assert requested == decode({**move, "timestamp": 6}, request_id="1").action_id
+    assert requested != decode({**move, "frame": "world"}, request_id="1").action_id
+    assert decode(move).action_id == "", "it cannot be told from one more"
+    assert decode({**move, "action_id": "a1", "timestamp": 5}).action_id == "a1"
+    assert decode({"command": "stop", "timestamp": 5}).action_id == ""
+
+
 def test_a_refusal_names_the_command_and_the_action():
     error = refused({"command": "goto", "action_id": "a-7"})
     assert (error.command, error.action_id) == ("goto", "a-7")

@@ -30,6 +30,7 @@ from fleet.model.report import (
     MetricsReport,
     MissionProgress,
     NavigationReport,
+    PointCloudReport,
     PoseReport,
     Report,
     StatusText,
@@ -300,3 +301,9 @@ def test_a_number_that_is_not_finite_never_leaves(report):
 
 def test_a_null_that_was_meant_is_sent():
     assert sent(TelemetryReport(1.0, "vehicle_state", {"goal": None}))["telemetry"]["goal"] is None
+
+
+@pytest.mark.parametrize("stamp", [NAN, float("inf"), 1e305])
+def test_points_of_no_time_are_refused(stamp):
+    with pytest.raises(WireError, match="timestamp: a finite number is needed"):
+        sent(PointCloudReport(stamp, b"", 3))

@@ -5,7 +5,6 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.errors import LinkLost
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.bench import Bench, listen, scan
 from fleet_quadruped.bodies import load_body
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.alone import LISTEN, make_sure
@@ -15,6 +14,7 @@ from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.lockstep import SimBus
 from fleet_quadruped.sim.rig import Rig
+from fleet_quadruped.workbench import Workbench, listen, scan
 
 OTHER = r"^bus 'a': another controller speaks to the drives \(frame \w+h\); only one may"
 
@@ -42,7 +42,7 @@ def walking(any_dog):
     return rig
 
 
-@pytest.mark.parametrize("tool", [lambda dog, bus, clock: Bench(dog, {"a": bus}, clock), None])
+@pytest.mark.parametrize("tool", [lambda dog, bus, clock: Workbench(dog, {"a": bus}, clock), None])
 def test_a_tool_says_nothing_to_a_dog_that_somebody_drives(walking, tool):
     clock = ManualClock()
     bus = Shared(walking, clock)

@@ -1,4 +1,4 @@
-"""A journal of what was asked of robots and what became of it, and the promises that it must not break.
+"""The promises that hold whatever is asked of robots, checked over all that was asked and what became of it.
 
 Whoever takes part notes events: the asker (asked, replied), the host (admitted, stopped, released), the robot
 (executed). ``broken`` is a pure function of all of them.

@@ -81,7 +81,7 @@ def _note(frame: Frame, found: dict[tuple[str, int], str]) -> None:
         found.setdefault(("mit", motor), f"MIT motor {motor}: answers on {frame.id:03X}h")
 
 
-class Bench:
+class Workbench:
     """Configured drives of a dog, all or those of some joints; ``look`` keeps them off."""
 
     def __init__(
