@@ -377,7 +377,7 @@ class Deliveries(RuleBasedStateMachine):
 
 
 TestDeliveries = Deliveries.TestCase
-TestDeliveries.settings = settings(max_examples=60, stateful_step_count=40)
+TestDeliveries.settings = settings(max_examples=40, stateful_step_count=40)
 
 
 def test_a_message_of_qos_2_is_released_once_the_broker_has_it():

@@ -184,5 +184,5 @@ class Life(RuleBasedStateMachine):
 
 
 def test_nothing_is_lost_doubled_or_out_of_order_whatever_comes(make_bench):
-    bounds = settings(max_examples=200, stateful_step_count=40)
+    bounds = settings(max_examples=120, stateful_step_count=40)
     run_state_machine_as_test(lambda: Life(make_bench), settings=bounds)

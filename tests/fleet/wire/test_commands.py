@@ -503,7 +503,7 @@ def outcome(payload):
         return str(error), error.command
 
 
-@settings(max_examples=1000)
+@settings(max_examples=300)
 @given(USUAL, st.sampled_from([b"", b'"command": "stop", ', b'"data": {"linear_x": 1}, ']))
 def test_a_message_is_read_alike_in_one_go_and_step_by_step(message, doubled):
     payload = b"{" + doubled + json.dumps(message).encode()[1:]

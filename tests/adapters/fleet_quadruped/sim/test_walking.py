@@ -56,7 +56,7 @@ def test_the_gait_walk_is_slow_and_keeps_three_feet_on_the_ground(walker):
 
 @pytest.mark.parametrize("gait", ["trot", "walk"])
 def test_no_sequence_of_allowed_velocities_makes_it_fall(walker, gait):
-    tilt = wander(walker, gait, random.Random(gait), seconds=60.0)
+    tilt = wander(walker, gait, random.Random(gait), seconds=40.0)
     assert walker.fault == ""
     assert math.degrees(tilt) < 9
 

@@ -63,7 +63,7 @@ def test_who_is_in_an_exclusion_may_not_leave_through_the_depth_of_it():
     assert FENCE.admitted(at, Vector3(-1, 1, 0), HOME) == Vector3(-1, 1, 0)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=500)
 @given(x=places, y=places, vx=speeds, vy=speeds)
 def test_what_is_admitted_never_leads_farther_out(x, y, vx, vy):
     point = Vector3(x, y, 5.0)
