@@ -6,7 +6,6 @@ while that is stuck. ``take`` obeys, on the loop. Commands wait for nothing that
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -23,6 +22,7 @@ from fleet.cloud.values import Message
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.tally import Tally
+from fleet.wire.envelope import digest
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import ENVIRONMENT, Inward, Kind, Taker
 from fleet.wire.topics import Topic, Topics
@@ -210,4 +210,4 @@ def _request_id(message: Message) -> str:
     if not message.correlation:
         return ""
     asker = (message.response_topic or "").encode()
-    return hashlib.blake2b(asker + b"\0" + message.correlation, digest_size=16).hexdigest()
+    return digest(asker + b"\0" + message.correlation)

@@ -54,7 +54,7 @@ class Voice:
             "since": gap.since,
             "until": gap.until,
         }
-        self.tell(port, "gap", {**fields, "since": gap.since, "until": gap.until})
+        self.tell(port, "gap", fields)
 
     def beat(self, port: Port, extra: Mapping[str, Any]) -> None:
         """Queue the heartbeat of a twin; ``extra``: figures of the host."""

@@ -74,12 +74,11 @@ class Outbox:
                 where, packet, since = self._light.popleft()
                 self._bytes -= len(packet) + OVERHEAD
                 size -= len(packet)
-                if now - since < where.steady:
-                    batch.append((where, packet))
-                elif left := renewed(where, packet, now - since):
-                    batch.append((where, left))
-                else:
+                timely = renewed(where, packet, now - since)
+                if timely is None:
                     self._refused += 1
+                else:
+                    batch.append((where, timely))
         return batch
 
     @property

@@ -77,8 +77,7 @@ def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
 
 def publish_light(where: Address, payload: bytes) -> bytes:
     """Return the packet of a message of QoS 0; raise TypeError for a payload that is not bytes."""
-    head = where.head
-    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+    return _light(where.head, payload)
 
 
 def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
@@ -89,7 +88,11 @@ def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
     if left <= 0:
         return None
     payload = packet.partition(where.head)[2]
-    head = text(where.topic) + _lasting(_whole(left))
+    return _light(text(where.topic) + _lasting(_whole(left)), payload)
+
+
+def _light(head: bytes, payload: bytes) -> bytes:
+    """Return the packet of a message of QoS 0 from what stands before its payload."""
     return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
 
 

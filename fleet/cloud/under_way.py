@@ -46,9 +46,7 @@ class UnderWay:
         self._last_id = 0
         self._inflight: dict[int, Outgoing] = {}
         self._answers: list[tuple[Outgoing, Outcome]] = []
-        self._timed: tuple[int, float] | None = (
-            None  # the message whose round trip is measured, and its begin
-        )
+        self._timed: tuple[int, float] | None = None  # whose round trip is measured, and its begin
         self._told: set[str] = set()
 
     def agree(self, packet: mqtt5.ConnAckPacket) -> None:

@@ -44,7 +44,7 @@ class Begun:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
-        _is_dead(self._file)
+        _locked(self._file)
 
     def add(self, row: Row) -> None:
         """Write a row; when this returns, the end of the process does not lose it."""
@@ -66,7 +66,7 @@ class Begun:
             others = [os.open(path, os.O_WRONLY | os.O_CLOEXEC) for path in paths if path != self._path]
             for other in others:
                 stack.callback(os.close, other)
-            dead = [other for other in others if _is_dead(other)]
+            dead = [other for other in others if _locked(other)]
             yield [row for path in paths for row in _rows(path)]
             for file in (self._file, *dead):
                 os.ftruncate(file, 0)
@@ -81,8 +81,8 @@ def begun_file(directory: Path, edge: str, worker: str = "main") -> Path:
     return directory / f"begun-{edge}.{worker}"
 
 
-def _is_dead(file: int) -> bool:
-    """Take a file's lock; False when its process lives and has it."""
+def _locked(file: int) -> bool:
+    """Take a file's lock until it is closed; False when a process has it that lives."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -51,12 +51,12 @@ def identity(payload: bytes, stamp: float | None, request_id: str, asked: object
     an id is a repeat when it is the same to the last byte, and stamped; else nothing tells (empty).
     """
     if request_id:
-        return _digest(request_id.encode() + msgspec.json.encode(asked))
-    return "" if stamp is None else _digest(payload)
+        return digest(request_id.encode() + msgspec.json.encode(asked))
+    return "" if stamp is None else digest(payload)
 
 
-def _digest(content: bytes) -> str:
-    """Return what stands for some bytes."""
+def digest(content: bytes) -> str:
+    """Return what stands for some bytes, in 32 letters."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
