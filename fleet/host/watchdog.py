@@ -86,7 +86,7 @@ class Watchdog:
         self._clock = clock
         self._loop = loop
         self._robots: dict[str, Watched] = {}
-        self._deadmen: tuple[DeadMan, ...] = ()
+        self._running: set[DeadMan] = set()  # those of the robots that hold a lease
         self._ended = threading.Event()
         self._silence = _Silence()
         self._named = ""
@@ -117,27 +117,30 @@ class Watchdog:
         return since if now - until < BACKLOG else now
 
     def add(self, name: str, watched: Watched) -> None:
-        """Watch a robot."""
-        self._watch({**self._robots, name: watched})
+        """Watch a robot, in place of one of its name."""
+        self.remove(name)
+        self._robots = {**self._robots, name: watched}
+        watched.deadman.join(self._running)
 
     def remove(self, name: str) -> None:
         """Stop watching a robot."""
-        self._watch({other: watched for other, watched in self._robots.items() if other != name})
-
-    def _watch(self, robots: dict[str, Watched]) -> None:
-        """Watch these from now on."""
-        self._robots = robots
-        self._deadmen = tuple(watched.deadman for watched in robots.values())
+        if name in self._robots:
+            self._robots[name].deadman.join(set())
+            self._robots = {other: watched for other, watched in self._robots.items() if other != name}
 
     def _run(self) -> None:
         """Look at everything until the end."""
         patience = PERIOD
         while not self._ended.wait(patience):
-            patience = self.look(self._clock.monotonic())
+            patience = PERIOD
+            try:
+                patience = self.look(self._clock.monotonic())
+            except Exception as error:  # noqa: BLE001 - without this thread no lease would end
+                _tell_aside(error)
 
     def _first_end(self) -> float:
         """Return when the first lease ends (monotonic s)."""
-        return min(map(_END, self._deadmen), default=math.inf)
+        return min(map(_END, self._running.copy()), default=math.inf)
 
     def look(self, now: float) -> float:
         """Look once, at the monotonic time ``now``; never raises.
@@ -188,5 +191,9 @@ def _safely(call: Callable[[], None]) -> None:
     try:
         call()
     except Exception as error:  # noqa: BLE001 - told aside; the watchdog goes on
-        failure = error
-        aside(lambda: log.error("the watchdog goes on", exc_info=failure))  # noqa: TRY400
+        _tell_aside(error)
+
+
+def _tell_aside(failure: Exception) -> None:
+    """Tell of a failure, on a thread beside."""
+    aside(lambda: log.error("the watchdog goes on", exc_info=failure))

@@ -195,6 +195,15 @@ def test_a_robot_that_was_removed_is_watched_no_more(watch):
     assert watch.told == []
 
 
+def test_a_robot_that_drives_when_its_watch_begins_is_stopped_when_its_lease_ends(watch):
+    deadman = DeadMan()
+    deadman.feed(watch.clock.monotonic(), 0.2)
+    watch.dog.add("rex", Watched(deadman, lambda: watch.told.append("halt"), lambda: None))
+    watch.looks(0.3, beats=True)
+    join_aside()
+    assert watch.told == ["halt"]
+
+
 # -- real loops, really stuck -------------------------------------------------------------------------------
 
 
@@ -369,6 +378,35 @@ async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
     deadman.feed(time.monotonic(), 0.05)
     assert await asyncio.to_thread(halted.wait, 20)
     stuck.told.set()
+    dog.stop()
+
+
+def test_a_look_that_fails_is_not_the_last(monkeypatch):
+    dog = Watchdog(
+        SystemClock(),
+        LoopWatch(
+            beat=time.monotonic,
+            cpu=time.monotonic,
+            running=lambda: "",
+            blocked=lambda name, seconds: None,
+            stuck=lambda name: None,
+        ),
+    )
+    failed, halted, deadman = threading.Event(), threading.Event(), DeadMan()
+    look = dog.look
+
+    def fail_once(now):
+        if not failed.is_set():
+            failed.set()
+            raise RuntimeError("Set changed size during iteration")
+        return look(now)
+
+    monkeypatch.setattr(dog, "look", fail_once)
+    dog.add("rex", Watched(deadman, halted.set, lambda: None))
+    dog.start()
+    assert failed.wait(20)
+    deadman.feed(time.monotonic(), 0.05)
+    assert halted.wait(20)
     dog.stop()
 
 

@@ -100,6 +100,29 @@ def test_nothing_is_held_longer_than_its_lease(steps):
             until = math.inf if now >= until else until
 
 
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(["feed", "clear", "expire", "move"]), st.integers(0, 2), st.floats(0, 1))
+    )
+)
+def test_who_looks_through_those_that_run_misses_none_whatever_happens(steps):
+    deadmen, together, now = [DeadMan() for _ in range(3)], set(), 0.0
+    watched = set()
+    for step, which, wait in steps:
+        now += wait
+        one = deadmen[which]
+        if step == "feed":
+            one.feed(now, 0.5)
+        elif step == "clear":
+            one.clear()
+        elif step == "expire":
+            one.expire(now)
+        else:
+            watched ^= {one}
+            one.join(together if one in watched else set())
+        assert together == {each for each in watched if each.armed}
+
+
 def test_a_latch_stays_until_it_is_released_and_names_the_first_reason():
     latch = Latch()
     latch.pull("the console")
