@@ -13,10 +13,11 @@ from fleet.bridge.downlink import Downlink
 from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
 from fleet.bridge.roundtrip import RoundTrip
-from fleet.bridge.uplink import TwinInfo, Uplink
+from fleet.bridge.slot import TwinInfo
+from fleet.bridge.uplink import Uplink
 from fleet.bridge.voice import Voice
 from fleet.clock import Clock
-from fleet.cloud.client import CloudClient
+from fleet.cloud.client import CloudClient, Way
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
 from fleet.spool.losses import Gap
@@ -79,17 +80,6 @@ class Bridge:
             edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
         )
         self.round_trip = RoundTrip(self._ping, clock)
-        self.uplink = Uplink(
-            topics,
-            _infos(ports, rules),
-            session=session,
-            open_way=self._open_way,
-            alive=alive,
-            waiting=lambda: self.client.stats.queued_bytes,
-            full=lambda: self.client.full,
-            refusals=self.refusals,
-            clock=clock,
-        )
         self.downlink = Downlink(
             topics,
             ports,
@@ -110,6 +100,18 @@ class Bridge:
             on_state=self._state_changed,
             clock=clock,
             spool=spool,
+        )
+        self.uplink = Uplink(
+            topics,
+            _infos(ports, rules),
+            session=session,
+            open_way=self._open_way,
+            client=self.client,
+            alive=alive,
+            waiting=lambda: self.client.stats.queued_bytes,
+            full=lambda: self.client.full,
+            refusals=self.refusals,
+            clock=clock,
         )
         self._pings = any("pong:response" in book.inward for book in rules.twins.values())
 
@@ -182,8 +184,8 @@ class Bridge:
         """Publish by the client, which is built after those that publish."""
         return self.client.publish(topic, payload, **how)
 
-    def _open_way(self, topic: str, rule: Rule) -> Callable[[bytes], object]:
-        """Return what queues messages to a topic by a rule, for the next flush; any thread."""
+    def _open_way(self, topic: str, rule: Rule) -> Way:
+        """Return the way of messages to a topic by a rule; any thread."""
         return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
     def _ping(self) -> None:

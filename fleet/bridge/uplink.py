@@ -1,128 +1,53 @@
 """From the bus to the cloud: the newest of each state at its rate, every event in order, translated.
 
 Events are translated and published as they come, on whatever thread brings them. Of state the newest is
-stored, and what is due published once a turn of the wheel; that of this process's own robots, if it is due,
-at once. How often, how large and whether at all is in the twin's rulebook.
+stored, and what is due published once a turn of the wheel; that of this process's own robots, if it is small
+and due, at once. How often, how large and whether at all is in the twin's rulebook.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
-
-import msgspec
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
+from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo
 from fleet.clock import Clock
+from fleet.cloud.client import Way
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.tally import Tally
 from fleet.wire.databus import decode_report
 from fleet.wire.documents import document_out
-from fleet.wire.reports import to_mqtt
-from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Form, Rule, Traffic
+from fleet.wire.encoding import encode_all
+from fleet.wire.reports import Message, messages_of, to_mqtt
+from fleet.wire.rules import Rule, Traffic
 from fleet.wire.topics import Topics, parse_data_key
 
 log = logging.getLogger(__name__)
 
-SLACK = (
-    0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
-)
-STEP = 4  # samples in one step of a turn: less would cost more than the samples
-REPEAT_LOOK = 0.2  # s between looks for what must be repeated
+STEP = 8  # samples in one step of a turn: together they cost less than by themselves
+LOOKS = 100  # looks for what must be repeated in one step
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Send = Callable[[bytes], object]
-OpenWay = Callable[[str, Rule], Send]
-"""How the uplink publishes: a topic is opened by its rule, once, and what is returned takes payloads."""
+Sample = tuple[Slot, Report | bytes]
+"""What crosses: a slot, and what was its newest when it was taken from there."""
+
+OpenWay = Callable[[str, Rule], Way]
+"""Opens the way to a topic by its rule, once."""
 
 
-class TwinInfo(msgspec.Struct, frozen=True):
-    """What the uplink knows of a twin: its robot's name, the source type of its state, and its rules."""
+class Client(Protocol):
+    """What takes payloads, each by its way, until the end of the turn."""
 
-    robot: str
-    source_type: str
-    rules: Rulebook
+    def queue(self, way: Way, payload: bytes) -> None:
+        """Take one."""
 
-
-class _Slot:
-    """One channel of one twin: how it is carried, its newest sample, and when it may go."""
-
-    __slots__ = (  # four for each robot, all looked at many times a second
-        "channel",
-        "credit",
-        "document",
-        "due",
-        "durable",
-        "fresh",
-        "info",
-        "period",
-        "rate",
-        "refused",
-        "repeat",
-        "rule",
-        "sample",
-        "sensor",
-        "sent",
-        "size",
-        "streams",
-        "traffic",
-        "twin",
-        "ways",
-    )
-
-    def __init__(self, twin: str, info: TwinInfo, channel: str, sensor: str | None, rule: Rule) -> None:
-        self.twin = twin
-        self.info = info
-        self.channel = channel
-        self.sensor = sensor
-        self.rule = rule
-        self.document = rule.form is Form.DOCUMENT
-        self.traffic = int(rule.traffic)
-        self.size = rule.size
-        self.ways: dict[str, Send] = {}  # by leaf
-        self.durable = rule.traffic.durable
-        self.streams = rule.traffic is Traffic.STREAM
-        self.rate = rule.max_rate
-        self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
-        self.repeat = 1.0 / rule.repeat if rule.repeat else 0.0
-        self.sample: Report | bytes = b""
-        self.fresh = False
-        self.sent = float("-inf")
-        self.due = float("-inf")  # when the next one may go
-        self.credit = 0.0  # events that may go now
-        self.refused = False  # the last sample could not be translated
-
-    def takes_event(self, now: float) -> bool:
-        """Return False for an event above the channel's rate; the events of one second may come at once.
-
-        Two threads that bring events of one channel at once may let one too many or too few pass.
-        """
-        self.credit = min(max(self.rate, 1.0), self.credit + (now - self.sent) * self.rate)
-        self.sent = now
-        if self.credit < 1.0:
-            return False
-        self.credit -= 1.0
-        return True
-
-    def goes(self, now: float) -> None:
-        """Note that its newest sample goes.
-
-        One that was late does not put off those behind it: that would add up, and now and then lose one.
-        """
-        self.sent = now
-        self.due = max(self.due + self.period, now + self.period / 2)
-
-    @property
-    def leaf(self) -> str:
-        """The leaf of a document; the sensor takes its place in it, or comes behind it."""
-        if "+" in self.rule.leaf:
-            return self.rule.leaf.replace("+", self.sensor or "")
-        return f"{self.rule.leaf}/{self.sensor}" if self.sensor else self.rule.leaf
+    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
+        """Take some."""
 
 
 class Uplink:
@@ -141,6 +66,7 @@ class Uplink:
         *,
         session: str,
         open_way: OpenWay,
+        client: Client,
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
         full: Callable[[], bool],
@@ -151,15 +77,17 @@ class Uplink:
         self._twins = twins
         self._session = session
         self._open_way = open_way
+        self._client = client
         self._alive = alive
         self._waiting = waiting
         self._full = full
         self._held_up = False  # the way was full at the last turn
+        self._backlog = 0  # bytes that waited to be sent then
         self._clock = clock
-        self._slots: dict[str, _Slot | None] = {}
-        self._repeated: list[_Slot] = []
+        self._slots: dict[str, Slot | None] = {}
+        self._repeated: list[Slot] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
-        self._fresh: deque[_Slot] = deque()
+        self._fresh: deque[Slot] = deque()
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -181,33 +109,34 @@ class Uplink:
         if slot is not None:
             self._take(slot, sample)
 
-    def crossing(self, key: str) -> Callable[[Report], None] | None:
-        """Return what takes this process's own reports of a key, on the loop; None when none may cross.
+    def open(self, key: str) -> Slot | None:
+        """Return where this process's own reports of a key cross; None when none may."""
+        return self._slots[key] if key in self._slots else self._meet(key)
 
-        A state that is due crosses there and then, while it is at hand.
+    def cross(self, batch: Sequence[tuple[Slot, Report]]) -> None:
+        """Take this process's own reports, each with where it crosses; on the loop.
+
+        What is small and due crosses there and then, while it is at hand.
         """
-        slot = self._slots[key] if key in self._slots else self._meet(key)
-        if slot is None:
-            return None
-        return partial(self._take if slot.durable or slot.streams else self._take_state, slot)
+        now, held_up, backlog = self._clock.monotonic(), self._held_up, self._backlog
+        going, counts = [], self.received.counts
+        for slot, report in batch:
+            waits = slot.fresh or held_up or (slot.streams and backlog >= slot.backlog)
+            if slot.at_once and now >= slot.due and not waits:
+                counts[slot.traffic] += 1
+                slot.sample = report
+                slot.goes(now)
+                going.append((slot, report))
+            else:
+                self._take(slot, report)
+        self._send_all(going)
 
-    def _take_state(self, slot: _Slot, report: Report) -> None:
-        """Take a state of a robot of this process."""
-        now = self._clock.monotonic()
-        if slot.fresh or self._held_up or now < slot.due:
-            self._take(slot, report)
-            return
-        self.received.counts[slot.traffic] += 1
-        slot.sample = report
-        slot.goes(now)
-        self._send(slot, report)
-
-    def _take(self, slot: _Slot, sample: Report | bytes) -> None:
+    def _take(self, slot: Slot, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
         self.received.counts[slot.traffic] += 1
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
-                self._send(slot, sample)
+                self._send_walled(slot, sample)
             else:
                 self.dropped.add(slot.rule.traffic)
             return
@@ -221,7 +150,7 @@ class Uplink:
     def turn(self) -> Iterator[None]:
         """Publish the state that is due, a few samples a step."""
         now = self._clock.monotonic()
-        self._held_up = self._full()
+        self._held_up, self._backlog = self._full(), self._waiting()
         yield from self._send_newest(now)
         if now >= self._next_repeat:
             self._next_repeat = now + REPEAT_LOOK
@@ -235,24 +164,35 @@ class Uplink:
         for slot in self._repeated:
             if slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send(slot, slot.sample)
+                self._send_walled(slot, slot.sample)
 
     def _send_newest(self, now: float) -> Iterator[None]:
         """Send the newest of each state that is due; a stream only while the way is free."""
-        waiting = self._waiting() if self._fresh else 0
-        for number in range(len(self._fresh)):
+        step: list[Sample] = []
+        for number in range(1, len(self._fresh) + 1):
             slot = self._fresh.popleft()
-            if now < slot.due or (self._held_up and not slot.streams):
-                self._fresh.append(slot)
-                continue
-            slot.fresh = False
-            if slot.streams and (self._held_up or waiting >= slot.info.rules.backlog):
-                self.dropped.add(slot.rule.traffic)
-                continue
-            slot.goes(now)
-            self._send(slot, slot.sample)
-            if not number % STEP:
+            goes = self._may_go(slot, now)
+            if goes and not slot.heavy:
+                step.append((slot, slot.sample))
+            if slot.heavy or not number % STEP:
+                self._send_all(step)
+                step = []  # nothing is held while others have their turn
+                if goes and slot.heavy:
+                    self._send_walled(slot, slot.sample)
                 yield
+        self._send_all(step)
+
+    def _may_go(self, slot: Slot, now: float) -> bool:
+        """Tell whether a slot's newest sample goes now; else it stays for a later turn, or is dropped."""
+        if now < slot.due or (self._held_up and not slot.streams):
+            self._fresh.append(slot)
+            return False
+        slot.fresh = False
+        if slot.streams and (self._held_up or self._backlog >= slot.backlog):
+            self.dropped.add(slot.rule.traffic)
+            return False
+        slot.goes(now)
+        return True
 
     def _tell_dropped(self, now: float) -> None:
         """Warn of events that were lost since the last warning."""
@@ -264,16 +204,66 @@ class Uplink:
 
     def _repeat(self, now: float) -> Iterator[None]:
         """Say again what has not changed for long: a reader cannot tell a parked robot from a gone one."""
-        for slot in self._repeated:
-            # Rather early than late: a parked robot's messages are never farther apart than 1 / repeat.
-            early = max(slot.repeat - 1.5 * REPEAT_LOOK, slot.period)
-            due = slot.sample and not slot.refused and now - slot.sent >= early
-            if due and self._alive(slot.info.robot):
+        for number, slot in enumerate(self._repeated):
+            silent = now - slot.sent >= slot.silence
+            if silent and slot.sample and not slot.refused and self._alive(slot.info.robot):
                 slot.goes(now)
-                self._send(slot, slot.sample)
+                self._send_walled(slot, slot.sample)
+                yield
+            elif not number % LOOKS:
                 yield
 
-    def _send(self, slot: _Slot, sample: Report | bytes) -> None:
+    def _send_all(self, step: Sequence[Sample]) -> None:
+        """Send some samples: in one go, unless one of them needs a closer look."""
+        if self.held:
+            step = [(slot, sample) for slot, sample in step if slot.twin not in self.held]
+        if not step:
+            return
+        messages = self._together(step)
+        if messages is None:
+            for slot, sample in step:
+                self._send_walled(slot, sample)
+            return
+        ways, payloads = messages
+        if ways:
+            self._client.queue_all(ways, payloads)
+
+    def _together(self, step: Sequence[Sample]) -> tuple[list[Way], list[bytes]] | None:
+        """Return what some samples become; None when one of them has to be looked at by itself."""
+        ways: list[Way] = []
+        made: list[Message] = []
+        states = 0
+        try:
+            for slot, sample in step:
+                report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
+                leaves = messages_of(report, slot.by, slot.off)
+                if not slot.streams:
+                    states += len(leaves)
+                slot.refused = False
+                for leaf, message in leaves:
+                    ways.append(slot.ways[leaf])
+                    made.append(message)
+        except Exception:  # noqa: BLE001 - whose it is, and why, is found one by one; new ways are opened then
+            return None
+        payloads = encode_all(made)
+        if payloads is None:
+            return None
+        if payloads and max(map(len, payloads)) > min([slot.size for slot, _ in step]):
+            return None
+        self.sent.counts[Traffic.LATEST] += states
+        self.sent.counts[Traffic.STREAM] += len(made) - states
+        return ways, payloads
+
+    def _send_walled(self, slot: Slot, sample: Report | bytes) -> None:
+        """Send a sample; whatever is wrong with it keeps no other from being sent."""
+        try:
+            self._send(slot, sample)
+        except Exception as error:  # noqa: BLE001 - the wall: it is one robot's
+            slot.refused = True
+            line = "a sample on %s of %s did not cross: %s"
+            self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
+
+    def _send(self, slot: Slot, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
         if slot.twin in self.held:
             return
@@ -291,30 +281,22 @@ class Uplink:
                 self.refusals.add("too large", line, leaf, slot.twin, len(payload), slot.size)
                 continue
             self.sent.counts[slot.traffic] += 1
-            (slot.ways.get(leaf) or self._open(slot, leaf))(payload)
+            self._client.queue(slot.ways.get(leaf) or self._open(slot, leaf), payload)
 
-    def _translated(self, slot: _Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
+    def _translated(self, slot: Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
-        twin = slot.info
-        if slot.document:
-            assert isinstance(sample, bytes)
-            leaf = slot.leaf
-            payload = document_out(leaf, sample, source_type=twin.source_type, session=self._session)
-            return [(leaf, payload)]
-        return to_mqtt(
-            decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample,
-            source_type=twin.source_type,
-            session=self._session,
-            sensor=slot.sensor,
-            off=twin.rules.off,
-        )
+        if slot.document and isinstance(sample, bytes):
+            leaf, source_type = slot.leaf, slot.info.source_type
+            return [(leaf, document_out(leaf, sample, source_type=source_type, session=self._session))]
+        report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
+        return to_mqtt(report, slot.by, slot.off)
 
-    def _open(self, slot: _Slot, leaf: str) -> Send:
+    def _open(self, slot: Slot, leaf: str) -> Way:
         """Open the way to a topic, once."""
         way = slot.ways[leaf] = self._open_way(self._topics.twin(slot.twin, leaf), slot.rule)
         return way
 
-    def _meet(self, key: str) -> _Slot | None:
+    def _meet(self, key: str) -> Slot | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
         parsed = parse_data_key(key)
         twin = self._twins.get(parsed.twin) if parsed else None
@@ -324,7 +306,7 @@ class Uplink:
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
-        slot = _Slot(parsed.twin, twin, parsed.channel, parsed.sensor, rule)
+        slot = Slot(parsed, twin, rule, self._session)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

@@ -12,7 +12,7 @@ from fleet.model.report import TelemetryReport
 from fleet.spool.losses import Gap
 from fleet.wire.health import edge_health
 from fleet.wire.ping import ping, pong
-from fleet.wire.reports import to_mqtt
+from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.rules import Traffic, rule_of
 from fleet.wire.topics import Topics
 
@@ -37,7 +37,7 @@ class Voice:
     def telemetry(self, port: Port, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
         """Return topic and payload of a telemetry message."""
         report = TelemetryReport(self._clock.time(), kind, fields)
-        ((leaf, payload),) = to_mqtt(report, source_type=port.source_type, session=self._session)
+        ((leaf, payload),) = to_mqtt(report, sender(source_type=port.source_type, session=self._session))
         return self._topics.twin(port.twin, leaf), payload
 
     def tell(self, port: Port, kind: str, fields: dict[str, Any]) -> None:

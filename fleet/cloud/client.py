@@ -11,14 +11,17 @@ import contextlib
 import logging
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import cast
+
+import msgspec
 
 from fleet.clock import Clock
 from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
 from fleet.cloud.connection import Connection
 from fleet.cloud.outbox import Outbox
-from fleet.cloud.publish import address
+from fleet.cloud.publish import Address
 from fleet.cloud.session import Session, SessionRefused
 from fleet.cloud.standby import Standby
 from fleet.cloud.topics import check_apart, check_topic
@@ -30,6 +33,18 @@ from fleet.spool.spool import Spool, SpoolSettings
 from fleet.wire.rules import Traffic
 
 logger = logging.getLogger(__name__)
+
+
+class Lasting(msgspec.Struct, frozen=True):
+    """The way of durable messages: topic, QoS, how much they matter, for how many seconds they are kept."""
+
+    topic: str
+    qos: int
+    traffic: Traffic
+    expiry: float | None
+
+
+Way = Address | Lasting
 
 
 class CloudClient:
@@ -127,28 +142,38 @@ class CloudClient:
             message = Outgoing(check_topic(topic), payload, qos, traffic, expiry, correlation, content_type)
             taken = self.spool.put(message)
         else:
-            taken = self._outbox.light(address(topic, expiry, self._settings.protocol))(payload)
+            where = self._outbox.address(topic, expiry, self._settings.protocol)
+            taken = self._outbox.put_light([where], [payload])
         if later:
             self._queued = True
         elif taken:
             self.flush()
         return taken
 
-    def way(self, topic: str, *, qos: int, traffic: Traffic, expiry: float | None) -> Callable[[bytes], bool]:
-        """Return what does as ``publish``, ``later``, for one topic; for what is said many times a second.
+    def way(self, topic: str, *, qos: int, traffic: Traffic, expiry: float | None) -> Way:
+        """Return the way to a topic, for ``queue``: what is said many times a second is looked at once.
 
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
-            return self._outbox.light(address(topic, expiry, self._settings.protocol))
-        check_topic(topic)
+            return self._outbox.address(topic, expiry, self._settings.protocol)
+        return Lasting(check_topic(topic), qos, traffic, expiry)
 
-        def queue(payload: bytes) -> bool:
-            taken = self.spool.put(Outgoing(topic, payload, qos, traffic, expiry))
+    def queue(self, way: Way, payload: bytes) -> None:
+        """Do as ``publish``, ``later``."""
+        if isinstance(way, Lasting):
+            self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
             self._queued = True  # last: another thread's flush in between must not take the mark away
-            return taken
+        else:
+            self._outbox.put_light([way], [payload])
 
-        return queue
+    def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
+        """Do the same for each way and its payload, in one go where all are of QoS 0."""
+        if Lasting not in map(type, ways):
+            self._outbox.put_light(cast("Sequence[Address]", ways), payloads)
+            return
+        for way, payload in zip(ways, payloads, strict=True):
+            self.queue(way, payload)
 
     def flush_queued(self) -> None:
         """Flush, if something was queued since; from another thread that costs more than a message."""

@@ -6,21 +6,31 @@ light lane refuses what is new.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
+
+import msgspec
 
 from fleet.clock import Clock
-from fleet.cloud.publish import Address, publish_light, renewed
+from fleet.cloud.packets import Protocol
+from fleet.cloud.publish import Address, address, publish_light, renewed
 from fleet.cloud.values import CloudStats, Queued
 from fleet.spool.message import OVERHEAD, Outgoing
 from fleet.spool.spool import Spool
 
-Light = tuple[Address, bytes, float]
-"""A message of QoS 0: where it goes, its packet, and since when (monotonic s) it waits.
 
-Most of what an edge sends: nothing larger is made for each.
-"""
+class Bunch(msgspec.Struct, gc=False):
+    """Messages of QoS 0 that were queued together: where each goes, and its packet.
+
+    ``since`` is when (monotonic s) they were queued, ``size`` the bytes that the packets then had.
+    """
+
+    where: Sequence[Address]
+    packets: Sequence[bytes]
+    since: float
+    size: int
 
 
 class Outbox:
@@ -35,51 +45,65 @@ class Outbox:
         self._most_messages = messages
         self._most_bytes = size
         self._lock = threading.Lock()
-        self._light: deque[Light] = deque()
+        self._light: deque[Bunch] = deque()
+        self._messages = 0
+        self._steady = math.inf  # s for which no message of QoS 0 is to be looked at again
         stats.outbox = self._queued
         self._bytes = 0
         self._refused = 0
         self._online = False
 
     def __len__(self) -> int:
-        return len(self._light) + self.spool.waiting
+        return self._messages + self.spool.waiting
 
-    def light(self, where: Address) -> Callable[[bytes], bool]:
-        """Return what adds a message of QoS 0, by its payload, and tells whether it was taken.
+    def address(self, topic: str, expiry: float | None, protocol: Protocol) -> Address:
+        """Return where messages of QoS 0 go; raises ValueError for what is no topic."""
+        where = address(topic, expiry, protocol)
+        with self._lock:
+            self._steady = min(self._steady, where.steady)
+        return where
+
+    def put_light(self, where: Sequence[Address], payloads: Sequence[bytes]) -> bool:
+        """Add messages of QoS 0, all or none; tell whether they were taken.
 
         What is durable is put into the spool.
         """
-        lock, waiting, now = self._lock, self._light, self._clock.monotonic
+        packets = list(map(publish_light, where, payloads))
+        bunch = Bunch(where, packets, self._clock.monotonic(), sum(map(len, packets)))
+        with self._lock:
+            queued, size = self._messages + len(packets), self._bytes + bunch.size + OVERHEAD * len(packets)
+            if not self._online or queued > self._most_messages or size > self._most_bytes:
+                self._refused += len(packets)
+                return False
+            self._light.append(bunch)
+            self._messages, self._bytes = queued, size
+            return True
 
-        def put(payload: bytes) -> bool:
-            packet = publish_light(where, payload)
-            size = len(packet) + OVERHEAD
-            with lock:
-                fits = len(waiting) < self._most_messages and self._bytes + size <= self._most_bytes
-                taken = self._online and fits
-                if taken:
-                    waiting.append((where, packet, now()))
-                    self._bytes += size
-                else:
-                    self._refused += 1
-            return taken
-
-        return put
-
-    def take_light(self, now: float, size: int) -> list[tuple[Address, bytes]]:
+    def take_light(self, now: float, size: int) -> list[Bunch]:
         """Remove and return what of QoS 0 may be written next, about ``size`` bytes; drop what is late."""
-        batch: list[tuple[Address, bytes]] = []
+        taken: list[Bunch] = []
         with self._lock:
             while self._light and size > 0:
-                where, packet, since = self._light.popleft()
-                self._bytes -= len(packet) + OVERHEAD
-                size -= len(packet)
-                timely = renewed(where, packet, now - since)
-                if timely is None:
-                    self._refused += 1
-                else:
-                    batch.append((where, timely))
-        return batch
+                bunch = self._light.popleft()
+                taken.append(bunch)
+                size -= bunch.size
+                self._bytes -= bunch.size + OVERHEAD * len(bunch.packets)
+                self._messages -= len(bunch.packets)
+        for bunch in taken:
+            if now - bunch.since >= self._steady:
+                self._renew(bunch, now - bunch.since)
+        return taken
+
+    def _renew(self, bunch: Bunch, waited: float) -> None:
+        """Have messages tell what is left of their time, and drop those of which nothing is."""
+        renewing = [
+            (each, renewed(each, packet, waited))
+            for each, packet in zip(bunch.where, bunch.packets, strict=True)
+        ]
+        timely = [(each, packet) for each, packet in renewing if packet is not None]
+        with self._lock:
+            self._refused += len(renewing) - len(timely)
+        bunch.where, bunch.packets = [each for each, _ in timely], [packet for _, packet in timely]
 
     @property
     def waits(self) -> bool:
@@ -115,9 +139,9 @@ class Outbox:
         """Drop all of QoS 0, and take no more of it."""
         with self._lock:
             self._online = False
-            self._refused += len(self._light)
+            self._refused += self._messages
             self._light.clear()
-            self._bytes = 0
+            self._messages = self._bytes = 0
 
     def _queued(self) -> Queued:
         """Return the figures."""

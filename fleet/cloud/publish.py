@@ -77,7 +77,8 @@ def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
 
 def publish_light(where: Address, payload: bytes) -> bytes:
     """Return the packet of a message of QoS 0; raise TypeError for a payload that is not bytes."""
-    return _light(where.head, payload)
+    head = where.head
+    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
 
 
 def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
@@ -88,12 +89,8 @@ def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
     if left <= 0:
         return None
     payload = packet.partition(where.head)[2]
-    return _light(text(where.topic) + _lasting(_whole(left)), payload)
-
-
-def _light(head: bytes, payload: bytes) -> bytes:
-    """Return the packet of a message of QoS 0 from what stands before its payload."""
-    return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
+    head = text(where.topic) + _lasting(_whole(left))
+    return publish_light(msgspec.structs.replace(where, head=head), payload)
 
 
 def _lasting(seconds: int) -> bytes:

@@ -249,7 +249,7 @@ class Edge:
         edge = self._config.edge.id
         take_stops(self.process, self.bus, self._groups, self.remote.values())
         if self.bridge is not None:
-            self.process.outbox.crossing = self.bridge.uplink.crossing
+            self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))

@@ -8,39 +8,47 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol
 
 from fleet.bus.lane import Lane, Question, keys_meet
 from fleet.errors import WireError
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
-from fleet.wire.databus import check_report, encode_report
+from fleet.wire.checks import check_report
+from fleet.wire.databus import encode_report
 from fleet.wire.topics import data_key
 
 log = logging.getLogger(__name__)
 
 EVENTS = (NavigationReport, TelemetryReport, LogReport)
 ALL = "cw/*/data/**"
-STEP = 4  # states in one step of a flush: less would cost more than the states
+STEP = 8  # states in one step of a flush: together they cost less than by themselves
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
 
-Cross = Callable[[Report], None]
-"""Takes one channel's reports for the bridge of this process."""
+
+class Crossing(Protocol):
+    """The bridge of this process, as reports see it."""
+
+    def open(self, key: str) -> Any:
+        """Return where the reports of a key cross; None where none do."""
+
+    def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
+        """Take reports, each with where it crosses."""
 
 
 class _Channel:
     """One channel of one twin: its newest report, whether that waits, and how many samples were put.
 
-    ``last`` is the last that left; ``cross`` is None where nothing crosses to the cloud.
+    ``last`` is the last that left; ``way`` is where they cross to the cloud, None where they do not.
     """
 
-    __slots__ = ("cross", "key", "last", "newest", "refused", "sequence", "waits")
+    __slots__ = ("key", "last", "newest", "refused", "sequence", "waits", "way")
 
     newest: Report
 
-    def __init__(self, key: str, cross: Cross | None) -> None:
+    def __init__(self, key: str, way: Any) -> None:
         self.key = key
-        self.cross = cross
+        self.way = way
         self.sequence = 0
         self.waits = False
         self.last: Report | None = None
@@ -104,28 +112,15 @@ class _Robot:
             self._outbox.dropped += 1
 
 
-Waiting = TypeVar("Waiting")
-
-
-def _now(queue: deque[Waiting]) -> Iterator[Waiting]:
-    """Remove and yield what waits when it is begun."""
-    for _ in range(len(queue)):
-        if queue:  # or somebody else has taken it meanwhile
-            yield queue.popleft()
-
-
 class Outbox:
-    """All reports of one process.
-
-    ``crossing``, where the bridge is in this process, returns what takes the reports of a key for it.
-    """
+    """All reports of one process; ``bridge`` is the one of this process, where there is one."""
 
     def __init__(self, lane: Lane) -> None:
         self._publishers = lane.publishers(ALL)
         self._channels: list[_Channel] = []
         self.states: deque[_Channel] = deque()  # which wait, each once
         self.eventful: deque[_Robot] = deque()  # each once for each of its events
-        self.crossing: Callable[[str], Cross | None] = lambda _key: None
+        self.bridge: Crossing | None = None
         self.dropped = 0
         lane.answer(ALL, self._asked)
 
@@ -143,15 +138,26 @@ class Outbox:
 
         Who leaves off in the middle, or fails, loses nothing of the rest: the next time goes on with it.
         """
-        for robot in _now(self.eventful):
-            report = robot.events.popleft()
-            self._send(robot.channel(report), report)
-            yield
-        for number, channel in enumerate(_now(self.states), 1):
-            channel.waits = False
-            self._send(channel, channel.newest)
-            if not number % STEP:
+        for _ in range(len(self.eventful)):
+            if self.eventful:  # or somebody else has taken it meanwhile
+                robot = self.eventful.popleft()
+                report = robot.events.popleft()
+                self._send([(robot.channel(report), report)])
                 yield
+        left = len(self.states)
+        while left > 0:
+            self._send(self._newest(min(left, STEP)))
+            left -= STEP
+            yield
+
+    def _newest(self, most: int) -> list[tuple[_Channel, Report]]:
+        """Remove and return so many states that wait."""
+        batch: list[tuple[_Channel, Report]] = []
+        while self.states and len(batch) < most:  # or somebody else has taken one meanwhile
+            channel = self.states.popleft()
+            channel.waits = False
+            batch.append((channel, channel.newest))
+        return batch
 
     def open(self, twin: str, name: str, sensor: str) -> _Channel:
         """Begin a channel; that of a sensor that cannot be part of a key has no key, and nothing leaves."""
@@ -160,15 +166,25 @@ class Outbox:
         except (WireError, TypeError) as error:
             log.warning("the %s reports of %s are dropped: %s", name, twin, error)
             return _Channel("", None)
-        channel = _Channel(key, self.crossing(key))
+        channel = _Channel(key, self.bridge.open(key) if self.bridge else None)
         self._channels.append(channel)
         return channel
 
-    def _send(self, channel: _Channel, report: Report) -> None:
-        """Put one report, where anybody listens; what cannot be said is dropped and counted."""
+    def _send(self, batch: Sequence[tuple[_Channel, Report]]) -> None:
+        """Put reports, where anybody listens; what cannot be said is dropped and counted."""
+        crossing = [
+            (channel.way, report)
+            for channel, report in batch
+            if self._say(channel, report) and channel.way is not None
+        ]
+        if crossing and self.bridge:
+            self.bridge.cross(crossing)
+
+    def _say(self, channel: _Channel, report: Report) -> bool:
+        """Say a report on the bus, where anybody listens; tell whether it can be said at all."""
         if not channel.key:
             self.dropped += 1
-            return
+            return False
         try:
             check_report(report)
             publisher = self._publishers.wanted(channel.key)
@@ -178,10 +194,9 @@ class Outbox:
         except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
             self.dropped += 1
             channel.refuse("a report on %s was dropped: %s", channel.key, error)
-            return
+            return False
         channel.last, channel.refused = report, False
-        if channel.cross is not None:
-            channel.cross(report)
+        return True
 
     def _asked(self, question: Question) -> None:
         """Answer with the last report of each channel that was asked for; on the bus's thread."""

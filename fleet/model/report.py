@@ -15,7 +15,7 @@ from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 
 
-class PoseReport(msgspec.Struct, frozen=True):
+class PoseReport(msgspec.Struct, frozen=True, gc=False):
     """Where the robot is, in the world frame (m, ENU) and how it is turned."""
 
     channel: ClassVar[str] = "position"
@@ -32,7 +32,7 @@ class ScaleReport(msgspec.Struct, frozen=True):
     scale: Vector3
 
 
-class JointReport(msgspec.Struct, frozen=True):
+class JointReport(msgspec.Struct, frozen=True, gc=False):
     """Measured joints by name: rad (or m), rad/s, N m; ``velocities`` and ``efforts`` may be empty."""
 
     channel: ClassVar[str] = "joint_states"
@@ -65,7 +65,7 @@ class GpsReport(msgspec.Struct, frozen=True):
     vertical_accuracy: float | None = None
 
 
-class ImuReport(msgspec.Struct, frozen=True):
+class ImuReport(msgspec.Struct, frozen=True, gc=False):
     """Body rates (rad/s) and acceleration (m/s2), body FLU."""
 
     channel: ClassVar[str] = "imu"

@@ -240,12 +240,6 @@ _CODECS: Mapping[str, _Codec[Any]] = MappingProxyType(
 )
 
 
-_PACK = msgspec.msgpack.Encoder().encode
-_CHECKS: Mapping[type[Any], msgspec.msgpack.Decoder[Any]] = MappingProxyType(
-    {kind: msgspec.msgpack.Decoder(kind) for kind in get_args(Report)}
-)
-
-
 def encode_report(report: Report, sequence: int) -> bytes:
     """Return a report as a sample of its channel.
 
@@ -255,14 +249,6 @@ def encode_report(report: Report, sequence: int) -> bytes:
         return _ARRAYS[report.channel][0](report, sequence)
     payload = encode_finite(_CODECS[report.channel].to_wire(report))
     return json_sample(payload, stamp=report.stamp, sequence=sequence)
-
-
-def check_report(report: Report) -> None:
-    """Raise WireError for a report whose fields are not of their types: Python itself does not look."""
-    try:
-        _CHECKS[type(report)].decode(_PACK(report))  # no other way looks at every field as fast
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise WireError(str(error), where=report.channel) from None
 
 
 def decode_report(channel: str, sample: bytes) -> Report:

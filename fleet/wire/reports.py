@@ -6,13 +6,15 @@ does not copy. Nothing is sent for what is unknown, and no number that is not fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from msgspec import UNSET
+
 from fleet.errors import WireError
 from fleet.model.geodesy import GeoPoint
-from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
@@ -20,74 +22,73 @@ from fleet.model.report import (
     FlightControllerReport,
     FlightStateReport,
     GpsReport,
-    ImuReport,
-    JointReport,
     LogReport,
     MetricsReport,
     MissionProgress,
     NavigationReport,
     PhotoReport,
     PointCloudReport,
-    PoseReport,
     Report,
     ScaleReport,
     TelemetryReport,
 )
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
+from fleet.wire.states import STATES, Sender, State
 from fleet.wire.strict import finite, without_nulls
-from fleet.wire.topics import JOINT_UPDATE
 
-NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
-ORIGIN, UNTURNED = Vector3(), Quaternion()
-NUDGED, NUDGED_TURN = Vector3(x=NUDGE), Quaternion(z=NUDGE)
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
 
 Body = dict[str, Any]
 Leaves = list[tuple[str, Body]]
+Message = Body | State
 
 
-def to_mqtt(
-    report: Report,
-    *,
-    source_type: str,
-    session: str,
-    sensor: str | None = None,
-    off: Container[str] = frozenset(),
-) -> list[tuple[str, bytes]]:
-    """Return what to publish for a report: (leaf of the twin's topic, JSON), often one, at times none.
+@functools.lru_cache(maxsize=1024)  # that of most robots is the same
+def sender(*, source_type: str, session: str = "", sensor: str | None = None) -> Sender:
+    """Return who says something to the cloud.
 
-    The joints' leaf is ``joint:update``, which ``Topics.twin`` resolves. ``session`` is the edge's client
-    id, left out when empty; ``sensor`` the one that measured it, where the bus key names one; ``off`` holds
-    the leaves that are not wanted. Raises WireError for a number that is not finite or out of its range.
+    ``session`` is the edge's client id, left out when empty; ``sensor`` the one that measured it, where the
+    bus key names one.
     """
-    envelope: Body = {"source_type": source_type, "timestamp": report.stamp}
+    fields = {"source_type": source_type}
     if session:
-        envelope["session_id"] = session
+        fields["session_id"] = session
     if sensor:
-        envelope["sensor_id"] = sensor
+        fields["sensor_id"] = sensor
+    return Sender(source_type, session or UNSET, sensor or UNSET, fields)
+
+
+def to_mqtt(report: Report, by: Sender, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
+    """Return what to publish for a report: those of ``messages_of`` as JSON.
+
+    Raises WireError for a number that is not finite or out of its range.
+    """
+    return [(leaf, encode_finite(body)) for leaf, body in messages_of(report, by, off)]
+
+
+def messages_of(
+    report: Report, by: Sender, off: frozenset[str] = frozenset()
+) -> Sequence[tuple[str, Message]]:
+    """Return the messages of a report: (leaf of the twin's topic, message), often one, at times none.
+
+    The joints' leaf is ``joint:update``, which ``Topics.twin`` resolves. What ``by`` tells of the
+    sender nothing in a report can replace; ``off`` holds the leaves that are not wanted. Raises
+    WireError for what is out of its range.
+    """
+    make = STATES.get(type(report), _enveloped)
+    made: Sequence[tuple[str, Message]] = make(report, by)
+    return [each for each in made if each[0] not in off] if off else made
+
+
+def _enveloped(report: Report, by: Sender) -> Leaves:
+    """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
     leaves = _FORMS[type(report)](report)
-    return [
-        (leaf, encode_finite(_enveloped(leaf, body, envelope))) for leaf, body in leaves if leaf not in off
-    ]
-
-
-def _enveloped(leaf: str, body: Body, envelope: Body) -> Body:
-    """Add to a body what all messages carry, and return it; nothing in the body can replace that."""
-    body.update(envelope)
-    if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
-        del body["source_type"]
-    return body
-
-
-def _pose(report: PoseReport) -> Leaves:
-    """Position and rotation go on two topics, in object form (the encoder makes that of them)."""
-    position = NUDGED if report.position == ORIGIN else report.position
-    rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
-    return [
-        ("position", {"type": "position", "position": position}),
-        ("rotation", {"type": "rotation", "rotation": rotation}),
-    ]
+    for leaf, body in leaves:
+        body.update(by.fields, timestamp=report.stamp)
+        if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
+            del body["source_type"]
+    return leaves
 
 
 def _scale(report: ScaleReport) -> Leaves:
@@ -95,18 +96,6 @@ def _scale(report: ScaleReport) -> Leaves:
     if min(report.scale.x, report.scale.y, report.scale.z) <= 0:
         raise WireError("every axis needs more than 0", where="scale")
     return [("scale", {"type": "scale", "scale": report.scale})]
-
-
-def _joints(report: JointReport) -> Leaves:
-    """Use the aggregated form, the only one in which no other field can pass for a joint."""
-    if not report.positions:
-        return []
-    body: Body = {"positions": report.positions}
-    if report.velocities:
-        body["velocities"] = report.velocities
-    if report.efforts:
-        body["efforts"] = report.efforts
-    return [(JOINT_UPDATE, body), ("joint_states", body)]
 
 
 def _battery(report: BatteryReport) -> Leaves:
@@ -137,11 +126,6 @@ def _gps(report: GpsReport) -> Leaves:
 def _place(point: GeoPoint) -> Body:
     """Return a place on Earth in the names of the wire."""
     return {"latitude": point.latitude, "longitude": point.longitude, "altitude": point.altitude}
-
-
-def _imu(report: ImuReport) -> Leaves:
-    """Rates in rad/s and accelerations in m/s2."""
-    return [("imu", {"gyro": report.gyro, "accel": report.accel})]
 
 
 def _flight_state(report: FlightStateReport) -> Leaves:
@@ -277,12 +261,9 @@ def _log(report: LogReport) -> Leaves:
 
 _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
     {
-        PoseReport: _pose,
         ScaleReport: _scale,
-        JointReport: _joints,
         BatteryReport: _battery,
         GpsReport: _gps,
-        ImuReport: _imu,
         FlightStateReport: _flight_state,
         FlightControllerReport: _flight_controller,
         MetricsReport: _metrics,

@@ -1,6 +1,7 @@
 import itertools
 import json
 import logging
+import operator
 import sys
 import threading
 from functools import partial
@@ -9,12 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.bridge.uplink import SLACK, STRANGERS, TwinInfo, Uplink
+from fleet.bridge.slot import SLACK, TwinInfo
+from fleet.bridge.uplink import STRANGERS, Uplink
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
     DepthReport,
+    FlightStateReport,
+    ImuReport,
     JointReport,
     LogReport,
     NavigationReport,
@@ -38,6 +42,8 @@ POSITION = f"cw/{TWIN}/data/position"
 BATTERY = f"cw/{TWIN}/data/battery"
 STATUS = f"cw/{TWIN}/data/navigate_status"
 LOG = f"cw/{TWIN}/data/driverlog"
+SCALE = f"cw/{TWIN}/data/scale"
+ONES = Vector3(1.0, 1.0, 1.0)
 TICK = 0.02
 
 
@@ -57,6 +63,7 @@ class Bench:
             twins,
             session="us",
             open_way=lambda topic, rule: partial(self._publish, topic, rule.qos),
+            client=self,
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
             full=lambda: self.full,
@@ -68,8 +75,20 @@ class Bench:
     def now(self):
         return self.clock.monotonic()
 
+    def queue(self, way, payload):
+        way(payload)
+
+    def queue_all(self, ways, payloads):
+        assert ways, "nothing was queued"
+        for way, payload in zip(ways, payloads, strict=True):
+            way(payload)
+
     def _publish(self, topic, qos, payload):
         self.sent.append((self.now, topic.partition(f"{TWIN}/")[2], json.loads(payload), qos))
+
+    def cross(self, reports):
+        """Have reports of our own robot cross, by key."""
+        self.uplink.cross([(self.uplink.open(key), report) for key, report in reports.items()])
 
     def turn(self, seconds=TICK):
         self.clock.advance(seconds)
@@ -86,6 +105,10 @@ class Bench:
 
 def a_pose(x):
     return PoseReport(1.0, Vector3(float(x), 2.0, 3.0), Quaternion())
+
+
+def a_photo(width):
+    return PhotoReport(1.0, b"picture", "jpeg", width, 10)
 
 
 def battery(percent):
@@ -123,9 +146,8 @@ def test_of_many_poses_in_a_turn_only_the_newest_crosses(bench, pose):
 
 
 def test_a_state_of_our_own_robot_crosses_at_once_if_it_is_due_and_else_in_a_turn_the_newest(bench):
-    report = bench.uplink.crossing(POSITION)
     for x in range(3):
-        report(a_pose(x))
+        bench.cross({POSITION: a_pose(x)})
     assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0]
     bench.run(0.1)
     assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0, 2.0]
@@ -134,8 +156,8 @@ def test_a_state_of_our_own_robot_crosses_at_once_if_it_is_due_and_else_in_a_tur
 
 
 def test_events_of_our_own_robot_cross_at_once_and_its_pictures_in_a_turn(bench):
-    bench.uplink.crossing(STATUS)(NavigationReport(1.0, "a", ActionState.RUNNING, 1.0))
-    bench.uplink.crossing(f"cw/{TWIN}/data/depth")(DepthReport(2.0, bytes(2), 1, 1, "uint16"))
+    bench.cross({STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0)})
+    bench.cross({f"cw/{TWIN}/data/depth": DepthReport(2.0, bytes(2), 1, 1, "uint16")})
     assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
     bench.turn()
     assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status", "depth"]
@@ -143,7 +165,95 @@ def test_events_of_our_own_robot_cross_at_once_and_its_pictures_in_a_turn(bench)
 
 @pytest.mark.parametrize("key", [f"cw/{OTHER}/data/position", f"cw/{TWIN}/data/unheard_of", "cw/x"])
 def test_what_may_not_cross_is_known_before_it_is_said(bench, key):
-    assert bench.uplink.crossing(key) is None
+    assert bench.uplink.open(key) is None
+
+
+@pytest.mark.parametrize(
+    ("channel", "report", "reason"),
+    [
+        ("battery", BatteryReport(1.0, 150.0), "unreadable"),
+        ("imu", ImuReport(1.0, Vector3(float("nan")), Vector3()), "unreadable"),
+        ("joint_states", JointReport(1.0, {f"joint_{n}" * 9: 0.1 for n in range(2000)}), "too large"),
+        ("gps", "no report at all", "failed"),
+    ],
+)
+def test_what_is_wrong_with_one_report_keeps_none_beside_it_from_crossing(bench, channel, report, reason):
+    for turn in range(3):
+        wrong = {f"cw/{TWIN}/data/{channel}": report}
+        bench.cross(wrong | {POSITION: a_pose(turn), SCALE: ScaleReport(1.0, ONES)})
+        bench.turn(0.2)
+    assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0, 1.0, 2.0]
+    assert (len(bench.of("rotation")), len(bench.of("scale"))) == (3, 2)  # a scale goes twice a second
+    assert {leaf for _, leaf, _, _ in bench.sent} == {"position", "rotation", "scale"}
+    assert bench.uplink.sent.total == len(bench.sent)
+    assert bench.uplink.refusals.counts()[reason] >= 2
+
+
+def test_an_event_at_which_the_bridge_fails_takes_no_state_beside_it_along(bench):
+    def fail(topic, _rule):
+        raise ZeroDivisionError(topic)
+
+    bench.cross({POSITION: a_pose(0.0), SCALE: ScaleReport(1.0, ONES)})
+    bench.clock.advance(1.0)
+    bench.sent.clear()
+    bench.uplink._open_way = fail  # of a topic that has not been opened yet
+    wrong = {STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0)}
+    bench.cross({POSITION: a_pose(1.0)} | wrong | {SCALE: ScaleReport(1.0, ONES)})
+    assert sorted(leaf for _, leaf, _, _ in bench.sent) == ["position", "rotation", "scale"]
+    assert bench.uplink.refusals.counts()["failed"] == 1
+
+
+def test_a_state_without_a_rate_that_is_reported_twice_in_one_step_crosses_as_it_was_each_time():
+    bench = Bench(rulebook("lan", [Changes({"flight_state": Change(rate=0.0)})]))
+    way = bench.uplink.open(f"cw/{TWIN}/data/flight_state")
+    for batch in (["A"], ["B", "C"]):
+        bench.uplink.cross([(way, FlightStateReport(1.0, True, mode)) for mode in batch])
+    assert [message["flight_mode"] for _, message in bench.of("flight_state")] == ["A", "B", "C"]
+
+
+@pytest.mark.parametrize("stays", [0, 1, 2])
+def test_a_turn_that_is_left_off_holds_nothing_and_sends_nothing_twice(bench, stays):
+    photo = f"cw/{TWIN}/data/photo"
+    for key, report in ((photo, a_photo(10)), (POSITION, a_pose(0.0)), (SCALE, ScaleReport(1.0, ONES))):
+        bench.uplink.arrived(key, encode_report(report, 0))
+    begun = bench.uplink.turn()
+    for _ in range(stays):
+        next(begun, None)
+    begun.close()
+    bench.turn(0.0)
+    bench.uplink.arrived(photo, encode_report(a_photo(20), 0))
+    bench.turn(0.1)
+    assert [message["width"] for _, message in bench.of("camera/photo")] == [10, 20]
+    assert len(bench.of("position")) == len(bench.of("scale")) == 1
+    assert bench.uplink.sent.total == len(bench.sent)
+
+
+def test_reports_of_which_nothing_is_known_become_no_message(bench):
+    battery, joints = f"cw/{TWIN}/data/battery", f"cw/{TWIN}/data/joint_states"
+    bench.cross({battery: BatteryReport(1.0, 50.0), joints: JointReport(1.0, {"hip": 0.5})})
+    bench.clock.advance(1.0)
+    bench.sent.clear()
+    bench.cross({battery: BatteryReport(1.0), joints: JointReport(1.0, {})})
+    assert (bench.sent, bench.uplink.refusals.counts()) == ([], {})
+
+
+def test_reports_that_cross_together_are_what_each_would_be_by_itself(bench):
+    batch = {
+        POSITION: a_pose(1.0),
+        f"cw/{TWIN}/data/joint_states": JointReport(1.0, {"null": 0.5}),
+        f"cw/{TWIN}/data/battery": BatteryReport(1.0, 50.0),
+        f"cw/{TWIN}/data/imu": ImuReport(1.0, Vector3(), Vector3()),
+        STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0),
+    }
+    bench.cross(batch)
+    bench.turn()
+    alone = Bench()
+    for key, report in batch.items():
+        alone.cross({key: report})
+    alone.turn()
+    by_leaf = operator.itemgetter(1)
+    assert sorted(bench.sent, key=by_leaf) == sorted(alone.sent, key=by_leaf)
+    assert bench.uplink.sent.by_class() == alone.uplink.sent.by_class()
 
 
 def test_a_pose_that_came_too_early_crosses_when_its_time_is_there(bench, pose):
@@ -438,9 +548,8 @@ def test_while_the_network_takes_nothing_only_the_newest_of_a_state_waits_and_go
     bench.run(2.0)
     bench.full = True
     bench.turn()
-    cross = bench.uplink.crossing(POSITION)
     for x in range(50):
-        cross(a_pose(x))
+        bench.cross({POSITION: a_pose(x)})
         bench.uplink.arrived(BATTERY, battery(float(x)))
         bench.turn(1.0)
     assert bench.sent == []

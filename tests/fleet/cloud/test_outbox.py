@@ -34,7 +34,7 @@ def box(stats, clock):
 
 
 def put(box, name, expiry=None):
-    return box.light(address(name, expiry, 5))(PAYLOAD)
+    return box.put_light([box.address(name, expiry, 5)], [PAYLOAD])
 
 
 def durable(name):
@@ -42,11 +42,12 @@ def durable(name):
 
 
 def take(box, *, now=None, size=1_000_000):
-    return [where.topic for where, _ in box.take_light(now or ManualClock().monotonic(), size)]
+    taken = box.take_light(now or ManualClock().monotonic(), size)
+    return [where.topic for bunch in taken for where in bunch.where]
 
 
-def read(packets):
-    told = [mqtt5.read(packet)[0] for _, packet in packets]
+def read(taken):
+    told = [mqtt5.read(packet)[0] for bunch in taken for packet in bunch.packets]
     return [(each.topic, each.message_expiry_interval) for each in told]
 
 

@@ -8,7 +8,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import Decoder
-from fleet.cloud.publish import address
 from fleet.cloud.session import INBOUND, Session, SessionEnded, SessionRefused
 from fleet.cloud.under_way import WINDOW
 from fleet.cloud.values import CloudSettings, CloudStats, Will
@@ -53,7 +52,7 @@ class Talk:
             self.box.spool.put(one)
 
     def light(self, topic, payload=b"x", expiry=None):
-        self.box.light(address(topic, expiry, 5))(payload)
+        self.box.put_light([self.box.address(topic, expiry, 5)], [payload])
 
     def outcomes(self):
         """How many were acknowledged, held and refused."""

@@ -58,12 +58,27 @@ def put(outbox):
     return lambda twin, report: senders.setdefault(twin, outbox.sender(twin))(report)
 
 
+class Bridge:
+    """A bridge of this process that notes what crosses; it fails at one report."""
+
+    def __init__(self, fails_at=None):
+        self.crossed = []
+        self._fails_at = fails_at
+
+    def open(self, key):
+        return key
+
+    def cross(self, batch):
+        if any(report == self._fails_at for _, report in batch):
+            raise ZeroDivisionError
+        self.crossed += batch
+
+
 @pytest.fixture
 def crossed(outbox):
     """Return what the bridge of this process gets: (key, report)."""
-    crossed = []
-    outbox.crossing = lambda key: lambda report: crossed.append((key, report))
-    return crossed
+    outbox.bridge = Bridge()
+    return outbox.bridge.crossed
 
 
 def pose(x):
@@ -122,24 +137,17 @@ def test_what_a_flush_that_was_left_in_the_middle_still_had_leaves_first(outbox,
 
 
 def test_what_fails_on_its_way_to_the_bridge_takes_nothing_with_it(outbox, put):
-    crossed = []
-
-    def cross(report):
-        if report == pose(1.0):
-            raise ZeroDivisionError
-        crossed.append(report)
-
-    outbox.crossing = lambda key: cross
+    outbox.bridge = bridge = Bridge(fails_at=running(0))
     for report in (running(0), pose(1.0), BatteryReport(1.0, 50.0), running(1)):
         put(TWIN, report)
     with pytest.raises(ZeroDivisionError):
         outbox.flush()
     outbox.flush()
-    assert crossed == [running(0), running(1), BatteryReport(1.0, 50.0)]
+    assert [report for _, report in bridge.crossed] == [running(1), pose(1.0), BatteryReport(1.0, 50.0)]
     for again in (pose(2.0), running(2)):
         put(TWIN, again)
         outbox.flush()
-        assert crossed[-1] == again
+        assert bridge.crossed[-1][1] == again
 
 
 @pytest.mark.parametrize(("queue", "report"), [("states", pose), ("eventful", running)])

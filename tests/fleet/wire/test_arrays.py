@@ -8,7 +8,7 @@ from cyberwave.twin.sensors.pointcloud import _decode_pointcloud
 from fleet.errors import WireError
 from fleet.model.report import DepthReport, PointCloudReport
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
-from fleet.wire.reports import to_mqtt
+from fleet.wire.reports import sender, to_mqtt
 
 
 def array(values, dtype=None, **metadata):
@@ -35,7 +35,7 @@ def test_the_sdk_reads_a_depth_image_of_ours():
 def test_points_of_the_sdk_are_read_and_come_back_to_it_over_mqtt(shape, rows, stride):
     points = np.arange(np.prod(shape), dtype="float32").reshape(shape)
     report = decode_pointcloud(array(points))
-    ((leaf, payload),) = to_mqtt(report, source_type="edge", session="us")
+    ((leaf, payload),) = to_mqtt(report, sender(source_type="edge", session="us"))
     assert (leaf, report.stride) == ("pointcloud", stride)
     message = json.loads(payload)
     assert (message["rows"], message["cols"], message["point_stride"]) == (rows, stride, stride)

@@ -11,7 +11,7 @@ from fleet.model.command import Way
 from fleet.model.navigation import ActionState, Control
 from fleet.model.report import NavigationReport
 from fleet.wire.missions import decode_mission
-from fleet.wire.reports import to_mqtt
+from fleet.wire.reports import sender, to_mqtt
 
 MISSION = {
     "contract": "aerial.mission.v1",
@@ -120,7 +120,7 @@ def test_a_mission_without_an_id_or_with_an_unknown_command_is_refused():
 )
 def test_the_status_of_a_mission_goes_to_its_own_topic(state, status):
     report = NavigationReport(5.0, "e1", state, 50.0, "item 3 of 4", step=2)
-    ((leaf, payload),) = to_mqtt(report, source_type="edge", session="")
+    ((leaf, payload),) = to_mqtt(report, sender(source_type="edge", session=""))
     assert leaf == "mission/status"
     assert json.loads(payload) == {
         "mission_execution_uuid": "e1",

@@ -36,7 +36,7 @@ from fleet.model.report import (
     StatusText,
     TelemetryReport,
 )
-from fleet.wire.reports import to_mqtt
+from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.rules import CHANNEL_LEAVES
 from fleet.wire.topics import JOINT_UPDATE, Topics
 
@@ -45,7 +45,7 @@ NAN = float("nan")
 
 def sent(report, source_type="edge", session="edge_live_1"):
     """Return the messages of a report by leaf, as a JSON reader sees them."""
-    messages = to_mqtt(report, source_type=source_type, session=session)
+    messages = to_mqtt(report, sender(source_type=source_type, session=session))
     return {leaf: json.loads(payload) for leaf, payload in messages}
 
 
@@ -296,7 +296,7 @@ def test_a_log_line_has_an_upper_case_level():
 )
 def test_a_number_that_is_not_finite_never_leaves(report):
     with pytest.raises(WireError, match="not a finite number"):
-        to_mqtt(report, source_type="edge", session="s")
+        to_mqtt(report, sender(source_type="edge", session="s"))
 
 
 def test_a_null_that_was_meant_is_sent():
