@@ -26,11 +26,7 @@ OWNER: contextvars.ContextVar[str] = contextvars.ContextVar("owner", default="")
 class OwnedTask(asyncio.Task[Any]):
     """A task that knows its owner."""
 
-    def __init__(
-        self, work: Coroutine[Any, Any, Any], *, context: contextvars.Context | None = None, **options: Any
-    ) -> None:
-        super().__init__(work, context=context, **options)
-        self.owner: str = OWNER.get() if context is None else context.get(OWNER, "")
+    owner = ""
 
 
 class OwnedCall:
@@ -79,7 +75,9 @@ def _make_task(
     loop: asyncio.AbstractEventLoop, work: Any, *, context: contextvars.Context | None = None, **options: Any
 ) -> asyncio.Task[Any]:
     """Make an owned task."""
-    return OwnedTask(work, loop=loop, context=context, **options)
+    task = OwnedTask(work, loop=loop, context=context, **options)
+    task.owner = OWNER.get() if context is None else context.get(OWNER, "")
+    return task
 
 
 def run(

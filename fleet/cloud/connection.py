@@ -93,14 +93,19 @@ class Connection:
             self._ping()
         if neglected:
             with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-                self._loop.call_soon_threadsafe(self._conclude)
+                self._loop.call_soon_threadsafe(self._follow_up)
         return neglected
 
     def _readable(self) -> None:
         """Take what has arrived; on the loop."""
         with self._lock:
             self._receive()
-        self._conclude()
+        self._follow_up()
+
+    def _follow_up(self) -> None:
+        """Do what follows from what was read: what is asked of robots begins before anybody is answered."""
+        self._take()
+        self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:
         """Write what had to wait, and go on where the socket stopped: the link is slow, and alive."""
@@ -146,8 +151,7 @@ class Connection:
             self._deliver(messages)
 
     def _conclude(self) -> None:
-        """Do what follows from what was read: the messages first, then what the broker is answered."""
-        self._take()
+        """Answer the broker what was read, and send what that lets go."""
         if self.ended.done():
             self._note_gone()
             return

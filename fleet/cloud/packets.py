@@ -17,6 +17,7 @@ from fleet.errors import WireError
 Protocol = Literal[5, 311]
 
 _CONNECT = 1
+_CONNACK = 0x20
 _PUBACK = 0x40  # and the flags that it must have: none
 _LONG = 0x80  # a length from which on it takes more than a byte
 _ONLY_OLDER = b"\x20\x02\x00\x01"
@@ -95,7 +96,7 @@ class Decoder:
             self.protocol = _spoken(frame)
         if self.protocol == 311:
             return _guarded(v311.read, frame)
-        if frame == _ONLY_OLDER:
+        if data[start] == _CONNACK and frame == _ONLY_OLDER:
             return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
         packet = _guarded(_read5, frame)
         if isinstance(packet, mqtt5.PublishPacket) and _is_wild(packet.topic):

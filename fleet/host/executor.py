@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 AT_ONCE = 8  # commands that do not move, under way together; more are refused
 
 
-class _Job(NamedTuple):
+class _Job(msgspec.Struct, frozen=True):
     """One command on its way; ``failed`` is called when it failed by itself."""
 
     adapter: Adapter[Any]
@@ -81,9 +81,12 @@ class Executor:
             insist(task, "its time was over", self._crashed)
             failed()
 
+        def ended(_: object) -> None:
+            timer.cancel()
+            self._moved(task)
+
         timer = asyncio.get_running_loop().call_later(spec.timeout, give_up)
-        task.add_done_callback(lambda _: timer.cancel())
-        task.add_done_callback(self._moved)
+        task.add_done_callback(ended)
 
     def cancel(self, why: str) -> None:
         """End the moving command; its ticket is told why."""

@@ -56,8 +56,8 @@ def patience(ask: Ask, config: AdapterConfig) -> float:
     """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
     if isinstance(ask, Setpoint):
         return config.max_age
-    wanted = ask.name if isinstance(ask, Command) else ask.ask
-    return math.inf if wanted in STOPS or wanted in (Control.STOP, Control.PAUSE) else config.command_max_age
+    stops = ask.name in STOPS if isinstance(ask, Command) else ask.ask in (Control.STOP, Control.PAUSE)
+    return math.inf if stops else config.command_max_age
 
 
 def _is_known(report: Report) -> bool:

@@ -101,7 +101,7 @@ class Wheel:
         """Begin a turn."""
         now = self._loop.time()
         self._work = self._calls(now)
-        self._go_on(now + TICK)
+        self._give_way(now + TICK)
 
     def _go_on(self, next_turn: float) -> None:
         """Do a slice of the turn, then leave the loop to others; there is a next one whatever it raises."""
@@ -111,10 +111,18 @@ class Wheel:
         try:
             for _ in self._work:
                 if self._clock.monotonic() >= end:
-                    rest = (self._loop.call_soon, self._go_on, next_turn)
+                    rest = (self._loop.call_soon, self._give_way, next_turn)
                     break
         finally:
             self._schedule(*rest)
+
+    def _give_way(self, next_turn: float) -> None:
+        """Let what the loop has read since the last slice begin before the next one.
+
+        That is why every slice begins from here, the first too: what is read after it then stands in the
+        loop's queue before the second.
+        """
+        self._schedule(self._loop.call_soon, self._go_on, next_turn)
 
     def _schedule(self, how: Callable[..., asyncio.Handle], *arguments: Any) -> None:
         """Go on later, unless one of the calls stopped the wheel."""

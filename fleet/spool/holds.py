@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.spool.line import Line, Sign, State
+from fleet.spool.line import OPEN, Line, Sign
 
 FIRST_WAIT = 1.0
 """Seconds that a topic is held which nobody hears, doubled each time."""
@@ -32,7 +32,7 @@ class Holds:
 
     def heard(self, line: Line, now: float) -> None:
         """Take note that somebody heard; one who is back hears the other topics at once."""
-        if line.state is State.OPEN:  # as nearly all are, nearly always
+        if line.state is OPEN:  # as nearly all are, nearly always
             return
         line.see(Sign.HEARD)
         if line.unheard:

@@ -28,6 +28,10 @@ class State(enum.Enum):
     HELD = enum.auto()
 
 
+OPEN, PROBE, REPLY = State.OPEN, State.PROBE, Traffic.REPLY
+"""For what is asked of every message: an enumeration's own look-up takes a microsecond (Python 3.11)."""
+
+
 class Sign(enum.Enum):
     """What tells of it."""
 
@@ -78,7 +82,7 @@ class Line:
         """True when a message may go now."""
         if not (self.back or self.memory):
             return False
-        return self.state is State.OPEN or (self.state is State.PROBE and not self.flying)
+        return self.state is OPEN or (self.state is PROBE and not self.flying)
 
     @property
     def empty(self) -> bool:
@@ -95,7 +99,7 @@ class Line:
         """True when nothing of it waits, somebody hears it, and it stays known: as nearly always."""
         if self.memory or self.back or self.cold:
             return False
-        return self.state is State.OPEN and self.traffic is not Traffic.REPLY
+        return self.state is OPEN and self.traffic is not REPLY
 
     def see(self, sign: Sign) -> bool:
         """Take a sign; tell whether the state changed by it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from fleet.spool.holds import Holds
-from fleet.spool.line import Line, State
+from fleet.spool.line import OPEN, REPLY, Line, State
 from fleet.spool.memory import DURABLE, Memory
 from fleet.wire.rules import Traffic
 
@@ -49,7 +49,7 @@ class Lines(dict[str, Line]):
 
     def forget(self, line: Line) -> None:
         """Forget a line that is empty and that nobody hears, or hears only once, as an inbox for replies."""
-        if (line.state is State.OPEN and line.traffic is not Traffic.REPLY) or not line.empty:
+        if (line.state is OPEN and line.traffic is not REPLY) or not line.empty:
             return  # as nearly always
         self.pop(line.topic, None)
         self.hungry.pop(line.topic, None)

@@ -10,7 +10,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 
 from fleet.spool.done import Done
 from fleet.spool.figures import SECOND, Standing, standing
-from fleet.spool.line import Line, Sign
+from fleet.spool.line import REPLY, Line, Sign
 from fleet.spool.lines import LOW_IN_NEED, Lines
 from fleet.spool.losses import Losses, Reason
 from fleet.spool.memory import DURABLE, Memory
@@ -25,6 +25,7 @@ FETCHED = 256
 """Messages of a topic that one fetch brings at most, LOW_IN_NEED when memory is full."""
 BURST = 16
 """Messages of one topic that go before another topic has its turn."""
+_HELD, _REFUSED = Outcome.HELD, Outcome.REFUSED
 
 
 class Queue:
@@ -88,11 +89,11 @@ class Queue:
         The last ``reserve`` of the window are for replies.
         """
         batch: list[Outgoing] = []
-        if not self.online:
+        if not self.online or not any(self._lines.rings):
             return batch
         for kind, ring in zip(DURABLE, self._lines.rings, strict=True):
-            most = window if kind is Traffic.REPLY else window - reserve
-            if kind is not Traffic.REPLY and now < self._lasting_from:
+            most = window if kind is REPLY else window - reserve
+            if kind is not REPLY and now < self._lasting_from:
                 break
             while ring and len(batch) < most and size > 0:
                 line = ring.popleft()
@@ -107,11 +108,11 @@ class Queue:
         """Take what the broker said of a message that was taken."""
         line = self._lines[message.topic]
         line.flying -= 1
-        if outcome is Outcome.HELD:
+        if outcome is _HELD:
             self._return(line, message)
             self._lines.holds.unheard(line, now)
             return
-        if outcome is Outcome.REFUSED:
+        if outcome is _REFUSED:
             self.losses.note(message.topic, message.traffic, Reason.REFUSED, wall)
         self._forget(message)
         if not line.quiet:

@@ -17,7 +17,7 @@ class Admission:
     """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
 
     def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch) -> None:
-        self._config = config
+        self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
@@ -42,7 +42,7 @@ class Admission:
         if ask.name in STOPS:
             return None
         refusal = self._policy.refusal(ask.origin) or self._age(
-            ask.origin, ask.stamp, self._config.command_max_age
+            ask.origin, ask.stamp, self._command_max_age
         )
         if refusal or ask.name == RELEASE or safe:
             return refusal
@@ -55,7 +55,7 @@ class Admission:
         asker, now = _asker(ask.origin), self._clock.monotonic()
         refusal = (
             self._policy.refusal(ask.origin)
-            or self._age(ask.origin, ask.stamp, self._config.max_age, ordered=True)
+            or self._age(ask.origin, ask.stamp, self._max_age, ordered=True)
             or self.motion()
             or self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
             or self._turn(ask.origin)
@@ -70,7 +70,7 @@ class Admission:
             return None
         return (
             self._policy.refusal(ask.origin, navigation=True)
-            or self._age(ask.origin, ask.stamp, self._config.command_max_age)
+            or self._age(ask.origin, ask.stamp, self._command_max_age)
             or self.motion()
             or self.lease.refusal(ask.origin.session, self._clock.monotonic())
         )
@@ -103,4 +103,4 @@ class Admission:
 
 def _asker(origin: Origin) -> str:
     """Return whose clock a message is stamped by."""
-    return f"{origin.way}/{origin.session}"
+    return origin.way + "/" + origin.session

@@ -7,6 +7,7 @@ first message that is an hour old is refused, not taken for a clock that is an h
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 
 SESSIONS = 256  # sessions remembered, oldest forgotten
@@ -14,12 +15,15 @@ WINDOW = 60.0  # s after which an estimate is made afresh, so that a corrected c
 
 
 class _Session:
-    """What is known of one sender's clock."""
+    """What is known of one sender's clock.
 
-    def __init__(self, lag: float, now: float) -> None:
-        self.current = lag
-        self.previous = lag
+    ``offset`` is the smallest lag of this window and the one before, within ``skew``.
+    """
+
+    def __init__(self, now: float, skew: float) -> None:
+        self.current = self.previous = self.offset = math.inf
         self.since = now
+        self._skew = skew
         self.newest = float("-inf")
         self.stopped = float("-inf")
 
@@ -27,12 +31,11 @@ class _Session:
         """Take one more lag into account."""
         if now - self.since > WINDOW:
             self.previous, self.current, self.since = self.current, lag, now
-        self.current = min(self.current, lag)
-
-    @property
-    def offset(self) -> float:
-        """The smallest lag of this window and the one before."""
-        return min(self.current, self.previous)
+        elif lag < self.current:
+            self.current = lag
+        else:
+            return
+        self.offset = max(-self._skew, min(self._skew, self.current, self.previous))
 
 
 class AgeCheck:
@@ -70,22 +73,22 @@ class AgeCheck:
         if lag < -self._skew - max_age:
             return f"stamped {-lag:.1f} s in the future; check the sender's clock"
         known = self._session(session, lag, now)
-        offset = max(-self._skew, min(self._skew, known.offset))
-        age = lag - offset
+        age = lag - known.offset
         if age > max_age or lag > self._skew + max_age:
             return f"{max(age, lag - self._skew):.1f} s old; the limit is {max_age:g} s"
         if stamp < known.stopped:
             return "asked before a stop that came before it"
-        if ordered and stamp < known.newest:
+        if stamp >= known.newest:
+            known.newest = stamp
+        elif ordered:
             return "older than a setpoint that came before it"
-        known.newest = max(known.newest, stamp)
         return None
 
     def _session(self, session: str, lag: float, now: float) -> _Session:
         """Return the sender's record, with this lag learned."""
         known = self._sessions.get(session)
         if known is None:
-            known = self._sessions[session] = _Session(lag, now)
+            known = self._sessions[session] = _Session(now, self._skew)
             if len(self._sessions) > SESSIONS:
                 self._sessions.popitem(last=False)
         self._sessions.move_to_end(session)

@@ -27,10 +27,10 @@ class SourcePolicy:
 
     def refusal(self, origin: Origin, *, navigation: bool = False) -> str | None:
         """Return why this asker is not obeyed, None when he is."""
-        if origin.way is Way.MISSION or (origin.way is Way.BUS and origin.source_type is None):
-            return None
         accepted = self.navigate if navigation else self.command
         if origin.source_type in accepted:
+            return None
+        if origin.way is Way.MISSION or (origin.way is Way.BUS and origin.source_type is None):
             return None
         given = "no source_type" if origin.source_type is None else f"source_type {origin.source_type!r}"
         return f"{given}; this robot obeys {', '.join(sorted(accepted))}"

@@ -30,7 +30,13 @@ class Broker:
         self.end = end
         self.handed = []
         self.taken = asyncio.Event()
+        self.begin = lambda: None
         self._decoder = Decoder(None, 10_000)
+
+    def take(self):
+        """Be who takes what is handed over."""
+        self.taken.set()
+        self.begin()
 
     async def is_taken(self):
         await asyncio.wait_for(self.taken.wait(), WITHIN)
@@ -53,7 +59,7 @@ async def connection(ends, broker, clock):
     """Be connected, with the settings that an edge has by itself."""
     box = Outbox(Spool(SpoolSettings(), clock), 1000, 10**6, CloudStats(), clock)
     session = Session(SETTINGS, {}, box, CloudStats())
-    one = Connection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.taken.set)
+    one = Connection(ends[0], session, SETTINGS, clock, deliver=broker.handed.extend, take=broker.take)
     broker.say(mqtt5.ConnAckPacket())
     await asyncio.wait_for(one.ready, WITHIN)
     broker.taken.clear()
@@ -79,6 +85,23 @@ def arrived(connection):
     """Wait, on a loop that is stuck meanwhile, until something can be read."""
     while not connection._stream.waiting():
         pass
+
+
+async def test_what_a_message_asks_begins_before_the_broker_is_answered(connection, broker):
+    begun = []
+
+    async def obey():
+        with pytest.raises(BlockingIOError):
+            broker.hear()
+        begun.append("a command")
+
+    broker.end.setblocking(False)
+    broker.begin = lambda: begun or asyncio.get_running_loop().create_task(obey())
+    broker.say(mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS.AT_LEAST_ONCE, packet_id=7))
+    await broker.is_taken()
+    broker.end.settimeout(WITHIN)
+    assert await asyncio.to_thread(broker.hear) == [mqtt5.PubAckPacket]
+    assert begun == ["a command"]
 
 
 async def test_what_the_loop_leaves_unread_is_read_by_who_stands_in(connection, broker):

@@ -2,19 +2,20 @@
 
 import asyncio
 import contextlib
+import socket
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.clock import SystemClock
-from fleet.event_loop import OWNER
+from fleet.event_loop import OWNER, run
 from fleet.host.wheel import SLICE, TICK, Wheel
 from fleet.testing.clock import ManualClock
 
 
 class TurnedLoop:
-    """The two calls of an event loop that the wheel needs; ``turn`` makes the next one at a time."""
+    """The calls of an event loop that the wheel needs; ``turn`` begins a turn, ``step`` makes one call."""
 
     def __init__(self):
         self.now = 100.0
@@ -34,6 +35,10 @@ class TurnedLoop:
 
     def turn(self, seconds=TICK):
         self.now += seconds
+        self.step()
+        self.step()
+
+    def step(self):
         call, self.next = self.next, None
         call()
 
@@ -235,9 +240,41 @@ def test_a_long_turn_leaves_the_loop_to_others_after_each_slice(loop):
     seen = [list(done)]
     for _ in range(3):
         assert wheel.owner == ""
-        loop.next()
+        loop.step()  # others have their turn
+        assert done == seen[-1]
+        loop.step()
         seen.append(list(done))
     assert seen == [["a"], ["a", "b"], ["a", "b", "c"], ["a", "b", "c", "d"]]
+
+
+def test_what_is_read_between_two_slices_begins_before_the_second():
+    done, clock = [], SystemClock()
+    near, far = socket.socketpair()
+
+    def work(name):
+        done.append(name)
+        far.send(b"!") if name == "a" else None
+        end = clock.monotonic() + SLICE
+        while clock.monotonic() < end:
+            pass
+
+    async def obey():
+        done.append("obeyed")
+
+    async def turn_once():
+        loop, ended = asyncio.get_running_loop(), asyncio.Event()
+        loop.add_reader(near, lambda: (near.recv(1), loop.create_task(obey())))
+        wheel = Wheel(loop, clock)
+        for name in ("a", "b"):
+            wheel.every(TICK, lambda name=name: work(name), owner=name, failed=refuse)
+        wheel.at_end(lambda: [ended.set()])
+        wheel.start()
+        await asyncio.wait_for(ended.wait(), 20)
+        wheel.stop()
+
+    with near, far:
+        run(turn_once())
+    assert done[:3] == ["a", "obeyed", "b"]
 
 
 def test_a_wheel_that_is_stopped_by_one_of_its_calls_makes_no_other(loop):
