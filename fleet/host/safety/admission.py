@@ -41,9 +41,7 @@ class Admission:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
         if ask.name in STOPS:
             return None
-        refusal = self._policy.refusal(ask.origin) or self._age(
-            ask.origin, ask.stamp, self._command_max_age
-        )
+        refusal = self._policy.refusal(ask.origin) or self._age(ask.origin, ask.stamp, self._command_max_age)
         if refusal or ask.name == RELEASE or safe:
             return refusal
         if not moves:
