@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any
 
 import msgspec
@@ -25,6 +26,7 @@ _MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
 _HEADER_2 = 10
+_UNTOLD = -1  # a length that cannot be told yet
 _SIGNED = 0x01  # the only incompatibility flag there is
 _LAST_OF_1 = 255  # the largest message id in MAVLink 1
 _SIZES = {
@@ -41,7 +43,7 @@ _SIZES = {
     "double": 8,
 }
 _HEAD = struct.Struct("<BBBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
-_CRC_EXTRA: dict[int, int] = {number: kind.crc_extra for number, kind in dialect.mavlink_map.items()}
+_CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink_map.items()}
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -60,15 +62,19 @@ class _Layout:
     def __init__(self, kind: type[Message]) -> None:
         wire = dialect.mavlink_map[kind.message_id]
         self.kind = kind
-        self.crc_extra: int = wire.crc_extra
+        self.crc_extra = _CRC_EXTRA[kind.message_id]
         self.base_size = _base_size(wire)
         self._packing = struct.Struct(kind.packing) if kind.packing else wire.unpacker
-        self._blank = list(self._packing.unpack(bytes(self._packing.size)))
+        self._blank = self._packing.unpack(bytes(self._packing.size))
         self._places = {name: _place(wire, index) for index, name in enumerate(wire.ordered_fieldnames)}
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
         places = [place for _, place in self._wanted]
         numbers = all(place.stop - place.start == 1 for place in places) and not self._has_text(wire)
-        self._indexes = tuple(place.start for place in places) if numbers else ()  # of plain numbers alone
+        indexes = [place.start for place in places] if numbers else []  # of plain numbers alone
+        rest = [index for index in range(len(self._blank)) if index not in indexes]
+        self._pick = _picker(indexes)
+        self._order = _picker([[*indexes, *rest].index(index) for index in range(len(self._blank))])
+        self._rest = tuple(self._blank[index] for index in rest)
 
     def _has_text(self, wire: Any) -> bool:
         """Return whether one of the wanted fields is a text."""
@@ -79,18 +85,24 @@ class _Layout:
         """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
         size = self._packing.size
         values = self._packing.unpack(payload[:size].ljust(size, b"\0"))
+        if self._pick is not None:
+            return self.kind(*self._pick(values))
         return self.kind(**{name: _value(values[place]) for name, place in self._wanted})
 
     def encode(self, message: Message) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
-        values = self._blank.copy()
-        if self._indexes:
-            for index, value in zip(self._indexes, msgspec.structs.astuple(message), strict=True):
-                values[index] = value
+        if self._pick is not None and self._order is not None:
+            values: Sequence[Any] = self._order(msgspec.structs.astuple(message) + self._rest)
         else:
+            values = list(self._blank)
             for name, place in self._wanted:
                 values[place] = _wire_values(getattr(message, name))
         return self._packing.pack(*values).rstrip(b"\0") or b"\0"
+
+
+def _picker(indexes: Sequence[int]) -> Callable[[Sequence[Any]], tuple[Any, ...]] | None:
+    """Return what takes the values at some indexes, None for fewer than two."""
+    return itemgetter(*indexes) if len(indexes) > 1 else None
 
 
 def _base_size(wire: Any) -> int:
@@ -176,9 +188,9 @@ def pack(message: Message, system: int, component: int, sequence: int, way: Way 
     return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
 
 
-def _checksum(body: bytes, crc_extra: int) -> bytes:
+def _checksum(body: bytes, crc_extra: bytes) -> bytes:
     """Return the two bytes that end a frame."""
-    return crc16.mcrf4xx(body + bytes([crc_extra])).to_bytes(2, "little")
+    return crc16.mcrf4xx(body + crc_extra).to_bytes(2, "little")
 
 
 class Packer:
@@ -210,70 +222,72 @@ class Parser:
         """Take what arrived; return the frames of wanted messages that it completes."""
         buffer = self._rest + data
         frames: list[Frame] = []
-        at = 0
-        while found := _MAGIC.search(buffer, at):
-            at = found.start()
-            size = _frame_size(buffer, at)
-            if size is None or at + size > len(buffer):
+        at, length = 0, len(buffer)
+        while at < length:
+            if buffer[at] not in _MAGICS:
+                found = _MAGIC.search(buffer, at)
+                at = found.start() if found else length
+                continue
+            size, number = _head(buffer, at, length)
+            end = at + size
+            if size == _UNTOLD or end > length:
                 break
-            if size and _is_unwanted(buffer, at, size):
-                at += size
-            elif size and _is_intact(buffer, at, size):
-                frames.extend(_decoded(buffer[at : at + size]))
-                at += size
+            if size and _is_unwanted(buffer, at, end, number):
+                at = end
+            elif size and _is_intact(buffer, at, end, number):
+                frames.extend(_decoded(buffer[at:end], number))
+                at = end
             else:
                 self.broken += size > 0
                 at += 1
-        else:
-            at = len(buffer)
         self._rest = buffer[at:]
         return frames
 
 
-def _frame_size(buffer: bytes, at: int) -> int | None:
-    """Return the length of the frame that begins here, 0 if none can, None while it cannot be told."""
-    left = len(buffer) - at
+def _head(buffer: bytes, at: int, length: int) -> tuple[int, int]:
+    """Return the length of the frame that begins here, and its message's number.
+
+    The length is 0 if none can begin here, and _UNTOLD while it cannot be told.
+    """
+    left = length - at
     if left < _HEADER_1:
-        return None
+        return _UNTOLD, 0
     if buffer[at] == _MAGIC_1:
-        return _HEADER_1 + buffer[at + 1] + 2
+        return _HEADER_1 + buffer[at + 1] + 2, buffer[at + 5]
     flags = buffer[at + 2]
     if flags & ~_SIGNED:
-        return 0
+        return 0, 0
     if left < _HEADER_2:
-        return None
-    if int.from_bytes(buffer[at + 7 : at + 10], "little") not in _CRC_EXTRA:
-        return 0
-    return _HEADER_2 + buffer[at + 1] + 2 + (SIGNATURE_BYTES if flags else 0)
+        return _UNTOLD, 0
+    number = buffer[at + 7] | buffer[at + 8] << 8 | buffer[at + 9] << 16
+    if number not in _CRC_EXTRA:
+        return 0, 0
+    return _HEADER_2 + buffer[at + 1] + 2 + (SIGNATURE_BYTES if flags else 0), number
 
 
-def _is_unwanted(buffer: bytes, at: int, size: int) -> bool:
+def _is_unwanted(buffer: bytes, at: int, end: int, number: int) -> bool:
     """Return whether a MAVLink 2 frame is not worth a checksum: unwanted, then another or nothing."""
-    if buffer[at] == _MAGIC_1 or int.from_bytes(buffer[at + 7 : at + 10], "little") in _READ:
+    if number in _READ or buffer[at] == _MAGIC_1:
         return False
-    return at + size == len(buffer) or buffer[at + size] in _MAGICS
+    return end == len(buffer) or buffer[end] in _MAGICS
 
 
-def _is_intact(buffer: bytes, at: int, size: int) -> bool:
+def _is_intact(buffer: bytes, at: int, end: int, number: int) -> bool:
     """Return whether the checksum of a whole frame is right."""
-    end = at + size
-    if buffer[at] == _MAGIC_1:
-        crc_extra = _CRC_EXTRA.get(buffer[at + 5])
-    else:
-        crc_extra = _CRC_EXTRA[int.from_bytes(buffer[at + 7 : at + 10], "little")]
-        end -= SIGNATURE_BYTES if buffer[at + 2] else 0
+    if buffer[at] == _MAGIC_2 and buffer[at + 2]:
+        end -= SIGNATURE_BYTES
+    crc_extra = _CRC_EXTRA.get(number)
     return crc_extra is not None and _checksum(buffer[at + 1 : end - 2], crc_extra) == buffer[end - 2 : end]
 
 
-def _decoded(frame: bytes) -> Iterable[Frame]:
-    """Yield the message of an intact frame, if it is one that is wanted."""
-    if frame[0] == _MAGIC_1:
-        version, number, (system, component), header = 1, frame[5], frame[3:5], _HEADER_1
-    else:
-        number = int.from_bytes(frame[7:10], "little")
-        version, (system, component), header = 2, frame[5:7], _HEADER_2
+def _decoded(frame: bytes, number: int) -> Sequence[Frame]:
+    """Return the message of an intact frame, if it is one that is wanted."""
     layout = _READ.get(number)
-    if layout is not None:
-        signed = frame if version == 2 and frame[2] else b""
-        message = layout.decode(frame[header : header + frame[1]])
-        yield Frame(system, component, message, version, signed)
+    if layout is None:
+        return ()
+    size = frame[1]
+    if frame[0] == _MAGIC_1:
+        message = layout.decode(frame[_HEADER_1 : _HEADER_1 + size])
+        return (Frame(frame[3], frame[4], message, 1),)
+    message = layout.decode(frame[_HEADER_2 : _HEADER_2 + size])
+    return (Frame(frame[5], frame[6], message, 2, frame if frame[2] else b""),)

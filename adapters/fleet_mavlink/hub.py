@@ -25,7 +25,7 @@ from fleet_mavlink.words import AUTOPILOT, NO_AUTOPILOT
 _LOG = logging.getLogger(__name__)
 _BEAT = 1.0  # s
 _SENDERS = 256  # addresses whose half frames are kept
-_ADDRESSED: tuple[type[Message], ...] = (CommandAck, *MISSION_MESSAGES)
+_ADDRESSED: frozenset[type[Message]] = frozenset({CommandAck, *MISSION_MESSAGES})
 _BESIDE = 1  # the link id in signatures that are made beside the loop, in a time of their own
 _GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
 
@@ -86,10 +86,12 @@ class Hub:
 
     def _parser(self, address: Address) -> Parser:
         """Return the parser of one sender; the one that was silent longest makes room."""
-        parser = self._parsers.setdefault(address, Parser())
+        parser = self._parsers.get(address)
+        if parser is None:
+            parser = self._parsers[address] = Parser()
+            if len(self._parsers) > _SENDERS:
+                self._parsers.popitem(last=False)
         self._parsers.move_to_end(address)
-        if len(self._parsers) > _SENDERS:
-            self._parsers.popitem(last=False)
         return parser
 
     def _route(self, frame: Frame, address: Address) -> None:
@@ -102,7 +104,7 @@ class Hub:
         vehicle = self._vehicles.get(frame.system)
         if vehicle is None or not vehicle.trust.admits(frame):
             return
-        if isinstance(message, _ADDRESSED) and not self._is_for_us(message):
+        if type(message) in _ADDRESSED and not self._is_for_us(message):
             vehicle.trust.counts["answers to other stations"] += 1
             return
         if flies:

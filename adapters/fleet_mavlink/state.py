@@ -35,6 +35,8 @@ _FRESH = 1.0  # s for which a position or attitude may be steered by
 _BACKWARDS = 2000  # ms by which the time since boot must fall to mean a reboot
 _CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock starts again without a reboot
 _UNKNOWN_16 = 65535
+_LANDED = {int(each): each for each in Landed}
+_UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # an enumeration's look-up takes a microsecond
 _AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
 
 
@@ -105,8 +107,8 @@ class VehicleState(msgspec.Struct, frozen=True):
     @property
     def in_air(self) -> bool | None:
         """Whether the vehicle flies, None when that cannot be told."""
-        if self.landed is not Landed.UNDEFINED:
-            return self.landed is not Landed.ON_GROUND
+        if self.landed is not _UNDEFINED:
+            return self.landed is not _ON_GROUND
         if self.heartbeat is not None and not self.armed:
             return False
         if self.relative_altitude is not None and self.relative_altitude > _AIRBORNE:
@@ -136,22 +138,23 @@ class VehicleState(msgspec.Struct, frozen=True):
 
 def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
     """Return what is known once ``message`` arrived at monotonic ``now``."""
-    state = _noticing_reboot(state, message)
-    if type(message) in CARRIED:
-        return msgspec.structs.replace(state, carried=reduce_carried(state.carried, message, now))
-    change = _CHANGES.get(type(message))
-    return msgspec.structs.replace(state, **change(state, message, now)) if change else state
-
-
-def _noticing_reboot(state: VehicleState, message: Message) -> VehicleState:
-    """Forget everything when the vehicle's own clock shows that it started again."""
+    kind = type(message)
+    news: dict[str, Any] = {}
     boot_ms: int | None = getattr(message, "time_boot_ms", None)
-    if boot_ms is None:
-        return state
-    before = state.boot_ms
-    if before is not None and boot_ms + _BACKWARDS < before < _CLOCK_WRAP:
-        return _rebooted(state, boot_ms)
-    return msgspec.structs.replace(state, boot_ms=boot_ms)
+    if boot_ms is not None:
+        if _has_rebooted(state.boot_ms, boot_ms):
+            state = _rebooted(state, boot_ms)
+        news["boot_ms"] = boot_ms
+    if kind in CARRIED:
+        news["carried"] = reduce_carried(state.carried, message, now)
+    elif change := _CHANGES.get(kind):
+        news |= change(state, message, now)
+    return msgspec.structs.replace(state, **news) if news else state
+
+
+def _has_rebooted(before: int | None, boot_ms: int) -> bool:
+    """Tell whether the vehicle's own clock shows that it started again."""
+    return before is not None and boot_ms + _BACKWARDS < before < _CLOCK_WRAP
 
 
 def _rebooted(state: VehicleState, boot_ms: int | None) -> VehicleState:
@@ -270,8 +273,7 @@ def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str,
 
 def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, Any]:
     """Take whether it is on the ground."""
-    known = message.landed_state in set(Landed)
-    return {"landed": Landed(message.landed_state) if known else Landed.UNDEFINED}
+    return {"landed": _LANDED.get(message.landed_state, _UNDEFINED)}
 
 
 def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, Any]:

@@ -134,7 +134,9 @@ class Vehicle:
             self.trust.counts["messages of a second vehicle with this id"] += 1
             return False
         self._ways[way] = known, now
-        best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
+        best = way
+        if len(self._ways) > 1:
+            best = min(each for each, (_, at) in self._ways.items() if now - at <= _SWITCH_AFTER)
         if best != way_of(self.address):
             self.log.info("it is reached by way %s from now on", best)
             self.switches += 1

@@ -88,9 +88,10 @@ class Velocity(msgspec.Struct, frozen=True):
     @property
     def is_zero(self) -> bool:
         """True when nothing is asked to move."""
-        return self.linear == Vector3() and self.yaw_rate == 0.0
+        return self.linear == _AT_REST and self.yaw_rate == 0.0
 
 
+_AT_REST = Vector3()
 ZERO_VELOCITY = Velocity()
 
 

@@ -33,6 +33,7 @@ from fleet.wire.velocity import read_velocity_contract
 STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 
+
 Axis = Literal["x", "y", "z", "yaw"]
 
 
@@ -231,10 +232,13 @@ def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
 
 def _signed(members: Mapping[str, Any], where: str) -> Velocity:
     """Return the velocity of flat signed fields, of which one at least must be there."""
-    x, y, z, yaw_rate = (optional_number(members, field, where) for field in VELOCITY_FIELDS)
-    if (x, y, z, yaw_rate) == (None, None, None, None):
+    if members.keys().isdisjoint(VELOCITY_FIELDS):
         raise WireError(f"needs one of {', '.join(VELOCITY_FIELDS)}", where=where or "message")
-    return Velocity(Vector3(x or 0.0, y or 0.0, z or 0.0), yaw_rate or 0.0)
+    x = number(members, "linear_x", where) if "linear_x" in members else 0.0
+    y = number(members, "linear_y", where) if "linear_y" in members else 0.0
+    z = number(members, "linear_z", where) if "linear_z" in members else 0.0
+    yaw_rate = number(members, "angular_z", where) if "angular_z" in members else 0.0
+    return Velocity(Vector3(x, y, z), yaw_rate)
 
 
 def _twist(message: Mapping[str, Any]) -> Velocity:

@@ -41,7 +41,9 @@ class Admission:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
         if ask.name in STOPS:
             return None
-        refusal = self._policy.refusal(ask.origin) or self._age(ask.origin, ask.stamp, self._command_max_age)
+        refusal = self._policy.refusal(ask.origin) or self._age(
+            _asker(ask.origin), ask.stamp, self._command_max_age
+        )
         if refusal or ask.name == RELEASE or safe:
             return refusal
         if not moves:
@@ -53,7 +55,7 @@ class Admission:
         asker, now = _asker(ask.origin), self._clock.monotonic()
         refusal = (
             self._policy.refusal(ask.origin)
-            or self._age(ask.origin, ask.stamp, self._max_age, ordered=True)
+            or self._age(asker, ask.stamp, self._max_age, ordered=True)
             or self.motion()
             or self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
             or self._turn(ask.origin)
@@ -68,7 +70,7 @@ class Admission:
             return None
         return (
             self._policy.refusal(ask.origin, navigation=True)
-            or self._age(ask.origin, ask.stamp, self._command_max_age)
+            or self._age(_asker(ask.origin), ask.stamp, self._command_max_age)
             or self.motion()
             or self.lease.refusal(ask.origin.session, self._clock.monotonic())
         )
@@ -77,12 +79,10 @@ class Admission:
         """Return why nothing may move the robot, whoever asks; None when it may be moved."""
         return self.latch.refusal() or (f"it has a fault: {self.fault}" if self.fault else None)
 
-    def _age(
-        self, origin: Origin, stamp: float | None, max_age: float, *, ordered: bool = False
-    ) -> str | None:
+    def _age(self, asker: str, stamp: float | None, max_age: float, *, ordered: bool = False) -> str | None:
         """Judge the age of a message."""
         return self._ages.refusal(
-            _asker(origin),
+            asker,
             stamp,
             wall=self._clock.time(),
             now=self._clock.monotonic(),
