@@ -15,6 +15,7 @@ import time
 import uuid
 from pathlib import Path
 
+import mqtt5
 import psutil
 
 from fleet.bus.settings import MEMORY
@@ -82,6 +83,15 @@ def listener(port):
         if any(one.laddr.port == port and one.status == "LISTEN" for one in each.net_connections()):
             return each
     sys.exit(f"nobody listens on {port}")
+
+
+def bare_client(port, name):
+    """Return a socket on which an MQTT session was opened, and nothing more: it reads only when asked."""
+    opened = socket.create_connection(("127.0.0.1", port))
+    opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    opened.sendall(mqtt5.ConnectPacket(name, clean_start=True, keep_alive=0).write())
+    opened.recv(4096)
+    return opened
 
 
 class Fleet:

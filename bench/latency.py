@@ -23,6 +23,7 @@ import mqtt5
 
 from bench.common import (
     at_once,
+    bare_client,
     fleet,
     free_port,
     line,
@@ -145,17 +146,10 @@ class Cloud:
     """A bare MQTT client: its own cost is next to nothing, so that it hides no difference."""
 
     def __init__(self, port):
-        self.out, self.ear = (self._connect(port, name) for name in ("out", "ear"))
+        self.out, self.ear = (bare_client(port, f"bench-{name}") for name in ("out", "ear"))
         self.ear.sendall(mqtt5.SubscribePacket(1, [mqtt5.TopicFilter("bench/echo")]).write())
         self.ear.recv(4096)
         self._climbs = itertools.cycle([*range(100, 400), *range(-400, -100)])  # mm/s
-
-    def _connect(self, port, name):
-        opened = socket.create_connection(("127.0.0.1", port))
-        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        opened.sendall(mqtt5.ConnectPacket(f"bench-{name}", clean_start=True).write())
-        opened.recv(4096)
-        return opened
 
     def hop(self):
         """Measure one way through the broker and back to this process."""

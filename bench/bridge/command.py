@@ -1,16 +1,18 @@
 """From a command in the cloud to the adapter, while 5,000 messages a second flow out.
 
-The broker and who sends the commands have the processors first. The sides take turns: a shared computer
-changes its pace within a minute.
+The broker and who sends the commands have the processors first; what the broker answers him nobody reads, for
+that would take a processor from who is measured just when the command comes. The sides take turns: a shared
+computer changes its pace within a minute.
 """
 
 import contextlib
 import json
 import time
 
+import mqtt5
+
 from bench.bridge.sides import SIDES, side, source
-from bench.common import at_once, line, listener, mosquitto, quantiles
-from fleet.testing.mqtt import Mqtt
+from bench.common import at_once, bare_client, line, listener, mosquitto, quantiles
 
 ROUNDS = 3
 COMMANDS = 200  # a round
@@ -26,7 +28,7 @@ def measure(name):
         running = stack.enter_context(side(name, port, rate=RATE if name == "fleet" else 0.0))
         if name != "fleet":
             stack.enter_context(source(running, OUT))
-        sender = stack.enter_context(Mqtt(port, "sender"))
+        sender = stack.enter_context(bare_client(port, "sender"))
         time.sleep(2)
         at_once()
         at_once(listener(port).pid)
@@ -35,9 +37,9 @@ def measure(name):
             message = {"command": "poke", "source_type": "tele", "data": {"number": number}}
             payload = json.dumps(message | {"timestamp": time.time()}).encode()
             topic = f"cyberwave/twin/{running.twins[number % len(running.twins)]}/command"
-            packet = sender.packet(topic, payload, qos=1)
+            packet = mqtt5.PublishPacket(topic, payload, qos=mqtt5.QoS(1), packet_id=number).write()
             sent[number] = time.monotonic()
-            sender.send(packet)
+            sender.sendall(packet)
             time.sleep(PAUSE)
         time.sleep(1)
         arrived = running.executed()
