@@ -7,6 +7,7 @@ computer changes its pace within a minute.
 
 import contextlib
 import json
+import random
 import time
 
 import mqtt5
@@ -40,7 +41,7 @@ def measure(name):
             packet = mqtt5.PublishPacket(topic, payload, qos=mqtt5.QoS(1), packet_id=number).write()
             sent[number] = time.monotonic()
             sender.sendall(packet)
-            time.sleep(PAUSE)
+            time.sleep(random.uniform(0.5, 1.5) * PAUSE)
         time.sleep(1)
         arrived = running.executed()
     return [arrived[number] - at for number, at in sent.items() if number in arrived]
