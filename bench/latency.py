@@ -4,9 +4,9 @@ Each side is measured under its own telemetry, as it would be at work: ours serv
 it, the peer carries as many messages (50 twins, four channels, 10 Hz) from a Zenoh publisher. The peer is the
 SDK's ZenohMqttBridge and the smallest adapter: a Zenoh subscriber that packs the command and sends it. The
 sides take turns on one broker, and the same 50 drones fly beside each (nobody hears them beside the peer).
-The drones have what is left of one processor; the broker and who measures have the processors first. A relay
-notes when the command's bytes pass. Two commands are measured: ``move``, a velocity, as it comes while
-somebody drives, and ``set_home_here``, which is done once, answered.
+The drones have what is left of one processor; the broker and who measures have the processors first, and no
+processor sleeps. A relay notes when the command's bytes pass. Two commands are measured: ``move``, a
+velocity, as it comes while somebody drives, and ``set_home_here``, which is done once, answered.
 """
 
 import contextlib
@@ -23,6 +23,7 @@ import mqtt5
 
 from bench.common import (
     at_once,
+    awake,
     bare_client,
     fleet,
     free_port,
@@ -180,7 +181,7 @@ class Cloud:
 def run():
     hops = []
     ours, theirs = ({kind: [] for kind in KINDS} for _ in range(2))
-    with mosquitto() as broker:
+    with mosquitto() as broker, awake():
         at_once()
         at_once(listener(broker).pid)
         cloud = Cloud(broker)

@@ -1,8 +1,8 @@
 """From a command in the cloud to the adapter, while 5,000 messages a second flow out.
 
 The broker and who sends the commands have the processors first; what the broker answers him nobody reads, for
-that would take a processor from who is measured just when the command comes. The sides take turns: a shared
-computer changes its pace within a minute.
+that would take a processor from who is measured just when the command comes. No processor sleeps meanwhile.
+The sides take turns: a shared computer changes its pace within a minute.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ import time
 import mqtt5
 
 from bench.bridge.sides import SIDES, side, source
-from bench.common import at_once, bare_client, line, listener, mosquitto, quantiles
+from bench.common import at_once, awake, bare_client, line, listener, mosquitto, quantiles
 
 ROUNDS = 3
 COMMANDS = 200  # a round
@@ -30,6 +30,7 @@ def measure(name):
         if name != "fleet":
             stack.enter_context(source(running, OUT))
         sender = stack.enter_context(bare_client(port, "sender"))
+        stack.enter_context(awake())
         time.sleep(2)
         at_once()
         at_once(listener(port).pid)

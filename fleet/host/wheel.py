@@ -20,7 +20,7 @@ from fleet.wall import failure_of
 log = logging.getLogger(__name__)
 
 TICK = 0.02  # s
-SLICE = 0.0003  # s of work after which whatever else waits for the loop has its turn
+SLICE = 0.00015  # s of work after which whatever else waits for the loop has its turn
 
 
 def log_failure(error: Exception) -> None:
