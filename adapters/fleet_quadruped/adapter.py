@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 
@@ -42,6 +43,8 @@ _EMERGENCY = "emergency_stop"
 Condition = Callable[[], bool]
 _STANDS = frozenset({"standing", "walking"})
 _STILL = frozenset({"standing", "off", "damped"})
+_RECOVERING = "recovering"
+_ANSWERED = _STILL | {_RECOVERING}  # where a plain stop ends, or needs something more
 _STOPPED = 4.5  # s until it must stand still; the host waits half a second longer
 
 
@@ -88,7 +91,10 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._put(body, _walking(velocity, self._now()))
 
     async def stop(self, reason: str) -> None:
-        """Stand still; for an emergency stop give way with damping and go off, seen to be done."""
+        """Stand still; for an emergency stop give way with damping and go off, seen to be done.
+
+        A dog that recovers cannot stand still: it gives way where it lies.
+        """
         if self._body is None:
             return
         if reason == _EMERGENCY:
@@ -97,7 +103,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._until(lambda: self._state.stopped >= number, "the emergency stop")
             return
         self.halt()
-        await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
+        await self._until(lambda: self._state.mode in _ANSWERED, "standing still", within=_STOPPED)
+        if self._state.mode == _RECOVERING:
+            with contextlib.suppress(Refused):  # it has just come to its feet
+                await self._errand(Ask.SIT)
+            await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
         """Order to stand still; from any thread."""

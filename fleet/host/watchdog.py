@@ -80,7 +80,7 @@ class _Silence:
 
 
 class Watchdog:
-    """The thread; robots are added and removed while it runs."""
+    """The thread; robots are added while it runs."""
 
     def __init__(self, clock: Clock, loop: LoopWatch) -> None:
         self._clock = clock
@@ -118,15 +118,10 @@ class Watchdog:
 
     def add(self, name: str, watched: Watched) -> None:
         """Watch a robot, in place of one of its name."""
-        self.remove(name)
-        self._robots = {**self._robots, name: watched}
-        watched.deadman.join(self._running)
-
-    def remove(self, name: str) -> None:
-        """Stop watching a robot."""
         if name in self._robots:
             self._robots[name].deadman.join(set())
-            self._robots = {other: watched for other, watched in self._robots.items() if other != name}
+        self._robots = {**self._robots, name: watched}
+        watched.deadman.join(self._running)
 
     def _run(self) -> None:
         """Look at everything until the end."""

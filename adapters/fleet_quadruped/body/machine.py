@@ -113,6 +113,9 @@ class Body:
     def _sit(self, _value: float, _sense: Sense) -> str:
         if self.mode in {Mode.OFF, Mode.SITTING, Mode.SETTLING}:
             return ""
+        if self.mode is Mode.RECOVERING:  # it lies already, and gives way as it does
+            self._enter(Mode.SETTLING)
+            return ""
         if self.mode not in _STANDS:
             return f"it is {self.mode.value}"
         self._enter(Mode.SITTING)

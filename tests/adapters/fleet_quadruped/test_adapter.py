@@ -122,6 +122,16 @@ async def test_a_stop_has_not_ended_while_the_dog_still_rises(running):
         assert adapter._state.mode == "standing"
 
 
+async def test_a_stop_ends_a_recovery_where_the_dog_lies(running):
+    async with running() as (adapter, robot, _):
+        recovery = asyncio.create_task(all_of(adapter.recovery_stand()))
+        await robot.until(lambda: adapter._state.mode == "recovering")
+        recovery.cancel()
+        await adapter.stop("asked")
+        assert (adapter._state.mode, adapter._state.fault) == ("off", "")
+        await all_of(adapter.stand_up())
+
+
 async def test_an_emergency_stop_is_seen_to_be_obeyed(running):
     async with running() as (adapter, robot, _):
         await all_of(adapter.stand_up())

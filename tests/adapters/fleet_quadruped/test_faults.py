@@ -123,6 +123,18 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     assert rig.fault.startswith("imu: no valid frame for ")
 
 
+def test_a_dog_that_is_told_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
+    rig = Rig(any_dog)
+    rig.go(0.1)
+    assert rig.ask(Ask.RECOVER) == ""
+    rig.go(0.3)
+    assert (rig.mode, rig.ask(Ask.SIT)) == (Mode.RECOVERING, "")
+    rig.go(0.1)
+    assert rig.mode is Mode.SETTLING
+    rig.go(1.0)
+    assert (rig.mode, rig.fault) == (Mode.OFF, "")
+
+
 # -- before it is asked to stand up ------------------------------------------------------------------
 
 

@@ -188,9 +188,9 @@ def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
     assert told == ["halt"]
 
 
-def test_a_robot_that_was_removed_is_watched_no_more(watch):
+def test_a_robot_whose_place_another_takes_is_watched_no_more(watch):
     watch.robot("rex").feed(watch.clock.monotonic(), 0.1)
-    watch.dog.remove("rex")
+    watch.dog.add("rex", Watched(DeadMan(), lambda: watch.told.append("halt"), lambda: None))
     watch.looks(0.5, beats=True)
     assert watch.told == []
 
