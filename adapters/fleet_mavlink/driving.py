@@ -30,7 +30,7 @@ class Phase(enum.Enum):
 
 
 IDLE, STARTING, DRIVING, BRAKING = Phase
-"""For what is asked of every setpoint: an enumeration's own look-up takes a microsecond (Python 3.11)."""
+"""For what is asked of every setpoint: Python 3.11 takes ten times as long to look up an enumeration's."""
 
 
 class Driver:
@@ -72,7 +72,7 @@ class Driver:
     @property
     def drives(self) -> bool:
         """True while the newest velocity is streamed."""
-        return self.phase in {STARTING, DRIVING}
+        return self.phase is STARTING or self.phase is DRIVING
 
     def drive(self, velocity: Velocity) -> None:
         """Take the newest velocity, and send it at once, not with the next tick.

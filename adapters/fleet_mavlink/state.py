@@ -36,7 +36,7 @@ _BACKWARDS = 2000  # ms by which the time since boot must fall to mean a reboot
 _CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock starts again without a reboot
 _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
-_UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # an enumeration's look-up takes a microsecond
+_UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # looked up once: an enumeration's is slow
 _AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
 
 

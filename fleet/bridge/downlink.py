@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 Handler = Callable[[Topic, Message], None]
 """What the bridge itself does with a message; may raise WireError."""
 
-_CLOUD = Way.CLOUD  # an enumeration's own look-up takes a microsecond
+_CLOUD = Way.CLOUD  # looked up once: that of an enumeration is slow
 
 MOST_WAITING = 10_000
 """Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""

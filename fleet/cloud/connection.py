@@ -80,16 +80,21 @@ class Connection:
     def stand_in(self) -> bool:
         """Read and acknowledge what the loop has left since the last look, and ping; on another thread.
 
-        What is not acknowledged keeps what follows it back: a broker sends only so many messages ahead.
+        What is not acknowledged keeps what follows it back: a broker sends only so many messages ahead. So
+        what the loop has read itself, and then got stuck over, is acknowledged here, too.
         What it means for the connection is done by the loop, once it goes on. Returns True when something
         was read: more may follow at once.
         """
         with self._lock:
             waiting = self._failure is None and self._stream.waiting()
-            neglected = waiting and self._seen == self._reads
+            owing = self._failure is None and self._session.owes
+            stuck = self._seen == self._reads
+            neglected = waiting and stuck
             if neglected:
                 self._receive_all()
-            self._seen = self._reads if waiting else -1
+            elif owing and stuck:
+                self._write(self._session.take_replies())
+            self._seen = self._reads if waiting or owing else -1
             self._ping()
         if neglected:
             with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile

@@ -100,7 +100,12 @@ class Session:
     @property
     def answers(self) -> bool:
         """True when what was received is to be answered, or lets more be sent."""
-        return bool(self._replies) or self._ours.answered
+        return self.owes or self._ours.answered
+
+    @property
+    def owes(self) -> bool:
+        """True when something that was received is not answered yet."""
+        return bool(self._replies)
 
     def take_messages(self) -> list[Message]:
         """Return the messages that were received, in order, and forget them."""

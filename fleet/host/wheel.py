@@ -20,6 +20,7 @@ from fleet.wall import failure_of
 log = logging.getLogger(__name__)
 
 TICK = 0.02  # s
+HAIR = 1e-6  # s that a call may be early: sums of periods miss the loop's whole milliseconds by as little
 SLICE = 0.00015  # s of work after which whatever else waits for the loop has its turn
 
 
@@ -100,7 +101,7 @@ class Wheel:
     def _turn(self) -> None:
         """Begin a turn."""
         now = self._loop.time()
-        self._work = self._calls(now)
+        self._work = self._calls(now + HAIR)
         self._give_way(now + TICK)
 
     def _go_on(self, next_turn: float) -> None:
@@ -117,10 +118,10 @@ class Wheel:
             self._schedule(*rest)
 
     def _give_way(self, next_turn: float) -> None:
-        """Let what the loop has read since the last slice begin before the next one.
+        """Let what was read after the last slice begin before the next one.
 
-        That is why every slice begins from here, the first too: what is read after it then stands in the
-        loop's queue before the second.
+        That is why every slice begins from here, the first too: what the loop reads as soon as one is done
+        then stands in its queue before the next. What comes in the instant between waits for one slice.
         """
         self._schedule(self._loop.call_soon, self._go_on, next_turn)
 

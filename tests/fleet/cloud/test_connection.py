@@ -127,6 +127,32 @@ async def test_who_stands_in_acknowledges_what_it_reads_or_the_broker_would_keep
     assert not broker.taken.is_set()
 
 
+@pytest.mark.parametrize("step", ["taking it", "obeying it"])
+async def test_what_the_loop_gets_stuck_over_is_acknowledged_by_who_stands_in(connection, broker, step):
+    heard, over = [], asyncio.Event()
+
+    def get_stuck():
+        try:
+            connection.stand_in()
+            broker.end.setblocking(False)
+            with pytest.raises(BlockingIOError):  # the loop may be about to answer
+                broker.hear()
+            connection.stand_in()
+            broker.end.settimeout(WITHIN)
+            heard.extend(broker.hear())
+        finally:
+            over.set()
+
+    async def obey():
+        get_stuck()
+
+    begins = {"taking it": get_stuck, "obeying it": lambda: asyncio.get_running_loop().create_task(obey())}
+    broker.begin = begins[step]
+    broker.say(mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS.AT_LEAST_ONCE, packet_id=7))
+    await asyncio.wait_for(over.wait(), WITHIN)
+    assert heard == [mqtt5.PubAckPacket]
+
+
 async def test_one_look_reads_all_that_has_arrived_and_the_next_goes_on_at_once(connection, broker):
     many = [mqtt5.PublishPacket("t", bytes(1000)) for _ in range(60)]
     broker.say(*many)

@@ -200,6 +200,19 @@ def test_thousands_of_calls_are_each_made(loop, wheel):
     assert {len(one) for one in calls} == {10}
 
 
+@given(st.integers(1, 10**9), st.integers(1, 100))
+def test_a_call_is_due_at_its_time_on_a_clock_of_whole_milliseconds(began, ticks):
+    loop, done = TurnedLoop(), []
+    loop.now = began / 1000
+    wheel = Wheel(loop, ManualClock())
+    count(wheel, ticks * TICK, done)
+    wheel.start()
+    loop.now = (began + 20 * ticks) / 1000
+    loop.step()
+    loop.step()
+    assert len(done) == 1
+
+
 def test_who_is_being_called_is_known_and_nobody_between_turns(loop, wheel):
     owners = []
     wheel.every(0.02, lambda: owners.append(wheel.owner), owner="rex", failed=refuse)
@@ -267,7 +280,7 @@ def test_what_is_read_between_two_slices_begins_before_the_second():
         wheel = Wheel(loop, clock)
         for name in ("a", "b"):
             wheel.every(TICK, lambda name=name: work(name), owner=name, failed=refuse)
-        wheel.at_end(lambda: [ended.set()])
+        wheel.at_end(lambda: ["b" in done and ended.set()])
         wheel.start()
         await asyncio.wait_for(ended.wait(), 20)
         wheel.stop()
