@@ -173,13 +173,15 @@ def robot(number, port):
 
 
 @contextlib.contextmanager
-def vehicles(number, *, to, flavour="px4", first_id=1):
+def vehicles(number, *, to, flavour="px4", first_id=1, prompt=False):
     """Simulated vehicles in a process of their own, speaking to HOST:PORT.
 
-    They stand for a world that has processors of its own, so they have what is left of the last one here.
+    They stand for a world that has processors of its own, so they have what is left of the last one here, but
+    for those that are to be ``prompt`` with their answers.
     """
     last = str(max(os.sched_getaffinity(0)))
-    command = ["taskset", "-c", last, "chrt", "--idle", "0", sys.executable, "-m", "fleet_mavlink.sim"]
+    aside = [] if prompt else ["taskset", "-c", last, "chrt", "--idle", "0"]
+    command = [*aside, sys.executable, "-m", "fleet_mavlink.sim"]
     command += ["--flavour", flavour, "--vehicles", str(number)]
     with process(*command, "--to", to, "--ready-after", "0", "--system-id", str(first_id)) as running:
         yield running

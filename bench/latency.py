@@ -40,8 +40,7 @@ from bench.common import (
 
 ROUNDS = 1
 EACH = 400  # commands a round; a round takes about two minutes
-PAUSE = 0.01  # s between velocities, and hops
-ANSWERED = 0.05  # s between commands, in which the vehicle acknowledges: a second one waits for that
+PAUSE = 0.01  # s between commands, in which the vehicle acknowledges them, and between hops
 DRONES = 50
 DO_SET_HOME = 179  # MAV_CMD
 COMMAND_INT, SET_POSITION_TARGET_LOCAL_NED = 75, 84
@@ -210,7 +209,7 @@ def measure_ours(cloud, broker, taken, hops):
 @contextlib.contextmanager
 def world(relay, port):
     """Fly the drones: the first speaks through the relay, the others to a port."""
-    first = vehicles(1, to=f"127.0.0.1:{relay.far.getsockname()[1]}")
+    first = vehicles(1, to=f"127.0.0.1:{relay.far.getsockname()[1]}", prompt=True)
     with first, vehicles(DRONES - 1, to=f"127.0.0.1:{port}", first_id=2):
         yield
 
@@ -241,16 +240,15 @@ def measure_bridge(cloud, broker, relay, taken):
 def measure(cloud, twin, relay, taken):
     """Measure each kind of command."""
     for kind in KINDS:
-        pause = PAUSE if kind == "move" else ANSWERED
-        taken[kind] += samples(lambda kind=kind: cloud.command(kind, twin, relay), pause)
+        taken[kind] += samples(lambda kind=kind: cloud.command(kind, twin, relay))
 
 
-def samples(measure, pause=PAUSE):
+def samples(measure):
     """Measure a round."""
     taken = []
     for _ in range(EACH):
         taken.append(measure())
-        time.sleep(pause)
+        time.sleep(PAUSE)
     return [each for each in taken if each is not None]
 
 

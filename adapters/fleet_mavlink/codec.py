@@ -70,7 +70,8 @@ class _Layout:
         self._wanted = tuple((name, self._places[name]) for name in kind.__struct_fields__)
         places = [place for _, place in self._wanted]
         numbers = all(place.stop - place.start == 1 for place in places) and not self._has_text(wire)
-        indexes = [place.start for place in places] if numbers else []  # of plain numbers alone
+        # Plain numbers are taken from the wire's values in one go, and put in the wire's order in one.
+        indexes = [place.start for place in places] if numbers else []
         rest = [index for index in range(len(self._blank)) if index not in indexes]
         self._pick = _picker(indexes)
         self._order = _picker([[*indexes, *rest].index(index) for index in range(len(self._blank))])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Self
 
@@ -50,7 +51,8 @@ class _Exchange:
     def __init__(self, commander: Commander, ask: Ask) -> None:
         self.command = ask.command
         self.began = 0.0
-        self.acks: asyncio.Queue[CommandAck | None] = asyncio.Queue()  # None: superseded
+        self.acks: deque[CommandAck] = deque()
+        self.news = asyncio.Event()  # an answer came, or it was superseded
         self.refusal: CommandAck | None = None
         self.refused_at = 0.0
         self.superseded = ""
@@ -79,7 +81,20 @@ class _Exchange:
     def supersede(self, reason: str) -> None:
         """End it with this reason."""
         self.superseded = reason
-        self.acks.put_nowait(None)
+        self.news.set()
+
+    def take(self, ack: CommandAck) -> None:
+        """Take an answer."""
+        self.acks.append(ack)
+        self.news.set()
+
+    async def next(self) -> CommandAck:
+        """Wait for an answer; raises Refused when something more urgent took over."""
+        while not self.acks and not self.superseded:
+            self.news.clear()
+            await self.news.wait()
+        self.require_wanted()
+        return self.acks.popleft()
 
     def require_wanted(self) -> None:
         """Raise Refused when something more urgent took over."""
@@ -200,7 +215,7 @@ class Commander:
         if ack.result not in {Result.ACCEPTED, Result.IN_PROGRESS}:
             exchange.refusal = ack
             exchange.refused_at = self.vehicle.now()
-        exchange.acks.put_nowait(ack)
+        exchange.take(ack)
 
     async def _answer(self, exchange: _Exchange, seen: Condition | None) -> CommandAck | None:
         """Return the answer, None when there is none in time; "in progress" is waited through."""
@@ -208,7 +223,7 @@ class Commander:
         while True:
             try:
                 async with asyncio.timeout(wait):
-                    ack = await exchange.acks.get()
+                    ack = await exchange.next()
             except TimeoutError:
                 if wait == self.timing.answer or (seen is not None and seen(self.vehicle.state)):
                     return None
@@ -216,8 +231,7 @@ class Commander:
                     f"system {self.vehicle.system} began a command and did not say how it ended",
                     messages=self._words_since(exchange.began),
                 ) from None
-            exchange.require_wanted()
-            if ack is not None and ack.result != Result.IN_PROGRESS:
+            if ack.result != Result.IN_PROGRESS:
                 return ack
             wait = self.timing.working
 

@@ -70,23 +70,28 @@ class Executor:
         elif len(self._tasks) >= AT_ONCE:
             ticket.reject(f"{AT_ONCE} commands are under way; try again")
             return
-        task = self.spawn(self._run(_Job(adapter, spec, ask, ticket, failed)), name=ask.name)
+        job = _Job(adapter, spec, ask, ticket, failed)
+        task = self.spawn(self._run(job), name=ask.name)
         if spec.moves:
             self._mover, self._ticket, self.moving = task, ticket, ask.name
             self.safe = spec.safe
+            task.add_done_callback(self._moved)
+        asyncio.get_running_loop().call_soon(self._limit, task, job)  # once it has begun: that comes first
+
+    def _limit(self, task: asyncio.Task[None], job: _Job) -> None:
+        """Give a command that did not end at once its time."""
+        if task.done():
+            return
+        name, seconds = job.ask.name, job.spec.timeout
 
         def give_up() -> None:
             self._moved(task)
-            ticket.fail(TimedOut(f"{ask.name} was not seen done within {spec.timeout:g} s"))
+            job.ticket.fail(TimedOut(f"{name} was not seen done within {seconds:g} s"))
             insist(task, "its time was over", self._crashed)
-            failed()
+            job.failed()
 
-        def ended(_: object) -> None:
-            timer.cancel()
-            self._moved(task)
-
-        timer = asyncio.get_running_loop().call_later(spec.timeout, give_up)
-        task.add_done_callback(ended)
+        timer = asyncio.get_running_loop().call_later(seconds, give_up)
+        task.add_done_callback(lambda _: timer.cancel())
 
     def cancel(self, why: str) -> None:
         """End the moving command; its ticket is told why."""
