@@ -236,7 +236,8 @@ class Parser:
             if size and _is_unwanted(buffer, at, end, number):
                 at = end
             elif size and _is_intact(buffer, at, end, number):
-                frames.extend(_decoded(buffer[at:end], number))
+                if number in _READ:
+                    frames.append(_decoded(buffer[at:end], number))
                 at = end
             else:
                 self.broken += size > 0
@@ -281,14 +282,11 @@ def _is_intact(buffer: bytes, at: int, end: int, number: int) -> bool:
     return crc_extra is not None and _checksum(buffer[at + 1 : end - 2], crc_extra) == buffer[end - 2 : end]
 
 
-def _decoded(frame: bytes, number: int) -> Sequence[Frame]:
-    """Return the message of an intact frame, if it is one that is wanted."""
-    layout = _READ.get(number)
-    if layout is None:
-        return ()
-    size = frame[1]
+def _decoded(frame: bytes, number: int) -> Frame:
+    """Return the wanted message of an intact frame."""
+    layout, size = _READ[number], frame[1]
     if frame[0] == _MAGIC_1:
         message = layout.decode(frame[_HEADER_1 : _HEADER_1 + size])
-        return (Frame(frame[3], frame[4], message, 1),)
+        return Frame(frame[3], frame[4], message, 1)
     message = layout.decode(frame[_HEADER_2 : _HEADER_2 + size])
-    return (Frame(frame[5], frame[6], message, 2, frame if frame[2] else b""),)
+    return Frame(frame[5], frame[6], message, 2, frame if frame[2] else b"")

@@ -6,7 +6,6 @@ Bounds, not designs that could ship. Run as a process: ``python -m bench.bridge.
 import collections
 import itertools
 import json
-import socket
 import struct
 import sys
 import threading
@@ -16,6 +15,7 @@ import mqtt5
 import msgspec
 import zenoh
 
+from bench.common import bare_client
 from fleet.cloud.packets import Decoder
 
 WINDOW = 2000  # QoS 1 messages under way
@@ -29,15 +29,6 @@ def session(listen="", connect=""):
     config.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{listen}"] if listen else []))
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{connect}"] if connect else []))
     return zenoh.open(config)
-
-
-def broker(port, name):
-    """Connect to a broker with nothing but a socket."""
-    opened = socket.create_connection(("127.0.0.1", int(port)))
-    opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    opened.sendall(mqtt5.ConnectPacket(name, clean_start=True, keep_alive=0).write())
-    opened.recv(4096)
-    return opened
 
 
 def topic_of(key):
@@ -82,7 +73,7 @@ class Joints(msgspec.Struct):
 
 def state(port, robots, rate):
     """Make, put and send the state of many robots: four topics each, a wheel of 10 ms, a send per 20 ms."""
-    bus, out, head = session(), broker(port, "floor"), Head()
+    bus, out, head = session(), bare_client(int(port), "floor"), Head()
     encode, latest = msgspec.json.Encoder().encode, {}
 
     def arrived(sample):
@@ -117,7 +108,7 @@ def state(port, robots, rate):
 
 def relay(port, bus_port, *twins):
     """Relay both ways: a ring and a thread outward at QoS 1, a reading thread inward."""
-    bus, out, head = session(connect=bus_port), broker(port, "floor-out"), Head()
+    bus, out, head = session(connect=bus_port), bare_client(int(port), "floor-out"), Head()
     free, topics, identifiers = threading.Semaphore(WINDOW), {}, itertools.cycle(range(1, 0xFFFF))
     threading.Thread(target=_acks, args=(out, free), daemon=True).start()
     threading.Thread(target=_inward, args=(port, bus, twins), daemon=True).start()
@@ -147,7 +138,7 @@ def _acks(opened, free):
 
 def _inward(port, bus, twins):
     """Put what comes from the broker on the bus."""
-    opened, decoder, keys = broker(port, "floor-in"), Decoder(5, 1 << 20), {}
+    opened, decoder, keys = bare_client(int(port), "floor-in"), Decoder(5, 1 << 20), {}
     filters = [mqtt5.TopicFilter(f"cyberwave/twin/{twin}/command", max_qos=mqtt5.QoS(1)) for twin in twins]
     opened.sendall(mqtt5.SubscribePacket(1, filters).write())
     acks = collections.deque()
