@@ -70,16 +70,19 @@ class Past(msgspec.Struct, frozen=True):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """One change of the journal; ``row`` is what must not wait for the disk."""
+    """One change of the journal; a row of ``Begun`` is what must not wait for the disk."""
 
     change: str
-    values: Sequence[object]
-    row: Row | None = None
+    what: Row | tuple[str, ...]
+
+    @property
+    def values(self) -> tuple[object, ...]:
+        """What stands for the question marks of the change."""
+        return self.what if isinstance(self.what, tuple) else msgspec.structs.astuple(self.what)
 
 
-def _entry(change: str, row: Row) -> Entry:
-    """Return the change that a row makes."""
-    return Entry(change, msgspec.structs.astuple(row), row)
+def _forget(_entry: Entry) -> None:
+    """Keep none."""
 
 
 class RobotJournal:
@@ -88,7 +91,7 @@ class RobotJournal:
     def __init__(
         self,
         robot: str = "",
-        put: Callable[[Entry], None] | None = None,
+        put: Callable[[Entry], None] = _forget,
         *,
         latched: str = "",
         past: Sequence[Past] = (),
@@ -107,18 +110,18 @@ class RobotJournal:
 
     def latch(self, why: str) -> None:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
-        self._send(_entry(_LATCH, Latched(self._robot, why)))
+        self._put(Entry(_LATCH, Latched(self._robot, why)))
 
     def note(self, identity: str, name: str, *, action: bool = False) -> None:
         """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
         if identity and self._clock is not None:
             row = Started(self._robot, identity, name, action, self._clock.time())
-            self._send(_entry(_BEGIN, row))
+            self._put(Entry(_BEGIN, row))
 
     def end(self, identity: str, outcome: str) -> None:
         """Remember how a command ended; in a word."""
         if identity:
-            self._send(Entry(_END, (outcome, self._robot, identity)))
+            self._put(Entry(_END, (outcome, self._robot, identity)))
 
     def follow(self, identity: str, ticket: Ticket) -> None:
         """Remember how a command will end."""
@@ -136,11 +139,6 @@ class RobotJournal:
         """Take a command's answer."""
         if reply.done is not None:
             self.end(identity, DONE if reply.done else "failed")
-
-    def _send(self, entry: Entry) -> None:
-        """Hand an entry on."""
-        if self._put is not None:
-            self._put(entry)
 
 
 def answer_to(past: Past) -> Ticket:
@@ -214,9 +212,9 @@ class Journal:
     def _put(self, entry: Entry) -> None:
         """Take an entry: what is begun, and a stop, outlive the process from here on."""
         with self._adding:
-            if entry.row is not None and self._begun is not None:
+            if not isinstance(entry.what, tuple) and self._begun is not None:
                 try:
-                    self._begun.add(entry.row)
+                    self._begun.add(entry.what)
                 except OSError as error:
                     self._fail(error)
             self._waiting.append(entry)

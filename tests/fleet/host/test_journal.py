@@ -182,7 +182,7 @@ def test_what_the_disk_has_is_no_longer_kept_in_memory(tmp_path, opened):
     for number in range(100):
         journal.robot("rex").note(f"r{number}", "land")
     opened()
-    assert (tmp_path / "begun.main").read_bytes() == b""
+    assert (tmp_path / "begun.main").read_bytes().strip(b"\0") == b""
     assert len(opened().robot("rex").past) == 100
 
 
@@ -228,6 +228,26 @@ def test_half_a_line_of_a_process_that_was_killed_is_none(tmp_path, opened):
     (tmp_path / "begun.arm").write_bytes(b'["begin","rex","r1","land",false,2e9]\n["begin","rex","r2","la')
     (tmp_path / "begun.main").write_bytes(b'["begin","rex","r3","land",false,3e9]\n')
     assert [past.identity for past in opened().robot("rex").past] == ["r1", "r3"]
+
+
+def test_what_stands_behind_the_end_of_a_file_is_forgotten(tmp_path, opened):
+    (tmp_path / "begun.arm").write_bytes(b'\0"latch","rex","fire"]\n["latch","max","fire"]\n')
+    (tmp_path / "begun.main").write_bytes(b'["latch","eve","fire"]\n\0["latch","max","fire"]\n')
+    journal = opened()
+    assert [journal.robot(name).latched for name in ("rex", "max", "eve")] == ["", "", "fire"]
+
+
+def test_more_is_kept_in_memory_than_the_file_was_made_for_when_the_disk_takes_nothing(
+    tmp_path, clock, opened, monkeypatch
+):
+    monkeypatch.setattr("fleet.host.journal.GATHER", 600.0)
+    journal = opened()
+    for number in range(3000):
+        journal.robot("rex").note(f"r{number}", "land")
+    journal.robot("rex").latch("fire")
+    rows = (tmp_path / "begun.main").read_bytes().partition(b"\0")[0].splitlines()
+    assert len(rows) == 3001
+    assert rows[-1] == b'["latch","rex","fire"]'
 
 
 KILLED = """
