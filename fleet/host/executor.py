@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
 
 import msgspec
@@ -12,12 +12,13 @@ import msgspec
 from fleet.adapter import Adapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, TimedOut
+from fleet.event_loop import make_task
 from fleet.host.bounded import closing, insist, was_cancelled
 from fleet.host.journal import RobotJournal
 from fleet.host.make import perform
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, ReplyStatus
-from fleet.wall import walled
+from fleet.wall import failure_of
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +120,7 @@ class Executor:
 
     def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
         """Run something of this robot's, kept alive until it ends."""
-        task = asyncio.create_task(work, name=f"command:{name}")
+        task = make_task(asyncio.get_running_loop(), work, name=f"command:{name}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
@@ -136,15 +137,18 @@ class Executor:
             self._journal.follow(job.ask.id, job.ticket)
             if job.spec.moves:
                 await self.standing()
-            data = await walled(lambda: _call(job))
+            call = perform(job.adapter, job.spec, job.ask)
+            data = await (_stepped(call, job.ticket) if job.spec.streams else call)
             msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
             job.ticket.done(data)
         except asyncio.CancelledError:
             if was_cancelled():
                 raise
             self._ended_badly(RuntimeError("it was cancelled from within"), job)
-        except Exception as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
-            self._ended_badly(error, job)
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
+            self._ended_badly(failure_of(error), job)
 
     def _ended_badly(self, error: Exception, job: _Job) -> None:
         """Answer a command that raised; what was cancelled has been answered, and says nothing more."""
@@ -162,15 +166,11 @@ class Executor:
         self._crashed(error)
 
 
-async def _call(job: _Job) -> Any:
-    """Call the adapter's method, and return what it returns; its first progress is the receipt."""
-    call = perform(job.adapter, job.spec, job.ask)
-    if not job.spec.streams:
-        return await call
+async def _stepped(call: AsyncIterator[Any], ticket: Ticket) -> None:
+    """Take the steps of a command; the first is the receipt."""
     async with closing(call) as steps:
         async for _ in steps:
-            job.ticket.accept()
-    return None
+            ticket.accept()
 
 
 def takes(spec: CommandSpec, ask: Command, ticket: Ticket) -> bool:
