@@ -42,7 +42,7 @@ _SIZES = {
     "int64_t": 8,
     "double": 8,
 }
-_HEAD = struct.Struct("<BBBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
+_HEAD = struct.Struct("<BBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
 _CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink_map.items()}
 
 
@@ -184,8 +184,8 @@ def pack(message: Message, system: int, component: int, sequence: int, way: Way 
         return bytes([_MAGIC_1]) + body + _checksum(body, layout.crc_extra)
     flags = 0 if way.signer is None else _SIGNED
     place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
-    frame = _HEAD.pack(_MAGIC_2, len(payload), flags, 0, *place) + payload
-    frame += _checksum(frame[1:], layout.crc_extra)
+    body = _HEAD.pack(len(payload), flags, 0, *place) + payload
+    frame = b"\xfd" + body + _checksum(body, layout.crc_extra)
     return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
 
 

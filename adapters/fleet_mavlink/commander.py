@@ -128,7 +128,7 @@ class Commander:
         Unsupported, TimedOut (no answer), LinkLost.
         """
         async with _Exchange(self, ask) as exchange:
-            asked_until = self.vehicle.now() + self.timing.patience
+            asked_until = exchange.began + self.timing.patience
             sent = 0
             while True:
                 self._send(ask, sent)

@@ -221,6 +221,8 @@ class Flight:
 
     async def _home_altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
+        if (altitude := self.vehicle.state.home_altitude) is not None:
+            return altitude
         await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
         altitude = self.vehicle.state.home_altitude
         if altitude is None:
@@ -231,11 +233,10 @@ class Flight:
         """Make this place home; in the air at home's old altitude, so that heights stay true."""
         require_connection(self.vehicle)
         state = self.vehicle.state
-        if state.position is None or not state.knows_where(self.vehicle.now()):
-            raise NotReady("position is unknown")
         here = state.position
-        altitude = None if state.in_air else here.altitude
-        await self.set_home(here.latitude, here.longitude, altitude)
+        if here is None or not state.knows_where(self.vehicle.now()):
+            raise NotReady("position is unknown")
+        await self._tell_home(here.latitude, here.longitude, None if state.in_air else here.altitude)
 
     async def set_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Make a place home, and wait until it is told to be; m AMSL, None: as high as home is now.
@@ -244,13 +245,17 @@ class Flight:
         from.
         """
         require_connection(self.vehicle)
-        numbers = (latitude, longitude, altitude or 0.0)
-        if not all(map(math.isfinite, numbers)) or not (abs(latitude) < 90 and abs(longitude) <= 180):
-            raise Refused("home must be a place on Earth, in degrees and metres")
-        if not _DEEPEST <= (altitude or 0.0) <= _HIGHEST:
-            raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
         if altitude is not None and self.vehicle.state.in_air:
             raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
+        await self._tell_home(latitude, longitude, altitude)
+
+    async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
+        """Send a home that is a place, and wait until it is told."""
+        height = altitude or 0.0
+        if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(height)):
+            raise Refused("home must be a place on Earth, in degrees and metres")
+        if not _DEEPEST <= height <= _HIGHEST:
+            raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
         home = GeoPoint(latitude, longitude, await self._home_altitude() if altitude is None else altitude)
 
         def shown(state: VehicleState) -> bool:

@@ -65,7 +65,7 @@ class Hub:
         trust = Trust(signer, accept_unsigned=accept_unsigned)
 
         def send(message: Message, address: Address) -> None:
-            self.send(message, address, trust.way)
+            self.link.send(self._packer.pack(message, trust.way), address)
 
         vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
         try:

@@ -9,17 +9,23 @@ from fleet_mavlink.vehicle import Vehicle
 
 def require_heartbeat(vehicle: Vehicle) -> None:
     """Raise NotReady unless the vehicle answers."""
-    if not vehicle.connected:
-        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
+    _require_heartbeat(vehicle, vehicle.now())
 
 
 def require_connection(vehicle: Vehicle) -> None:
     """Raise NotReady unless the vehicle answers and is the only one with its id."""
-    require_heartbeat(vehicle)
-    if vehicle.clashing:
+    now = vehicle.now()
+    _require_heartbeat(vehicle, now)
+    if vehicle.clashed(now):
         raise NotReady(
             f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
         )
+
+
+def _require_heartbeat(vehicle: Vehicle, now: float) -> None:
+    """Raise NotReady unless the vehicle answers."""
+    if not vehicle.state.connected(now):
+        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
 
 
 def require_control(vehicle: Vehicle, authority: Authority) -> None:

@@ -80,7 +80,11 @@ class Vehicle:
     @property
     def clashing(self) -> bool:
         """True while a second vehicle uses the same system id."""
-        return self.now() - self._clash_at <= SILENCE
+        return self.clashed(self.now())
+
+    def clashed(self, now: float) -> bool:
+        """Return whether a second vehicle was heard lately that uses the same system id."""
+        return now - self._clash_at <= SILENCE
 
     def send(self, message: Message) -> None:
         """Write to the vehicle, by the address it was heard from; raises LinkLost."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 from fleet.clock import Clock
@@ -68,7 +69,7 @@ class Answers:
         if inbox is not None:
             return self._responder(port, inbox, message.correlation)
         if kind in TOLD_BY_STATUS and port.legacy_status:
-            return self._status_teller(port)
+            return partial(self._tell_status, port)
         return _no_answer
 
     def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Callable[[Reply], None]:
@@ -82,16 +83,11 @@ class Answers:
 
         return respond
 
-    def _status_teller(self, port: Port) -> Callable[[Reply], None]:
-        """Return what puts a status message on the command topic."""
-
-        def tell(reply: Reply) -> None:
-            if not self._worth_telling(port, reply):
-                return
+    def _tell_status(self, port: Port, reply: Reply) -> None:
+        """Put a status message on the command topic."""
+        if self._worth_telling(port, reply):
             payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
             self._send(self._topics.twin(port.twin, "command"), payload)
-
-        return tell
 
     def _worth_telling(self, port: Port, reply: Reply) -> bool:
         """Return False for the success of a setpoint, and for a refusal that was told just now."""

@@ -120,7 +120,8 @@ class Downlink:
     def _read(self, route: Route, port: Port, message: Message) -> Take | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
         try:
-            return port.read(route.kind, message.payload, way=_CLOUD, request_id=_request_id(message))
+            request = _request_id(message) if message.correlation else ""
+            return port.read(route.kind, message.payload, way=_CLOUD, request_id=request)
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
             refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
@@ -205,11 +206,9 @@ class Downlink:
 
 
 def _request_id(message: Message) -> str:
-    """Return what tells a request from all others, of short and harmless letters; empty for none.
+    """Return what tells a request from all others, of short and harmless letters.
 
     Correlation Data means something to who sent it alone: two may well count from 1.
     """
-    if not message.correlation:
-        return ""
     asker = (message.response_topic or "").encode()
-    return digest(asker + b"\0" + message.correlation)
+    return digest(asker + b"\0" + (message.correlation or b""))

@@ -6,7 +6,8 @@ The codec panics on text that is not UTF-8; that too is only a malformed packet 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Iterator
 from typing import Literal
 
 import mqtt5
@@ -19,7 +20,8 @@ Protocol = Literal[5, 311]
 _CONNECT = 1
 _CONNACK = 0x20
 _PUBACK = 0x40  # and the flags that it must have: none
-_LONG = 0x80  # a length from which on it takes more than a byte
+_MORE = 0x80  # in a byte of a length: another follows
+_WILD = re.compile("[+#\0]")  # what no topic of a message may have in it
 _ONLY_OLDER = b"\x20\x02\x00\x01"
 """How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
 
@@ -35,13 +37,12 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
     Raises WireError for a length field of more than four bytes.
     """
     size = 0
-    for index in range(4):
-        if start + 1 + index >= len(data):
-            return None
-        byte = data[start + 1 + index]
+    for index, byte in enumerate(data[start + 1 : start + 5]):
         size |= (byte & 0x7F) << 7 * index
-        if not byte & 0x80:
+        if byte < _MORE:
             return 2 + index + size
+    if len(data) < start + 5:
+        return None
     raise WireError("a packet's length field is longer than four bytes")
 
 
@@ -77,8 +78,8 @@ class Decoder:
 
     def _end(self, data: bytes, start: int) -> int | None:
         """Return where the frame ends, None when it is not whole; note how much is needed then."""
-        short = data[start + 1] if start + 1 < len(data) else _LONG
-        length = 2 + short if short < _LONG else frame_length(data, start)
+        short = data[start + 1] if start + 1 < len(data) else _MORE
+        length = 2 + short if short < _MORE else frame_length(data, start)
         if length is None:
             self._needed = 0
             return None
@@ -94,16 +95,9 @@ class Decoder:
         frame = memoryview(data)[start:end]
         if self.protocol is None:
             self.protocol = _spoken(frame)
-        if self.protocol == 311:
-            return _guarded(v311.read, frame)
-        if data[start] == _CONNACK and frame == _ONLY_OLDER:
+        if data[start] == _CONNACK and self.protocol == 5 and frame == _ONLY_OLDER:
             return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
-        packet = _guarded(_read5, frame)
-        if isinstance(packet, mqtt5.PublishPacket) and _is_wild(packet.topic):
-            raise WireError("a message to a topic with a wildcard or a NUL in it")
-        if getattr(packet, "packet_id", None) == 0:
-            raise _nameless()
-        return packet
+        return _packet(frame, self.protocol)
 
 
 def _acknowledged(identifier: int) -> mqtt5.PubAckPacket:
@@ -130,23 +124,10 @@ def _spoken(frame: memoryview) -> Protocol:
     return 5 if level == 5 else 311
 
 
-def _is_wild(topic: str) -> bool:
-    """Tell whether no message can have such a topic."""
-    return "+" in topic or "#" in topic or "\0" in topic
-
-
-def _read5(frame: memoryview) -> mqtt5.Packet:
-    """Read one MQTT 5 frame with the codec."""
-    packet, length = mqtt5.read(frame)
-    if length != len(frame):
-        raise ValueError("the packet has bytes after its end")
-    return packet
-
-
-def _guarded(read: Callable[[memoryview], mqtt5.Packet], frame: memoryview) -> mqtt5.Packet:
-    """Read, turning every way in which the codecs refuse bytes into WireError."""
+def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
+    """Read one frame, turning every way in which the codecs refuse bytes into WireError."""
     try:
-        return read(frame)
+        packet, length = mqtt5.read(frame) if protocol == 5 else (v311.read(frame), len(frame))
     except (ValueError, IndexError) as error:
         raise WireError(f"not an MQTT packet: {error}") from None
     except BaseException as error:
@@ -154,3 +135,10 @@ def _guarded(read: Callable[[memoryview], mqtt5.Packet], frame: memoryview) -> m
         if type(error).__name__ != "PanicException":
             raise
         raise WireError("not an MQTT packet: a text is not UTF-8") from None
+    if length != len(frame):
+        raise WireError("not an MQTT packet: it has bytes after its end")
+    if isinstance(packet, mqtt5.PublishPacket) and _WILD.search(packet.topic):
+        raise WireError("a message to a topic with a wildcard or a NUL in it")
+    if getattr(packet, "packet_id", None) == 0:
+        raise _nameless()
+    return packet

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.navigation import Navigate
@@ -41,29 +42,25 @@ class Decoder:
         self._origin = config.origin
         self._home_altitude = home_altitude
         self._planar = planar
-        self._defaults = MotionDefaults(
+        defaults = MotionDefaults(
             forward=_within(limits.speed),
             lateral=_within(limits.speed),
             vertical=_within(limits.vertical_speed),
             yaw_rate=_within(limits.yaw_rate),
         )
-        self._decoders: dict[Kind, Callable[[bytes, Way, str], Ask | None]] = {
-            "command": self._command,
+        self._decoders: dict[Kind, Callable[..., Ask | None]] = {
+            "command": partial(decode_command, defaults=defaults),
             "navigate": self._navigate,
-            "motion": self._motion,
-            "joints": self._joints,
+            "motion": decode_motion,
+            "joints": decode_joints,
             "mission": self._mission,
         }
 
     def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
         """Return the ask in a message; None for one that asks nothing (a reply)."""
-        return self._decoders[kind](payload, way, request_id)
+        return self._decoders[kind](payload, way=way, request_id=request_id)
 
-    def _command(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
-        """Decode the ``command`` topic's messages."""
-        return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
-
-    def _navigate(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
+    def _navigate(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
         origin = self._origin
         home = self._home_altitude()
@@ -77,14 +74,6 @@ class Decoder:
             origin_heading=origin.heading if origin else 0.0,
         )
 
-    def _motion(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
-        """Decode the ``motion/command`` topic's messages."""
-        return decode_motion(payload, way=way, request_id=request_id)
-
-    def _joints(self, payload: bytes, way: Way, request_id: str) -> Ask | None:
-        """Decode the joints' messages."""
-        return decode_joints(payload, way=way, request_id=request_id)
-
-    def _mission(self, payload: bytes, way: Way, _request_id: str) -> Ask | None:
+    def _mission(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:  # noqa: ARG002 - the others have it
         """Decode the ``mission/command`` topic's messages."""
         return decode_mission(payload, way=way)

@@ -28,13 +28,10 @@ class _Session:
         self.stopped = float("-inf")
 
     def learn(self, lag: float, now: float) -> None:
-        """Take one more lag into account."""
+        """Take the smallest lag of this window into account, or the first of the next."""
         if now - self.since > WINDOW:
-            self.previous, self.current, self.since = self.current, lag, now
-        elif lag < self.current:
-            self.current = lag
-        else:
-            return
+            self.previous, self.since = self.current, now
+        self.current = lag
         self.offset = max(-self._skew, min(self._skew, self.current, self.previous))
 
 
@@ -92,5 +89,6 @@ class AgeCheck:
             if len(self._sessions) > SESSIONS:
                 self._sessions.popitem(last=False)
         self._sessions.move_to_end(session)
-        known.learn(lag, now)
+        if lag < known.current or now - known.since > WINDOW:
+            known.learn(lag, now)
         return known
