@@ -120,10 +120,15 @@ def decode_command(
     """
     name = ""
     try:
-        usual = _usual(payload, way, request_id)
-        if usual is not None:
-            name = usual.name
-            return _MEANINGS.get(name, _plain)(usual, defaults)
+        read = _usual(payload)
+        if read is not None:
+            name = read.command
+            origin, stamp = Origin(way, read.source_type, read.session_id or ""), seconds_of(read.timestamp)
+            meaning = _MEANINGS.get(name)
+            if meaning is None:
+                same = identity(payload, stamp, request_id, (name, read.data))
+                return Command(name, read.data, origin, same, stamp)
+            return meaning(_Envelope(name, read.data, {}, payload, request_id, origin, stamp), defaults)
         message = parse_object(payload)
         if "status" in message:
             return None
@@ -160,7 +165,7 @@ def _sampled(sample: bytes) -> dict[str, Any]:
     return message
 
 
-def _usual(payload: bytes, way: Way, request_id: str) -> _Envelope | None:
+def _usual(payload: bytes) -> _Usual | None:
     """Read a message of the usual form; None for every other, and for whatever is wrong with one."""
     try:
         read = _USUAL.decode(payload)
@@ -170,10 +175,8 @@ def _usual(payload: bytes, way: Way, request_id: str) -> _Envelope | None:
     if not (name.isidentifier() and name.isascii() and name[0] != "_" and len(name) <= LONGEST_NAME):
         return None
     members = 4 + (read.session_id is not None) + len(read.data)
-    if payload.count(b":") != members:  # a member that is not known, or one that stands twice
-        return None
-    origin = Origin(way, read.source_type, read.session_id or "")
-    return _Envelope(name, read.data, {}, payload, request_id, origin, seconds_of(read.timestamp))
+    # If there are more, a member is not known, or stands twice.
+    return read if payload.count(b":") == members else None
 
 
 def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
