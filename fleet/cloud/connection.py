@@ -13,8 +13,9 @@ from typing import Any
 import mqtt5
 
 from fleet.clock import Clock
+from fleet.cloud.arrivals import reader
 from fleet.cloud.keepalive import Due, Keepalive
-from fleet.cloud.packets import Decoder, encode
+from fleet.cloud.packets import Cutter, encode
 from fleet.cloud.session import Session, SessionEnded
 from fleet.cloud.stream import Stream
 from fleet.cloud.values import PAYLOAD_LIMIT, CloudSettings, Message
@@ -57,7 +58,7 @@ class Connection:
         self._clock = clock
         self._deliver = deliver
         self._take = take
-        self._decoder = Decoder(settings.protocol, PAYLOAD_LIMIT)
+        self._arrivals = Cutter(reader(settings.protocol), PAYLOAD_LIMIT)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
         self._failure: CloudError | None = None
@@ -140,7 +141,7 @@ class Connection:
             if self.ended.done():
                 return  # after a goodbye nothing counts but the end
             self._keepalive.received(now)
-            for packet in self._decoder.feed(data):
+            for packet in self._arrivals.feed(data):
                 self._session.receive(packet, now)
         except OSError as error:
             self._failure = CloudError(f"the connection to the broker fell: {error}")

@@ -6,8 +6,8 @@ The codec panics on text that is not UTF-8; that too is only a malformed packet 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Literal
+from collections.abc import Callable, Iterator
+from typing import Generic, Literal, TypeVar
 
 import mqtt5
 
@@ -15,11 +15,12 @@ from fleet.cloud import v311
 from fleet.errors import WireError
 
 Protocol = Literal[5, 311]
+ReadT = TypeVar("ReadT")
 
 _CONNECT = 1
 _CONNACK = 0x20
 _PUBACK = 0x40  # and the flags that it must have: none
-_MORE = 0x80  # in a byte of a length: another follows
+MORE = 0x80  # in a byte of a length: another follows
 _ONLY_OLDER = b"\x20\x02\x00\x01"
 """How a broker without MQTT 5 answers an MQTT 5 CONNECT; the MQTT 5 codec cannot read it."""
 
@@ -37,7 +38,7 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
     size = 0
     for index, byte in enumerate(data[start + 1 : start + 5]):
         size |= (byte & 0x7F) << 7 * index
-        if byte < _MORE:
+        if byte < MORE:
             return 2 + index + size
     if len(data) < start + 5:
         return None
@@ -48,19 +49,20 @@ class PacketTooLarge(WireError):
     """A packet is larger than was agreed."""
 
 
-class Decoder:
+class Cutter(Generic[ReadT]):
     """Cuts one byte stream into packets and remembers the piece that is not whole yet.
 
-    Without a protocol, the first packet must be CONNECT and decides it (a broker's side).
+    ``read`` makes a packet of some bytes, from where to where it stands in them; ``limit`` is the most bytes
+    that one may have.
     """
 
-    def __init__(self, protocol: Protocol | None, limit: int) -> None:
-        self.protocol = protocol
+    def __init__(self, read: Callable[[bytes, int, int], ReadT], limit: int) -> None:
+        self._read = read
         self._limit = limit
         self._rest = bytearray()
         self._needed = 0
 
-    def feed(self, data: bytes) -> Iterator[mqtt5.Packet]:
+    def feed(self, data: bytes) -> Iterator[ReadT]:
         """Yield the packets that the bytes complete; raise WireError where they stop making sense."""
         if self._rest:
             self._rest += data
@@ -76,8 +78,8 @@ class Decoder:
 
     def _end(self, data: bytes, start: int) -> int | None:
         """Return where the frame ends, None when it is not whole; note how much is needed then."""
-        short = data[start + 1] if start + 1 < len(data) else _MORE
-        length = 2 + short if short < _MORE else frame_length(data, start)
+        short = data[start + 1] if start + 1 < len(data) else MORE
+        length = 2 + short if short < MORE else frame_length(data, start)
         if length is None:
             self._needed = 0
             return None
@@ -86,16 +88,32 @@ class Decoder:
         self._needed = length
         return start + length if start + length <= len(data) else None
 
-    def _read(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
+
+class Decoder(Cutter[mqtt5.Packet]):
+    """Decodes one byte stream.
+
+    Without a protocol, the first packet must be CONNECT and decides it (a broker's side).
+    """
+
+    def __init__(self, protocol: Protocol | None, limit: int) -> None:
+        super().__init__(self._decode, limit)
+        self.protocol = protocol
+
+    def _decode(self, data: bytes, start: int, end: int) -> mqtt5.Packet:
         """Return the packet of one whole frame."""
-        if self.protocol == 5 and end - start == 4 and data[start] == _PUBACK:
-            return _acknowledged(data[start + 2] << 8 | data[start + 3])
-        frame = memoryview(data)[start:end]
         if self.protocol is None:
-            self.protocol = _spoken(frame)
-        if data[start] == _CONNACK and self.protocol == 5 and frame == _ONLY_OLDER:
-            return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
-        return _packet(frame, self.protocol)
+            self.protocol = _spoken(memoryview(data)[start:end])
+        return decode(data, start, end, self.protocol)
+
+
+def decode(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
+    """Return the packet of one whole frame; raise WireError for what is none."""
+    if protocol == 5 and end - start == 4 and data[start] == _PUBACK:
+        return _acknowledged(data[start + 2] << 8 | data[start + 3])
+    frame = memoryview(data)[start:end]
+    if protocol == 5 and data[start] == _CONNACK and frame == _ONLY_OLDER:
+        return mqtt5.ConnAckPacket(reason_code=mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION)
+    return _packet(frame, protocol)
 
 
 def _acknowledged(identifier: int) -> mqtt5.PubAckPacket:

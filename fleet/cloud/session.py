@@ -12,6 +12,7 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
+from fleet.cloud.arrivals import Arrival, Plain
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
 from fleet.cloud.under_way import UnderWay
@@ -58,6 +59,7 @@ class Session:
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
             mqtt5.PublishPacket: self._on_publish,
+            Plain: self._on_plain,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._ours.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
@@ -81,7 +83,7 @@ class Session:
         )
         return self._encode(packet)
 
-    def receive(self, packet: mqtt5.Packet, now: float) -> None:
+    def receive(self, packet: Arrival, now: float) -> None:
         """Take one packet of the broker.
 
         Raises SessionRefused when the broker says no and SessionEnded when the connection must be given up.
@@ -175,6 +177,13 @@ class Session:
             self._replies.append(mqtt5.PubAckPacket(identifier))
         else:
             self._on_publish_twice(packet, identifier)
+
+    def _on_plain(self, plain: Plain, _now: float) -> None:
+        """Take a message of the usual form."""
+        self._stats.received += 1
+        self._messages.append(plain.message)
+        if plain.identifier:
+            self._replies.append(mqtt5.PubAckPacket(plain.identifier))
 
     def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""

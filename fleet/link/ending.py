@@ -12,15 +12,11 @@ class Ending:
     """The end of one open link; made on the loop that the link lives on."""
 
     def __init__(self, url: str) -> None:
+        self.ended = False  # True once the link fell or was closed
         self._url = url
         self._reason = ""
         self._over = asyncio.Event()
         self._loop = asyncio.get_running_loop()
-
-    @property
-    def ended(self) -> bool:
-        """True once the link fell or was closed."""
-        return bool(self._reason)
 
     def error(self) -> LinkLost:
         """Return the error that says why the link ended."""
@@ -28,8 +24,8 @@ class Ending:
 
     def fall(self, reason: str) -> LinkLost:
         """Note the end, from any thread; the first reason stays. Returns the error to raise."""
-        if not self._reason:
-            self._reason = reason
+        if not self.ended:
+            self._reason, self.ended = reason, True
             # A loop that has ended has nobody left who waits.
             with contextlib.suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._over.set)
