@@ -9,23 +9,24 @@ from fleet_mavlink.vehicle import Vehicle
 
 def require_heartbeat(vehicle: Vehicle) -> None:
     """Raise NotReady unless the vehicle answers."""
-    _require_heartbeat(vehicle, vehicle.now())
+    if not vehicle.connected:
+        raise _unheard(vehicle)
 
 
 def require_connection(vehicle: Vehicle) -> None:
     """Raise NotReady unless the vehicle answers and is the only one with its id."""
     now = vehicle.now()
-    _require_heartbeat(vehicle, now)
+    if not vehicle.state.connected(now):
+        raise _unheard(vehicle)
     if vehicle.clashed(now):
         raise NotReady(
             f"two vehicles use system id {vehicle.system}", hint="give each its own id and send this again"
         )
 
 
-def _require_heartbeat(vehicle: Vehicle, now: float) -> None:
-    """Raise NotReady unless the vehicle answers."""
-    if not vehicle.state.connected(now):
-        raise NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
+def _unheard(vehicle: Vehicle) -> NotReady:
+    """Return the error for a vehicle that does not answer."""
+    return NotReady(f"no heartbeat from system {vehicle.system}", hint="check the link and its power")
 
 
 def require_control(vehicle: Vehicle, authority: Authority) -> None:

@@ -46,6 +46,7 @@ class Vehicle:
         self.system = system
         self.trust = trust or Trust()
         self.clock = clock
+        self.now = clock.monotonic  # seconds in which all that is known of it is stamped
         self.state = VehicleState()
         self.address: Address = None
         self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
@@ -62,10 +63,6 @@ class Vehicle:
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[Heard[Any]] = []
-
-    def now(self) -> float:
-        """Return its clock's monotonic seconds, in which all that is known of it is stamped."""
-        return self.clock.monotonic()
 
     @property
     def flavour(self) -> Flavour | None:

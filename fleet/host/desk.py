@@ -240,10 +240,11 @@ class Desk:
         if self._adapter is None or self.offline:
             ticket.reject(self._absence())
             return
-        if spec.moves and not takes(spec, ask, ticket):
-            return
-        superseding, self.in_control = self.in_motion, self.in_control or spec.moves
+        superseding = spec.moves and self.in_motion
         if spec.moves:
+            if not takes(spec, ask, ticket):
+                return
+            self.in_control = True
             ticket.watch(self.guard.obeyed)
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")

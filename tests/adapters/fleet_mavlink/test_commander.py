@@ -21,7 +21,7 @@ class Talk:
     def __init__(self, told):
         loop = asyncio.get_running_loop()
         self.told = told()
-        self.told.clock.monotonic = loop.time
+        self.told.clock.monotonic = self.told.vehicle.now = loop.time
         self.commander = Commander(self.told.vehicle, Timing())
         self.loop = loop
         self.told.beat()

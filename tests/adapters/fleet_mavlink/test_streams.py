@@ -16,7 +16,7 @@ class Vehicle:
     def __init__(self, told, flavour, *, result=Result.ACCEPTED, attitude=True):
         loop = asyncio.get_running_loop()
         self.told = told(flavour)
-        self.told.clock.monotonic = loop.time
+        self.told.clock.monotonic = self.told.vehicle.now = loop.time
         self.result = result
         self.attitude = attitude
         self.told.vehicle._send = self._hear
