@@ -52,7 +52,7 @@ class _Exchange:
         self.command = ask.command
         self.began = 0.0
         self.acks: deque[CommandAck] = deque()
-        self.news = asyncio.Event()  # an answer came, or it was superseded
+        self._news: asyncio.Future[None] | None = None  # while somebody waits
         self.refusal: CommandAck | None = None
         self.refused_at = 0.0
         self.superseded = ""
@@ -81,18 +81,23 @@ class _Exchange:
     def supersede(self, reason: str) -> None:
         """End it with this reason."""
         self.superseded = reason
-        self.news.set()
+        self._wake()
 
     def take(self, ack: CommandAck) -> None:
         """Take an answer."""
         self.acks.append(ack)
-        self.news.set()
+        self._wake()
+
+    def _wake(self) -> None:
+        """Wake who waits."""
+        if self._news is not None and not self._news.done():
+            self._news.set_result(None)
 
     async def next(self) -> CommandAck:
         """Wait for an answer; raises Refused when something more urgent took over."""
         while not self.acks and not self.superseded:
-            self.news.clear()
-            await self.news.wait()
+            self._news = asyncio.get_running_loop().create_future()
+            await self._news
         self.require_wanted()
         return self.acks.popleft()
 

@@ -35,14 +35,17 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 
     Raises WireError for a length field of more than four bytes.
     """
-    size = 0
-    for index, byte in enumerate(data[start + 1 : start + 5]):
-        size |= (byte & 0x7F) << 7 * index
+    at, size, shift = start + 1, 0, 0
+    while at < len(data):
+        byte = data[at]
+        size |= (byte & 0x7F) << shift
+        at += 1
         if byte < MORE:
-            return 2 + index + size
-    if len(data) < start + 5:
-        return None
-    raise WireError("a packet's length field is longer than four bytes")
+            return at - start + size
+        shift += 7
+        if shift == 28:
+            raise WireError("a packet's length field is longer than four bytes")
+    return None
 
 
 class PacketTooLarge(WireError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.navigation import Navigate
@@ -42,14 +41,14 @@ class Decoder:
         self._origin = config.origin
         self._home_altitude = home_altitude
         self._planar = planar
-        defaults = MotionDefaults(
+        self._defaults = MotionDefaults(
             forward=_within(limits.speed),
             lateral=_within(limits.speed),
             vertical=_within(limits.vertical_speed),
             yaw_rate=_within(limits.yaw_rate),
         )
         self._decoders: dict[Kind, Callable[..., Ask | None]] = {
-            "command": partial(decode_command, defaults=defaults),
+            "command": self._command,
             "navigate": self._navigate,
             "motion": decode_motion,
             "joints": decode_joints,
@@ -59,6 +58,10 @@ class Decoder:
     def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
         """Return the ask in a message; None for one that asks nothing (a reply)."""
         return self._decoders[kind](payload, way=way, request_id=request_id)
+
+    def _command(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
+        """Decode the ``command`` topic's messages."""
+        return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
 
     def _navigate(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
