@@ -26,10 +26,10 @@ async def walled(work: Callable[[], Awaitable[ResultT]]) -> ResultT:
         raise failure_of(error) from error
 
 
-def called(work: Callable[[], ResultT]) -> ResultT:
-    """Return what ``work()`` returns; what it raises beside Exceptions is a RuntimeError."""
+def called(work: Callable[..., ResultT], *arguments: object) -> ResultT:
+    """Return what ``work(*arguments)`` returns; what it raises beside Exceptions is a RuntimeError."""
     try:
-        return work()
+        return work(*arguments)
     except (Exception, KeyboardInterrupt):
         raise
     except BaseException as error:

@@ -48,7 +48,6 @@ class Decoder:
             yaw_rate=_within(limits.yaw_rate),
         )
         self._decoders: dict[Kind, Callable[..., Ask | None]] = {
-            "command": self._command,
             "navigate": self._navigate,
             "motion": decode_motion,
             "joints": decode_joints,
@@ -57,11 +56,9 @@ class Decoder:
 
     def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
         """Return the ask in a message; None for one that asks nothing (a reply)."""
+        if kind == "command":
+            return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
         return self._decoders[kind](payload, way=way, request_id=request_id)
-
-    def _command(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
-        """Decode the ``command`` topic's messages."""
-        return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
 
     def _navigate(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""

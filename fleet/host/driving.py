@@ -52,13 +52,13 @@ class Driving:
         self._guard.held = velocity
         if velocity.is_zero:
             self.deadman.clear()
-        called(lambda: adapter.drive(velocity))
+        called(adapter.drive, velocity)
         self._guard.taken = self._guard.taken and velocity.is_zero
 
     def stand(self, adapter: Adapter[Any]) -> None:
         """Have the adapter hold zero velocity; raises what the adapter raises."""
         self.let_go()
-        called(lambda: adapter.drive(ZERO_VELOCITY))
+        called(adapter.drive, ZERO_VELOCITY)
 
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""
