@@ -9,6 +9,7 @@ longer than a command is obeyed, has an empty one.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import mmap
 import os
@@ -54,7 +55,11 @@ class Begun:
         self._path = path
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         _locked(self._file)  # if not, a child that a dead process left has it, and writes nothing
-        self._grow(SIZE)
+        try:
+            self._grow(SIZE)
+        except OSError:
+            os.close(self._file)
+            raise
         self._end = self._map.find(b"\0")
 
     def add(self, row: Row) -> None:
@@ -62,7 +67,7 @@ class Begun:
         line = _encode(row) + b"\n"
         end = self._end + len(line)
         if end >= len(self._map):
-            self._grow(2 * len(self._map))
+            self._grow(max(2 * len(self._map), end + 1))
         self._map[self._end : end] = line
         self._end = end
 
@@ -101,7 +106,9 @@ class Begun:
         What is new of it is written: a hole that memory has no room for would kill who writes to it.
         """
         held = os.fstat(self._file).st_size
-        os.pwrite(self._file, bytes(max(size - held, 1)), held)
+        new = bytes(max(size - held, 1))
+        if os.pwrite(self._file, new, held) < len(new):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
         self._map = mmap.mmap(self._file, 0)
 
 

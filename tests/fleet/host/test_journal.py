@@ -250,6 +250,28 @@ def test_more_is_kept_in_memory_than_the_file_was_made_for_when_the_disk_takes_n
     assert rows[-1] == b'["latch","rex","fire"]'
 
 
+def test_a_stop_with_many_words_is_kept_in_memory_too(tmp_path, opened, monkeypatch):
+    monkeypatch.setattr("fleet.host.journal.GATHER", 600.0)
+    journal = opened()
+    journal.robot("rex").latch("x" * 500_000)
+    journal.robot("max").latch("fire")
+    rows = (tmp_path / "begun.main").read_bytes().partition(b"\0")[0].splitlines()
+    assert [len(row) for row in rows] == [500_018, 22]
+
+
+def test_a_memory_that_is_full_is_told_and_the_stop_is_on_the_disk_all_the_same(
+    tmp_path, opened, monkeypatch
+):
+    journal = opened()
+    monkeypatch.setattr("os.pwrite", lambda _file, data, _at: len(data) - 1)
+    journal.robot("rex").latch("x" * 500_000)
+    assert "No space left" in journal.problem
+    second = Journal(tmp_path / "second", ManualClock(), tmp_path / "begun.second")
+    assert "No space left" in second.problem
+    second.close()
+    assert opened().robot("rex").latched == "x" * 500_000
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path
