@@ -74,7 +74,7 @@ class FleetLoop(uvloop.Loop):
 def make_task(
     loop: asyncio.AbstractEventLoop, work: Any, *, context: contextvars.Context | None = None, **options: Any
 ) -> asyncio.Task[Any]:
-    """Make an owned task, as ``loop.create_task`` does; called itself it takes half the time."""
+    """Make an owned task, as ``create_task`` of our loop does; called by itself it takes half the time."""
     task = OwnedTask(work, loop=loop, context=context, **options)
     task.owner = OWNER.get() if context is None else context.get(OWNER, "")
     return task

@@ -22,6 +22,7 @@ from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
 _MAGIC_1 = 0xFE
 _MAGIC_2 = 0xFD
+_BEGIN_2 = bytes([_MAGIC_2])
 _MAGICS = b"\xfd\xfe"
 _MAGIC = re.compile(b"[\xfd\xfe]")
 _HEADER_1 = 6
@@ -185,7 +186,7 @@ def pack(message: Message, system: int, component: int, sequence: int, way: Way 
     flags = 0 if way.signer is None else _SIGNED
     place = (sequence & 0xFF, system, component, number & 0xFF, number >> 8)
     body = _HEAD.pack(len(payload), flags, 0, *place) + payload
-    frame = b"\xfd" + body + _checksum(body, layout.crc_extra)
+    frame = _BEGIN_2 + body + _checksum(body, layout.crc_extra)
     return frame if way.signer is None else frame + way.signer.signature(frame, way.link)
 
 

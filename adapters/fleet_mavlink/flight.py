@@ -236,7 +236,9 @@ class Flight:
         here = state.position
         if here is None or not state.knows_where(self.vehicle.now()):
             raise NotReady("position is unknown")
-        await self._tell_home(here.latitude, here.longitude, None if state.in_air else here.altitude)
+        altitude = None if state.in_air else here.altitude
+        _require_place(here.latitude, here.longitude, altitude or 0.0)
+        await self._tell_home(here.latitude, here.longitude, altitude)
 
     async def set_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Make a place home, and wait until it is told to be; m AMSL, None: as high as home is now.
@@ -245,17 +247,13 @@ class Flight:
         from.
         """
         require_connection(self.vehicle)
+        _require_place(latitude, longitude, altitude or 0.0)
         if altitude is not None and self.vehicle.state.in_air:
             raise Refused("in the air home keeps its altitude", hint="leave the altitude out")
         await self._tell_home(latitude, longitude, altitude)
 
     async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
-        """Send a home that is a place, and wait until it is told."""
-        height = altitude or 0.0
-        if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(height)):
-            raise Refused("home must be a place on Earth, in degrees and metres")
-        if not _DEEPEST <= height <= _HIGHEST:
-            raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
+        """Send a home, and wait until it is told."""
         home = GeoPoint(latitude, longitude, await self._home_altitude() if altitude is None else altitude)
 
         def shown(state: VehicleState) -> bool:
@@ -305,6 +303,14 @@ class Flight:
         while (left := by - self.vehicle.now()) > 0:
             self.check(*modes)
             await asyncio.sleep(min(left, _POLL))
+
+
+def _require_place(latitude: float, longitude: float, altitude: float) -> None:
+    """Raise Refused unless home can be there (degrees, m AMSL)."""
+    if not (abs(latitude) < 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
+        raise Refused("home must be a place on Earth, in degrees and metres")
+    if not _DEEPEST <= altitude <= _HIGHEST:
+        raise Refused(f"{altitude:g} m above mean sea level is no altitude of a home")
 
 
 def _are_one(one: GeoPoint, other: GeoPoint) -> bool:

@@ -120,7 +120,8 @@ class Downlink:
     def _read(self, route: Route, port: Port, message: Message) -> Take | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
         try:
-            request = _request_id(message) if message.correlation else ""
+            asked = message.correlation
+            request = _request_id(message.response_topic, asked) if asked else ""
             return port.read(route.kind, message.payload, way=_CLOUD, request_id=request)
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
@@ -205,10 +206,9 @@ class Downlink:
             self.refusals.add("unreadable", "a message on %s was refused: %s", message.topic, error)
 
 
-def _request_id(message: Message) -> str:
+def _request_id(response_topic: str | None, correlation: bytes) -> str:
     """Return what tells a request from all others, of short and harmless letters.
 
     Correlation Data means something to who sent it alone: two may well count from 1.
     """
-    asker = (message.response_topic or "").encode()
-    return digest(asker + b"\0" + (message.correlation or b""))
+    return digest((response_topic or "").encode() + b"\0" + correlation)

@@ -18,14 +18,14 @@ _USUAL = {0x30: 0, 0x32: 1}
 """The QoS of a PUBLISH, by its first byte; none of these was kept, or is sent again."""
 
 
-class Plain(msgspec.Struct, frozen=True):
+class Publish(msgspec.Struct, frozen=True):
     """A message without properties; ``identifier`` is what it is acknowledged by, 0 with QoS 0."""
 
     message: Message
     identifier: int
 
 
-Arrival = mqtt5.Packet | Plain
+Arrival = mqtt5.Packet | Publish
 
 
 def reader(protocol: Protocol) -> Callable[[bytes, int, int], Arrival]:
@@ -45,12 +45,13 @@ def _arrival5(data: bytes, start: int, end: int) -> Arrival:
     return decode(data, start, end, 5) if plain is None else plain
 
 
-def _plain(data: bytes, at: int, end: int, qos: int) -> Plain | None:
+def _plain(data: bytes, at: int, end: int, qos: int) -> Publish | None:
     """Read a PUBLISH from its length on (MQTT 5, section 3.3); None for one that is the codec's."""
+    first = at
     while data[at] & MORE:
         at += 1
     name = at + 3
-    if name > end:
+    if name > end or (at > first and not data[at]):  # the length has a byte too many
         return None
     rest = name + (data[at + 1] << 8 | data[at + 2])
     body = rest + 2 * qos
@@ -63,4 +64,4 @@ def _plain(data: bytes, at: int, end: int, qos: int) -> Plain | None:
         return None
     if (qos and not identifier) or not topic or "+" in topic or "#" in topic or "\0" in topic:
         return None
-    return Plain(Message(topic, data[body + 1 : end], qos), identifier)
+    return Publish(Message(topic, data[body + 1 : end], qos), identifier)

@@ -12,7 +12,7 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud import reasons
-from fleet.cloud.arrivals import Arrival, Plain
+from fleet.cloud.arrivals import Arrival, Publish
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import encode
 from fleet.cloud.under_way import UnderWay
@@ -59,7 +59,7 @@ class Session:
             mqtt5.ConnAckPacket: self._on_connack,
             mqtt5.SubAckPacket: self._on_suback,
             mqtt5.PublishPacket: self._on_publish,
-            Plain: self._on_plain,
+            Publish: self._on_plain,
             mqtt5.PubRelPacket: self._on_pubrel,
             mqtt5.PubAckPacket: self._ours.acknowledged,
             mqtt5.PubRecPacket: self._on_pubrec,
@@ -178,7 +178,7 @@ class Session:
         else:
             self._on_publish_twice(packet, identifier)
 
-    def _on_plain(self, plain: Plain, _now: float) -> None:
+    def _on_plain(self, plain: Publish, _now: float) -> None:
         """Take a message of the usual form."""
         self._stats.received += 1
         self._messages.append(plain.message)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
+import itertools
 import mmap
 import os
 from collections.abc import Iterator
@@ -52,22 +53,23 @@ class Begun:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        _locked(self._file)  # if not, a child that a dead process left has it, and writes nothing
+        self._path, self._file = _own(path)
         try:
-            self._grow(SIZE)
+            self._map = self._mapped(SIZE)
         except OSError:
             os.close(self._file)
             raise
-        self._end = self._map.find(b"\0")
+        rows, _, _ = self._map[:].partition(b"\0")
+        self._end = rows.rfind(b"\n") + 1
+        # What death left behind the end, half a row or half a clear, would else follow on the next one.
+        self._map[self._end :] = bytes(len(self._map) - self._end)
 
     def add(self, row: Row) -> None:
         """Write a row; when this returns, the end of the process does not lose it."""
         line = _encode(row) + b"\n"
         end = self._end + len(line)
         if end >= len(self._map):
-            self._grow(max(2 * len(self._map), end + 1))
+            self._map = self._mapped(max(2 * len(self._map), end + 1))
         self._map[self._end : end] = line
         self._end = end
 
@@ -94,27 +96,43 @@ class Begun:
             for other in dead:
                 os.ftruncate(other, 0)
             self.clear()
+            if len(self._map) > SIZE:
+                self._map.close()
+                os.ftruncate(self._file, SIZE)
+                self._map = self._mapped(SIZE)
 
     def close(self) -> None:
         """Close the file."""
         self._map.close()
         os.close(self._file)
 
-    def _grow(self, size: int) -> None:
-        """Have a file of so many bytes, and a NUL at its end, mapped.
+    def _mapped(self, size: int) -> mmap.mmap:
+        """Return the file, of so many bytes at least.
 
         What is new of it is written: a hole that memory has no room for would kill who writes to it.
         """
         held = os.fstat(self._file).st_size
-        new = bytes(max(size - held, 1))
+        new = bytes(max(size - held, 0))
         if os.pwrite(self._file, new, held) < len(new):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
-        self._map = mmap.mmap(self._file, 0)
+        return mmap.mmap(self._file, 0)
 
 
 def begun_file(directory: Path, edge: str, worker: str = "main") -> Path:
     """Return where a process of an edge writes; ``directory`` is the runtime folder."""
     return directory / f"begun-{edge}.{worker}"
+
+
+def _own(path: Path) -> tuple[Path, int]:
+    """Open and lock a process's file, or one beside it while a process of before still has that.
+
+    Whose file it is has the lock for all its life: nobody takes it for a dead one's, and empties it.
+    """
+    beside = (path.with_name(f"{path.name}~{number}") for number in itertools.count(1))
+    while not _locked(file := os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)):
+        os.close(file)
+        path = next(beside)
+    return path, file
 
 
 def _locked(file: int) -> bool:

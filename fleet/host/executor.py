@@ -77,13 +77,10 @@ class Executor:
             self._mover, self._ticket, self.moving = task, ticket, ask.name
             self.safe = spec.safe
             task.add_done_callback(self._moved)
-        asyncio.get_running_loop().call_soon(
-            self._accompany, task, job
-        )  # once it has begun: that comes first
+        asyncio.get_running_loop().call_soon(self._limit, task, job)  # once it has begun: that comes first
 
-    def _accompany(self, task: asyncio.Task[None], job: _Job) -> None:
-        """Have its end remembered, and give a command that did not end at once its time."""
-        self._journal.follow(job.ask.id, job.ticket)
+    def _limit(self, task: asyncio.Task[None], job: _Job) -> None:
+        """Give a command that did not end at once its time."""
         if task.done():
             return
         name, seconds = job.ask.name, job.spec.timeout
@@ -137,6 +134,7 @@ class Executor:
         """Run one command to its end and answer."""
         try:
             self._journal.note(job.ask.id, job.ask.name)
+            self._journal.follow(job.ask.id, job.ticket)
             if job.spec.moves:
                 await self.standing()
             call = perform(job.adapter, job.spec, job.ask)

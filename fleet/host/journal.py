@@ -215,7 +215,7 @@ class Journal:
             if not isinstance(entry.what, tuple) and self._begun is not None:
                 try:
                     self._begun.add(entry.what)
-                except OSError as error:
+                except Exception as error:  # noqa: BLE001 - a stop must not fail by its record
                     self._fail(error)
             self._waiting.append(entry)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from fleet.cloud.arrivals import Plain, reader
+from fleet.cloud.arrivals import Publish, reader
 from fleet.cloud.packets import Cutter, Decoder, encode
 from fleet.cloud.values import Message
 from fleet.errors import WireError
@@ -35,7 +35,7 @@ def publishes(draw):
 
 def meaning(packet):
     """Return what counts of a packet, however it was read."""
-    if isinstance(packet, Plain):
+    if isinstance(packet, Publish):
         message = packet.message
         return (message.topic, message.payload, message.qos, packet.identifier, message.retain, None, None)
     if isinstance(packet, mqtt5.PublishPacket):
@@ -82,6 +82,7 @@ def test_a_damaged_message_means_what_the_codec_says(packet, data):
 @given(st.sampled_from([b"\x30", b"\x32"]), st.binary(max_size=12))
 @example(b"\x30", b"\x00")
 @example(b"\x32", b"\x05\x00\x01a\x00\x00")
+@example(b"\x30", b"\x85\x00\x00\x01a\x00X")  # a length with a byte too many
 def test_a_message_that_is_cut_short_means_what_the_codec_says(first, rest):
     here, codec = read_both_ways(first + rest)
     assert here == codec
@@ -91,7 +92,7 @@ def test_a_message_that_is_cut_short_means_what_the_codec_says(first, rest):
 @pytest.mark.parametrize("qos", [0, 1])
 def test_the_usual_message_is_read_without_the_codec(size, qos):
     packet = mqtt5.PublishPacket("a/b", b"x" * size, qos=mqtt5.QoS(qos), packet_id=7 if qos else None)
-    plain = Plain(Message("a/b", b"x" * size, qos), 7 if qos else 0)
+    plain = Publish(Message("a/b", b"x" * size, qos), 7 if qos else 0)
     assert list(Cutter(reader(5), LIMIT).feed(packet.write())) == [plain]
 
 

@@ -6,11 +6,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from fleet.cloud.arrivals import Publish
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.packets import Decoder
 from fleet.cloud.session import INBOUND, Session, SessionEnded, SessionRefused
 from fleet.cloud.under_way import WINDOW
-from fleet.cloud.values import CloudSettings, CloudStats, Will
+from fleet.cloud.values import CloudSettings, CloudStats, Message, Will
 from fleet.spool.message import Outcome, Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
@@ -282,10 +283,19 @@ def test_a_broker_that_breaks_the_protocol_is_left(packet):
     assert caught.value.code == mqtt5.DisconnectReasonCode.PROTOCOL_ERROR
 
 
-def test_nothing_but_an_answer_to_connect_may_come_first():
+@pytest.mark.parametrize("packet", [mqtt5.PingRespPacket(), Publish(Message("t", b"x"), 0)])
+def test_nothing_but_an_answer_to_connect_may_come_first(packet):
     session = Session(SETTINGS, {}, a_box(), CloudStats())
     with pytest.raises(SessionEnded):
-        session.receive(mqtt5.PingRespPacket(), 0.0)
+        session.receive(packet, 0.0)
+    assert session.take_messages() == []
+
+
+def test_a_message_of_the_usual_form_is_handed_out_and_acknowledged_by_its_qos():
+    talk = Talk()
+    talk.hear(Publish(Message("t", b"x"), 0), Publish(Message("t", b"y", 1), 7))
+    assert [one.payload for one in talk.session.take_messages()] == [b"x", b"y"]
+    assert [packet.packet_id for packet in talk.replies()] == [7]
 
 
 def test_too_many_qos_2_messages_under_way_end_the_session():

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from fleet.host.begun import SIZE, Begun, Latched
 from fleet.host.journal import LOST, REMEMBERED, Journal, Past
 from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
@@ -235,6 +236,70 @@ def test_what_stands_behind_the_end_of_a_file_is_forgotten(tmp_path, opened):
     (tmp_path / "begun.main").write_bytes(b'["latch","eve","fire"]\n\0["latch","max","fire"]\n')
     journal = opened()
     assert [journal.robot(name).latched for name in ("rex", "max", "eve")] == ["", "", "fire"]
+
+
+@pytest.mark.parametrize(
+    "left",
+    [
+        b'\0"latch","rex","panel"]\n["latch","rex",""]\n',  # a clear that was cut after its first byte
+        b"\0" * 30 + b'["latch","rex",""]\n',  # or later
+        b'["latch","rex","panel"]\n["latch","rex","pa',  # a row that was cut
+        b'["latch","rex","panel"]\n["latch"\0\0\0"pa',
+    ],
+)
+def test_what_death_left_in_a_file_does_not_follow_on_what_is_written_next(tmp_path, left, monkeypatch):
+    path = tmp_path / "begun.main"
+    path.write_bytes(left)
+    begun = Begun(path)
+    begun.add(Latched("rex", "fire"))
+    begun.close()
+    again = Begun(path)
+    with again.everybodys() as rows:
+        assert rows[-1] == Latched("rex", "fire")
+        assert rows[:-1] in ([], [Latched("rex", "panel")])
+    again.close()
+
+
+def test_a_file_that_another_process_still_has_is_left_to_it(tmp_path):
+    path = tmp_path / "begun.arm"
+    dying, risen, edge = Begun(path), Begun(path), Begun(tmp_path / "begun.main")
+    dying.add(Latched("rex", "fire"))
+    risen.add(Latched("max", "smoke"))
+    dying.close()
+    with edge.everybodys() as rows:
+        assert set(rows) == {Latched("rex", "fire"), Latched("max", "smoke")}
+    with edge.everybodys() as rows:  # the dead one's are forgotten, who lives keeps its own
+        assert rows == [Latched("max", "smoke")]
+    risen.add(Latched("eve", "fire"))
+    risen.clear()
+    for each in (risen, edge):
+        each.close()
+
+
+def test_a_file_grows_by_nothing_but_what_it_holds_and_is_small_again_after_a_start(tmp_path):
+    path = tmp_path / "begun.main"
+    begun = Begun(path)
+    begun.add(Latched("rex", "x" * 500_000))
+    begun.close()
+    assert path.stat().st_size > 500_000
+    for _ in range(3):
+        begun = Begun(path)
+        with begun.everybodys():
+            pass
+        begun.add(Latched("rex", "fire"))
+        begun.close()
+        assert path.stat().st_size == SIZE
+
+
+def test_a_stop_does_not_fail_by_its_record(opened, monkeypatch):
+    def fail(_row):
+        raise ValueError("odd")
+
+    journal = opened()
+    monkeypatch.setattr(journal._begun, "add", fail)
+    journal.robot("rex").latch("fire")
+    assert "odd" in journal.problem
+    assert opened().robot("rex").latched == "fire"
 
 
 def test_more_is_kept_in_memory_than_the_file_was_made_for_when_the_disk_takes_nothing(
