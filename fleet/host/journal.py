@@ -8,6 +8,7 @@ one commit; nobody's event loop waits for the disk.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import sqlite3
 import threading
@@ -46,7 +47,9 @@ CREATE TABLE begun (
 CREATE INDEX begun_by_stamp ON begun (stamp);
 CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
 """
-_BEGIN = "INSERT OR REPLACE INTO begun VALUES (?, ?, ?, ?, ?, '')"
+_BEGIN = "INSERT OR REPLACE INTO begun VALUES "
+_ROW = "(?, ?, ?, ?, ?, ?)"
+_AT_ONCE = 100  # rows of one statement; SQLite takes 999 values at least
 _RECOVER = "INSERT OR IGNORE INTO begun VALUES (?, ?, ?, ?, ?, '')"
 _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
@@ -69,29 +72,50 @@ class Past(msgspec.Struct, frozen=True):
         return f"it was begun before the edge restarted and {how}; it is not carried out twice"
 
 
-class Entry(msgspec.Struct, frozen=True):
-    """One change of the journal; a row of ``Begun`` is what must not wait for the disk."""
+class Ended(msgspec.Struct, frozen=True):
+    """How a command ended, in a word."""
 
-    change: str
-    what: Row | tuple[str, ...]
-
-    @property
-    def values(self) -> tuple[object, ...]:
-        """What stands for the question marks of the change."""
-        return self.what if isinstance(self.what, tuple) else msgspec.structs.astuple(self.what)
+    outcome: str
+    robot: str
+    identity: str
 
 
-def _forget(_entry: Entry) -> None:
+Change = Row | Ended
+"""One change of the journal; a row of ``Begun`` is what must not wait for the disk."""
+
+
+class _Sum:
+    """What some changes come to, in their order.
+
+    ``begun`` has a list for each command, with how it ended; ``ended`` those that began before.
+    """
+
+    def __init__(self, changes: Sequence[Change]) -> None:
+        self.ended: list[Ended] = []
+        self.begun: dict[tuple[str, str], list[object]] = {}
+        self.latches: dict[str, str] = {}
+        for change in changes:
+            if isinstance(change, Latched):
+                self.latches[change.robot] = change.why
+            elif isinstance(change, Started):
+                self.begun[change.robot, change.identity] = [*msgspec.structs.astuple(change), ""]
+            elif begun := self.begun.get((change.robot, change.identity)):
+                begun[-1] = change.outcome
+            else:
+                self.ended.append(change)
+
+
+def _forget(_change: Change) -> None:
     """Keep none."""
 
 
 class RobotJournal:
-    """One robot's part. ``put`` takes an entry from any thread and never blocks; without it none is kept."""
+    """One robot's part. ``put`` takes a change from any thread and never blocks; without it none is kept."""
 
     def __init__(
         self,
         robot: str = "",
-        put: Callable[[Entry], None] = _forget,
+        put: Callable[[Change], None] = _forget,
         *,
         latched: str = "",
         past: Sequence[Past] = (),
@@ -110,18 +134,17 @@ class RobotJournal:
 
     def latch(self, why: str) -> None:
         """Remember an emergency stop, or with an empty ``why`` its release; from any thread."""
-        self._put(Entry(_LATCH, Latched(self._robot, why)))
+        self._put(Latched(self._robot, why))
 
     def note(self, identity: str, name: str, *, action: bool = False) -> None:
         """Remember that a command is now carried out; what can never be a repeat (no identity) is not."""
         if identity and self._clock is not None:
-            row = Started(self._robot, identity, name, action, self._clock.time())
-            self._put(Entry(_BEGIN, row))
+            self._put(Started(self._robot, identity, name, action, self._clock.time()))
 
     def end(self, identity: str, outcome: str) -> None:
         """Remember how a command ended; in a word."""
         if identity:
-            self._put(Entry(_END, (outcome, self._robot, identity)))
+            self._put(Ended(outcome, self._robot, identity))
 
     def follow(self, identity: str, ticket: Ticket) -> None:
         """Remember how a command will end."""
@@ -163,7 +186,7 @@ class Journal:
         self._clock = clock
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
         self._begun: Begun | None = None
-        self._waiting: deque[Entry] = deque()
+        self._waiting: deque[Change] = deque()
         self._closing = threading.Event()
         self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
         self._database: sqlite3.Connection | None = None
@@ -209,15 +232,15 @@ class Journal:
                     begun.clear()
                 begun.close()
 
-    def _put(self, entry: Entry) -> None:
-        """Take an entry: what is begun, and a stop, outlive the process from here on."""
+    def _put(self, change: Change) -> None:
+        """Take a change: what is begun, and a stop, outlive the process from here on."""
         with self._adding:
-            if not isinstance(entry.what, tuple) and self._begun is not None:
+            if not isinstance(change, Ended) and self._begun is not None:
                 try:
-                    self._begun.add(entry.what)
+                    self._begun.add(change)
                 except Exception as error:  # noqa: BLE001 - a stop must not fail by its record
                     self._fail(error)
-            self._waiting.append(entry)
+            self._waiting.append(change)
 
     def _recall(self, name: str) -> tuple[str, list[Past]]:
         """Return the robot's emergency stop and its commands, the oldest first."""
@@ -240,23 +263,33 @@ class Journal:
         closing = False
         while not closing:
             closing = self._closing.wait(GATHER)
-            entries = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if not entries:
+            changes = [self._waiting.popleft() for _ in range(len(self._waiting))]
+            if not changes:
                 continue
             with self._using:
-                self._commit(entries)
+                self._commit(changes)
             with self._adding:
                 if self._begun is not None and not self._waiting and not self.problem:
                     self._begun.clear()
 
-    def _commit(self, entries: Sequence[Entry]) -> None:
-        """Write entries; what the disk does not take is told, once for each kind of trouble."""
+    def _commit(self, changes: Sequence[Change]) -> None:
+        """Write changes; what the disk does not take is told, once for each kind of trouble.
+
+        Commands go many in one call: with each call the interpreter is given away and wanted back, and a
+        command that is on its way waits meanwhile.
+        """
         if self._database is None:
             return
+        total = _Sum(changes)
         try:
             self._database.execute("BEGIN IMMEDIATE")
-            for entry in entries:
-                self._database.execute(entry.change, entry.values)
+            self._database.executemany(_END, map(msgspec.structs.astuple, total.ended))
+            begun = list(total.begun.values())
+            for start in range(0, len(begun), _AT_ONCE):
+                rows = begun[start : start + _AT_ONCE]
+                values = itertools.chain.from_iterable(rows)
+                self._database.execute(_BEGIN + ", ".join([_ROW] * len(rows)), tuple(values))
+            self._database.executemany(_LATCH, total.latches.items())
             self._database.execute(_FORGET, (self._clock.time() - REMEMBERED,))
             self._database.execute("COMMIT")
             self.problem = ""

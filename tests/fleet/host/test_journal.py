@@ -1,15 +1,18 @@
 """What is remembered of commands and stops when the process dies, is started anew, or its disk fails."""
 
 import asyncio
+import itertools
 import os
 import signal
 import subprocess
 import sys
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from fleet.host.begun import SIZE, Begun, Latched
-from fleet.host.journal import LOST, REMEMBERED, Journal, Past
+from fleet.host.begun import SIZE, Begun, Latched, Started
+from fleet.host.journal import LOST, REMEMBERED, Ended, Journal, Past
 from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
 from fleet.spool.place import JOURNAL
@@ -289,6 +292,39 @@ def test_a_file_grows_by_nothing_but_what_it_holds_and_is_small_again_after_a_st
         begun.add(Latched("rex", "fire"))
         begun.close()
         assert path.stat().st_size == SIZE
+
+
+NOW = ManualClock().time()
+NAMES = st.sampled_from(["rex", "max", "e\0v"])
+CHANGES = st.lists(
+    st.builds(
+        Started, NAMES, st.sampled_from("abc"), st.just("land"), st.booleans(), st.floats(NOW, NOW + 9.0)
+    )
+    | st.builds(Ended, st.sampled_from(["completed", "failed"]), NAMES, st.sampled_from("abc"))
+    | st.builds(Latched, NAMES, st.sampled_from(["", "fire", "smoke"])),
+    max_size=30,
+)
+
+
+@settings(deadline=None)
+@given(CHANGES, st.lists(st.integers(0, 30), max_size=3))
+def test_changes_come_to_the_same_in_one_commit_or_in_many(tmp_path_factory, changes, cuts):
+    seen = []
+    for places in (sorted(cuts), range(len(changes))):
+        folder = tmp_path_factory.mktemp("journal")
+        journal = Journal(folder, ManualClock(), folder / "begun.main")
+        for start, end in itertools.pairwise([0, *places, len(changes)]):
+            journal._commit(changes[start:end])
+        robots = [journal.robot(name) for name in ("rex", "max", "e\0v")]
+        seen.append([(robot.latched, {past.identity: past for past in robot.past}) for robot in robots])
+        journal.close()
+    assert seen[0] == seen[1]
+
+
+def test_more_commands_than_one_statement_takes_are_remembered(opened):
+    journal = opened()
+    journal._commit([Started("rex", f"r{number}", "land", False, NOW) for number in range(257)])
+    assert len(opened().robot("rex").past) == 257
 
 
 def test_a_stop_does_not_fail_by_its_record(opened, monkeypatch):
