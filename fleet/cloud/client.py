@@ -282,7 +282,7 @@ class CloudClient:
             self._settings,
             self._clock,
             deliver=self._deliver,
-            take=self._taken,
+            take=self._on_read,
         )
 
     async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
@@ -325,13 +325,6 @@ class CloudClient:
             self._on_message(messages)
         except Exception:
             logger.exception("handing over %d messages failed", len(messages))
-
-    def _taken(self) -> None:
-        """Have what was handed over taken; an error there must not end the connection."""
-        try:
-            self._on_read()
-        except Exception:
-            logger.exception("taking what was handed over failed")
 
     def _set_state(self, state: CloudState, cause: str) -> None:
         """Tell of a change, once."""

@@ -110,7 +110,10 @@ class Connection:
 
     def _follow_up(self) -> None:
         """Do what follows from what was read: what is asked of robots begins before anybody is answered."""
-        self._take()
+        try:
+            self._take()
+        except Exception:
+            logger.exception("taking what was handed over failed")
         self._loop.call_soon(self._conclude)
 
     def _writable(self) -> None:

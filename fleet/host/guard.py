@@ -55,7 +55,8 @@ class Guard:
         self._name = config.name
         self._config = config.fence
         self._limits = limits
-        self._unfenced = config.fence is None and limits.distance is None and limits.altitude is None
+        self._unbordered = config.fence is None and limits.distance is None
+        self._unfenced = self._unbordered and limits.altitude is None
         self._clock = clock
         self._end = end
         self._publish = publish
@@ -138,7 +139,7 @@ class Guard:
 
     def within(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
-        if velocity.is_zero or self._unfenced:
+        if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
         pose = self._fresh()
         if pose is None or self._fence is None:
