@@ -38,8 +38,8 @@ from bench.common import (
     wait_for,
 )
 
-ROUNDS = 1
-EACH = 400  # commands a round; a round takes about two minutes
+ROUNDS = 2
+EACH = 400  # commands a round; a round takes over a minute
 PAUSE = 0.01  # s between commands, in which the vehicle acknowledges them, and between hops
 DRONES = 50
 DO_SET_HOME = 179  # MAV_CMD
