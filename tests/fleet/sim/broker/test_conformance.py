@@ -311,10 +311,11 @@ def test_what_is_larger_than_a_client_takes_is_left_out(guest):
     bob = guest("bob", protocol=5, MaximumPacketSize=200).enter()
     bob.subscribe("a", 1)
     bob.send("a", b"small", 1)
+    assert bob.next().payload == b"small"  # before another client's: brokers keep the order of one alone
     alice = guest("alice", protocol=5).enter()
     alice.publish("a", b"x" * 500, 1)
     alice.publish("a", b"small again", 1)
-    assert [bob.next().payload, bob.next().payload] == [b"small", b"small again"]
+    assert bob.next().payload == b"small again"
 
 
 @both_versions
