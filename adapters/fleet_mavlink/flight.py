@@ -221,9 +221,8 @@ class Flight:
 
     async def _home_altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
-        if (altitude := self.vehicle.state.home_altitude) is not None:
-            return altitude
-        await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
+        if self.vehicle.state.home_altitude is None:
+            await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
         altitude = self.vehicle.state.home_altitude
         if altitude is None:
             raise home_unknown()

@@ -65,7 +65,7 @@ class Hub:
         trust = Trust(signer, accept_unsigned=accept_unsigned)
 
         def send(message: Message, address: Address) -> None:
-            self.link.send(self._packer.pack(message, trust.way), address)
+            self.send(message, address, trust.way)
 
         vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
         try:

@@ -171,17 +171,16 @@ class Session:
             raise _broken("the broker uses a topic alias that was not allowed")
         identifier = packet.packet_id
         if identifier is None:
-            self._take(packet)
+            self._take(_message_of(packet))
         elif packet.qos == mqtt5.QoS.AT_LEAST_ONCE:
-            self._take(packet)
+            self._take(_message_of(packet))
             self._replies.append(mqtt5.PubAckPacket(identifier))
         else:
             self._on_publish_twice(packet, identifier)
 
     def _on_plain(self, plain: Publish, _now: float) -> None:
         """Take a message of the usual form."""
-        self._stats.received += 1
-        self._messages.append(plain.message)
+        self._take(plain.message)
         if plain.identifier:
             self._replies.append(mqtt5.PubAckPacket(plain.identifier))
 
@@ -192,22 +191,13 @@ class Session:
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
                 raise SessionEnded("the broker has too many QoS 2 messages under way", code)
             self._half_received.add(identifier)
-            self._take(packet)
+            self._take(_message_of(packet))
         self._replies.append(mqtt5.PubRecPacket(identifier))
 
-    def _take(self, packet: mqtt5.PublishPacket) -> None:
+    def _take(self, message: Message) -> None:
         """Add a message to those that are handed out."""
         self._stats.received += 1
-        self._messages.append(
-            Message(
-                packet.topic,
-                packet.payload,
-                int(packet.qos),
-                packet.retain,
-                packet.response_topic,
-                packet.correlation_data,
-            )
-        )
+        self._messages.append(message)
 
     def _on_pubrel(self, packet: mqtt5.PubRelPacket, _now: float) -> None:
         """Forget the identifier: the broker will not send that QoS 2 message again."""
@@ -234,6 +224,18 @@ class Session:
 
     def _on_pong(self, _packet: mqtt5.PingRespPacket, _now: float) -> None:
         """Do nothing: the keepalive watch has already noted that the link is alive."""
+
+
+def _message_of(packet: mqtt5.PublishPacket) -> Message:
+    """Return the message that a packet carries."""
+    return Message(
+        packet.topic,
+        packet.payload,
+        int(packet.qos),
+        packet.retain,
+        packet.response_topic,
+        packet.correlation_data,
+    )
 
 
 def _broken(message: str) -> SessionEnded:

@@ -9,17 +9,13 @@ from fleet.robot_config import Limits
 def clamp(velocity: Velocity, limits: Limits) -> Velocity:
     """Return the velocity within ``limits``; horizontal, vertical and yaw each on their own."""
     linear = velocity.linear
-    level, climb, turn = linear.horizontal(), abs(linear.z), abs(velocity.yaw_rate)
-    if (
-        (limits.speed is None or level <= limits.speed)
-        and (limits.vertical_speed is None or climb <= limits.vertical_speed)
-        and (limits.yaw_rate is None or turn <= limits.yaw_rate)
-    ):
+    level = _scale(linear.horizontal(), limits.speed)
+    climb = _scale(abs(linear.z), limits.vertical_speed)
+    turn = _scale(abs(velocity.yaw_rate), limits.yaw_rate)
+    if level == climb == turn == 1.0:
         return velocity
-    scale = _scale(level, limits.speed)
-    vertical = linear.z * _scale(climb, limits.vertical_speed)
-    yaw_rate = velocity.yaw_rate * _scale(turn, limits.yaw_rate)
-    return Velocity(Vector3(linear.x * scale, linear.y * scale, vertical), yaw_rate, velocity.gait)
+    scaled = Vector3(linear.x * level, linear.y * level, linear.z * climb)
+    return Velocity(scaled, velocity.yaw_rate * turn, velocity.gait)
 
 
 def _scale(length: float, limit: float | None) -> float:

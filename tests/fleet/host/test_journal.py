@@ -338,6 +338,22 @@ def test_a_stop_does_not_fail_by_its_record(opened, monkeypatch):
     assert opened().robot("rex").latched == "fire"
 
 
+async def test_an_emergency_stop_halts_the_robot_though_its_record_fails(
+    opened, make_bench, asks, monkeypatch
+):
+    def fail(_row):
+        raise ValueError("odd")
+
+    journal = opened()
+    monkeypatch.setattr("fleet.host.desk.HALT_WAIT", 20.0)
+    monkeypatch.setattr(journal._begun, "add", fail)
+    bench = make_bench(journal=journal.robot("rex"))
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    assert bench.puppet.told[0] == "halt"
+    assert bench.desk.latched
+
+
 def test_more_is_kept_in_memory_than_the_file_was_made_for_when_the_disk_takes_nothing(
     tmp_path, clock, opened, monkeypatch
 ):
