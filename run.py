@@ -1,7 +1,8 @@
 """Run the project on a computer that has only git and Python 3.11: ``python3 run.py demo`` or ``test``.
 
 Installs what uv.lock pins into ``.venv`` (with uv, which it gets for itself when there is none), then hands
-over to ``fleet demo`` or to the tests. Needs nothing but the standard library, from any folder.
+over to ``fleet demo`` or to the tests, whose other programs it fetches too (tests/programs.py). Needs nothing
+but the standard library, from any folder.
 """
 
 from __future__ import annotations
@@ -95,10 +96,14 @@ def install(word: str) -> None:
     stamp.touch()
 
 
-def check_mosquitto() -> None:
-    """Raise Impossible when the tests' MQTT broker is not installed."""
-    if shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin") is None:
-        raise Impossible("the tests need an MQTT broker: sudo apt-get install -y mosquitto mosquitto-clients")
+def fetch_programs() -> None:
+    """Fetch what the tests need outside Python; what cannot be had is told, and its tests do not run."""
+    from tests import programs  # noqa: PLC0415 - the demo needs none
+
+    why = programs.fetch(say)
+    if why:
+        say(f"{why}; the tests that need it do not run")
+        os.environ[programs.WHY_MISSING] = why
 
 
 def start(arguments: list[str]) -> None:
@@ -113,9 +118,9 @@ def start(arguments: list[str]) -> None:
     if not arguments or arguments[0] not in PROGRAMS:
         raise Impossible(f"what shall be run?\n{USAGE}")
     word, *options = arguments
-    if word == "test":
-        check_mosquitto()
     install(word)
+    if word == "test":
+        fetch_programs()
     os.chdir(ROOT)
     name, *rest = PROGRAMS[word]
     program = str(ENVIRONMENT / "bin" / name)

@@ -1,11 +1,12 @@
-"""What all tests share: MQTT brokers, and Hypothesis without clocks (the tests run on busy machines)."""
+"""What all tests share: MQTT brokers, other programs, Hypothesis without clocks (the machines are busy)."""
 
 import contextlib
 import importlib.util
 import os
-import shutil
 import socket
 import subprocess
+import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,18 @@ from fleet.sim.broker import BrokerThread
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("hostile", settings.get_profile("fleet"), max_examples=100_000)
 settings.load_profile("fleet")
+
+
+def _load(path):
+    """Load a module of the tests by its path."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+PROGRAMS = _load(Path(__file__).with_name("programs.py"))
+MISSING = "missing program: "  # begins the reason of each test that does not run for want of a program
 
 MOSQUITTO = (
     "user root",  # which only root reads; without it root's mosquitto may not open a test's certificates
@@ -47,16 +60,15 @@ def _state_home(tmp_path_factory):
 class Mosquitto:
     """A Mosquitto broker on 127.0.0.1 at ``port``, for as long as a ``with`` block lasts."""
 
-    def __init__(self, folder, *lines):
+    def __init__(self, program, folder, *lines):
+        self._program = program
         self._config = folder / "mosquitto.conf"
         self._lines = lines
         self._process = None
         self.port = 0
 
     def __enter__(self):
-        program = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/sbin")
-        assert program, "these tests need Mosquitto: apt-get install -y mosquitto"
-        while not self._starts(program):
+        while not self._starts():
             self.stop()
         return self
 
@@ -69,13 +81,13 @@ class Mosquitto:
         self._process.wait()
         self._process.stderr.close()
 
-    def _starts(self, program):
+    def _starts(self):
         """Start it on a port that is free, and tell whether it still was."""
         with socket.create_server(("127.0.0.1", 0)) as probe:
             self.port = probe.getsockname()[1]
         self._config.write_text("\n".join((f"listener {self.port} 127.0.0.1", *MOSQUITTO, *self._lines)))
         self._process = subprocess.Popen(
-            [program, "-c", self._config], stderr=subprocess.PIPE, text=True, encoding="utf-8"
+            [self._program, "-c", self._config], stderr=subprocess.PIPE, text=True, encoding="utf-8"
         )
         said = []
         for line in self._process.stderr:
@@ -101,11 +113,25 @@ def free_udp_port():
         return probe.getsockname()[1]
 
 
+@pytest.fixture(scope="session")
+def program():
+    """Find a program outside Python: ``program("openssl")``; without it the test does not run."""
+
+    def find(name):
+        path = PROGRAMS.find(name)
+        if path is None:
+            pytest.skip(MISSING + name)
+        return path
+
+    return find
+
+
 @pytest.fixture
-def run_mosquitto(tmp_path):
+def run_mosquitto(tmp_path, program):
     """Start Mosquitto with more lines of configuration, until the test ends."""
+    path = program("mosquitto")
     with contextlib.ExitStack() as stack:
-        yield lambda *lines: stack.enter_context(Mosquitto(tmp_path, *lines))
+        yield lambda *lines: stack.enter_context(Mosquitto(path, tmp_path, *lines))
 
 
 @pytest.fixture
@@ -121,6 +147,35 @@ def broker():
         yield running
 
 
+@pytest.fixture
+def foreign_broker(request):
+    """Run a broker outside the demo: Mosquitto, or the demo broker where there is no Mosquitto."""
+    return request.getfixturevalue("mosquitto" if PROGRAMS.find("mosquitto") else "broker")
+
+
+def missing_programs(config):
+    """Return how many tests did not run, by the program that was missing; nothing in an xdist worker."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    skipped = [] if hasattr(config, "workerinput") else reporter.stats.get("skipped", [])
+    reasons = [report.longrepr[2].partition(MISSING) for report in skipped]
+    return Counter(name for _, found, name in reasons if found)
+
+
+def pytest_sessionfinish(session):
+    """Fail where everything must run (CI=true) and something did not."""
+    if missing_programs(session.config) and os.environ.get("CI") == "true":
+        session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_unconfigure(config):
+    """Say last how many tests did not run and why."""
+    missing = missing_programs(config)
+    if missing:
+        programs = ", ".join(f"{name} is missing ({count})" for name, count in sorted(missing.items()))
+        why = os.environ.get(PROGRAMS.WHY_MISSING, "python3 run.py test fetches what is missing")
+        sys.stdout.write(f"{missing.total()} tests did not run: {programs}; {why}\n")
+
+
 def pytest_asyncio_loop_factories():
     """Run tests on the loop that a fleet process runs on."""
     return {"fleet": FleetLoop}
@@ -129,12 +184,4 @@ def pytest_asyncio_loop_factories():
 @pytest.fixture(scope="session")
 def module_at():
     """Load a module of the tests by its path below tests/."""
-
-    def load(path):
-        place = Path(__file__).parent / path
-        spec = importlib.util.spec_from_file_location(place.stem, place)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
-
-    return load
+    return lambda path: _load(Path(__file__).parent / path)

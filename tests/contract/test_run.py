@@ -33,12 +33,6 @@ def test_a_uv_that_is_too_old_or_broken_is_passed_over(bootstrap, tmp_path, scri
     assert not bootstrap.works(program(tmp_path / "uv", script))
 
 
-def test_a_missing_broker_is_told_with_what_to_install(bootstrap, monkeypatch):
-    monkeypatch.setattr(bootstrap.shutil, "which", lambda name, path=None: None)
-    with pytest.raises(bootstrap.Impossible, match="apt-get install -y mosquitto"):
-        bootstrap.check_mosquitto()
-
-
 def test_a_python_that_is_too_old_is_told(bootstrap, monkeypatch):
     monkeypatch.setattr(bootstrap, "OLDEST_PYTHON", (99, 0))
     with pytest.raises(bootstrap.Impossible, match=r"at least 3\.11 is needed"):

@@ -302,17 +302,17 @@ def ears() -> Iterator[Callable[..., Ears]]:
         each.close()
 
 
-PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on mosquitto"
+PX4, ARDUPILOT = "px4 on the demo's broker", "ardupilot on a foreign broker"
 """Autopilot and broker know nothing of each other, so two pairs show all that four would."""
 
 
 @pytest.fixture(params=[PX4, ARDUPILOT])
 def flying(request: Any, fleet: Any, ears: Any) -> tuple[Running, Ears]:
-    """Start a demo with one drone of each flavour, on its own broker and on Mosquitto."""
+    """Start a demo with one drone of each flavour, on its own broker and on a foreign one."""
     broker: tuple[str, ...] = ()
     if request.param == ARDUPILOT:
-        mosquitto = request.getfixturevalue("mosquitto")
-        broker = ("--broker", f"127.0.0.1:{mosquitto.port}")
+        foreign = request.getfixturevalue("foreign_broker")
+        broker = ("--broker", f"127.0.0.1:{foreign.port}")
     running = fleet("demo", "--drones", "2", "--json", *broker)
     host, port = running.line(r"MQTT broker +(\S+):(\d+)").groups()
     listener = ears(host, int(port), "cyberwave/twin/#")

@@ -67,13 +67,14 @@ def test_a_path_is_paused_resumed_and_another_goal_is_cancelled(airborne):
     pilot.reaches("the place above home", lambda at: math.hypot(at["x"], at["y"]) < 0.5)
 
 
-def test_plain_mosquitto_pub_flies_it(pilot, flying):
+def test_plain_mosquitto_pub_flies_it(program, pilot, flying):
+    mosquitto_pub = program("mosquitto_pub")
     _, ears = flying
     host, port = ears.address
 
     def pub(leaf, **message):
         payload = json.dumps({"source_type": "tele", **message})
-        command = ["mosquitto_pub", "-h", host, "-p", str(port), "-t", pilot.topic(leaf), "-m", payload]
+        command = [mosquitto_pub, "-h", host, "-p", str(port), "-t", pilot.topic(leaf), "-m", payload]
         subprocess.run(command, check=True)
         time.sleep(1)  # as a person types
 

@@ -188,11 +188,11 @@ def has_line(process, *, wait):
 
 
 @pytest.fixture
-def certificates(directory):
+def certificates(directory, program):
     """Make an authority, and a certificate that it signed."""
 
     def openssl(*arguments):
-        subprocess.run(["openssl", *arguments], cwd=directory, check=True, capture_output=True)
+        subprocess.run([program("openssl"), *arguments], cwd=directory, check=True, capture_output=True)
 
     new = (
         "req",

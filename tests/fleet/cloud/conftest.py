@@ -114,12 +114,14 @@ def relay():
 
 
 @pytest.fixture
-def certificate(tmp_path):
+def certificate(tmp_path, program):
     """Make a certificate of its own authority for ``localhost``; return the paths of it and of its key."""
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
-    command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2"
+    command = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2"
     names = ("-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost", "-keyout", key, "-out")
-    subprocess.run([*command.split(), *names, certificate], check=True, capture_output=True)
+    subprocess.run(
+        [program("openssl"), *command.split(), *names, certificate], check=True, capture_output=True
+    )
     return certificate, key
 
 
