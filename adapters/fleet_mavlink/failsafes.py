@@ -7,6 +7,7 @@ written only where fleet.yaml, or a command, says so, and never while the motors
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from typing import Literal
 
@@ -87,7 +88,11 @@ def rules_for(flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool
 
 
 class Failsafes:
-    """The fail-safes of one vehicle; ``troubles`` says what is wrong with them, empty when nothing is."""
+    """The fail-safes of one vehicle; ``troubles`` says what is wrong with them, empty when nothing is.
+
+    ``lasting``: what is written outlives this edge, so a person is warned of it. A simulated vehicle begins
+    with the autopilot's defaults each time and forgets what was written.
+    """
 
     def __init__(
         self,
@@ -97,6 +102,7 @@ class Failsafes:
         keeping: Keeping,
         link_loss: LinkLoss,
         station: int,
+        lasting: bool,
         changed: Callable[[], None],
     ) -> None:
         self.troubles: tuple[str, ...] = ()
@@ -105,6 +111,7 @@ class Failsafes:
         self._keeping = keeping
         self._link_loss = link_loss
         self._station = station
+        self._aloud = logging.WARNING if lasting else logging.INFO
         self._changed = changed
 
     async def keep(self) -> None:
@@ -144,7 +151,8 @@ class Failsafes:
             name, value = await self._read(rule)
             if value not in rule.good:
                 await self._parameters.write(name, rule.wanted)
-                self._vehicle.log.warning("%s was %g and is %g now", name, value, rule.wanted)
+                said = "fail-safe %s was %g (%s) and is %g now"
+                self._vehicle.log.log(self._aloud, said, name, value, rule.danger, rule.wanted)
         await self.verify()
 
     async def _set_on_the_ground(self) -> None:

@@ -86,6 +86,7 @@ class Session:
             keeping=config.keeping,
             link_loss=config.link_loss,
             station=config.own_system,
+            lasting=not config.simulated,
             changed=self._look,
         )
         self.logs = Logs(vehicle)

@@ -66,6 +66,7 @@ class Board:
             idle=self._profile.idle,
         )
         self._asked = self._robot.clock.monotonic()
+        self.readiness.opened(self._asked)
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
         self._robot.every(LOOK, self.turn)

@@ -83,6 +83,10 @@ class Readiness:
         """Return the seconds since the last feedback."""
         return now - self._heard
 
+    def opened(self, now: float) -> None:
+        """Count the silence from now: the line is open, which takes time (a simulator starts first)."""
+        self._heard = now
+
     def lost(self, now: float) -> bool:
         """Return True when the base was silent for too long."""
         return self.quiet_for(now) > LOST_AFTER

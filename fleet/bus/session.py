@@ -6,6 +6,7 @@ import contextlib
 import logging
 import os
 import re
+import socket
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -59,14 +60,21 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
 
 
 def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
-    """Open both lanes of an edge; the default port is done without where somebody else has it."""
+    """Open both lanes of an edge; another free port takes the default port's place where that is taken."""
     if settings.listen is not None or settings.mode == "client":
         return _listening(settings, directory, users, settings.listen or ())
     with contextlib.suppress(BusError):  # what has another reason fails once more, and is told
         return _listening(settings, directory, users, (f"tcp/127.0.0.1:{LOOPBACK_PORT}",))
-    bus = _listening(settings, directory, users, ())
-    log.warning("port %d is taken: the bus is on its Unix socket only", LOOPBACK_PORT)
+    port = _free_port()
+    bus = _listening(settings, directory, users, (f"tcp/127.0.0.1:{port}",))
+    log.warning("port %d is taken: other programs join this bus at tcp/127.0.0.1:%d", LOOPBACK_PORT, port)
     return bus
+
+
+def _free_port() -> int:
+    """Return a port of loopback that nobody has now."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
 
 
 def _listening(settings: BusSettings, directory: Path, users: Path | None, given: tuple[str, ...]) -> Bus:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import shutil
 import socket
@@ -15,13 +16,16 @@ from typing import NamedTuple
 
 import click
 
+from fleet.bus.settings import is_running, running_edges, runtime_dir
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import serve
 from fleet.config.load import load
+from fleet.errors import BusError
 from fleet.host.edge import Edge
 from fleet.sim.broker.thread import BrokerThread
 
 NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")
+EDGE = "demo"
 MQTT_PORT = 1883
 SPACING = 0.0001  # degrees of latitude between two drones: 11 m
 FLAVOURS = ("px4", "ardupilot")
@@ -44,9 +48,9 @@ TRIES = (
 )
 
 
-def twin_of(name: str) -> str:
-    """Return the twin of a demo robot; the same every time, so that scripts can name it."""
-    return str(uuid.uuid5(NAMESPACE, name))
+def twin_of(name: str, edge: str = EDGE) -> str:
+    """Return the twin of an edge's robot; the same every time, so that scripts can name it."""
+    return str(uuid.uuid5(NAMESPACE, name if edge == EDGE else f"{edge}/{name}"))
 
 
 def _link(number: int) -> str:
@@ -55,26 +59,29 @@ def _link(number: int) -> str:
     return f"sim:{FLAVOURS[(number - 1) % 2]}?home={latitude:.6f},8.545594,488,0"
 
 
-def _robot(name: str, **fields: str) -> dict[str, object]:
+def _robot(name: str, edge: str, **fields: str) -> dict[str, object]:
     """Return one simulated robot that obeys whoever tries the demo."""
     accepts = {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]}
-    return {"name": name, "twin": twin_of(name), **fields, "accepts": accepts}
+    return {"name": name, "twin": twin_of(name, edge), **fields, "accepts": accepts}
 
 
-def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0) -> str:
+def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0, edge: str = EDGE) -> str:
     """Return the fleet file of the demo, as JSON (which is YAML); it keeps its state beside itself."""
     kinds = {
-        "drones": [_robot(f"drone-{n}", adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)],
+        "drones": [
+            _robot(f"drone-{n}", edge, adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)
+        ],
         "ugvs": [
-            _robot(f"ugv-{n}", adapter="ugv", profile=UGV, link=f"sim:{UGV}") for n in range(1, ugvs + 1)
+            _robot(f"ugv-{n}", edge, adapter="ugv", profile=UGV, link=f"sim:{UGV}")
+            for n in range(1, ugvs + 1)
         ],
         "dogs": [
-            _robot(f"dog-{n}", adapter="quadruped", link="sim:auto", captures="captures")
+            _robot(f"dog-{n}", edge, adapter="quadruped", link="sim:auto", captures="captures")
             for n in range(1, dogs + 1)
         ],
     }
     fleet = {
-        "edge": {"id": "demo", "spool": {"path": "state"}},
+        "edge": {"id": edge, "spool": {"path": "state"}},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
         "robots": [robot for robots in kinds.values() for robot in robots],
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
@@ -89,47 +96,64 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
     "--dogs", type=click.IntRange(0, 10), default=0, show_default=True, help="Quadrupeds (extra can)."
 )
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
+@click.option("--edge-id", default=EDGE, show_default=True, help="Name of the edge; another for each demo.")
 @click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
 @with_output
 def demo(  # noqa: PLR0917 - click's options
-    out: Output, drones: int, ugvs: int, dogs: int, broker: str | None, verbose: int
+    out: Output, drones: int, ugvs: int, dogs: int, broker: str | None, edge_id: str, verbose: int
 ) -> ExitCode:
     """Run simulated robots; nothing else is needed.
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
     robots that speak on a serial device, the bus and the bridge, and shows one line a robot until Ctrl-C.
+    A second demo beside it needs an --edge-id of its own; taken ports are replaced by free ones.
     """
     if drones + ugvs + dogs == 0:
         raise click.UsageError("there is nothing to show: ask for one of --drones, --ugvs, --dogs at least")
+    _require_free(edge_id)
     with contextlib.ExitStack() as stack:
         host, port = _address(broker) if broker else ("127.0.0.1", 0)
         if broker is None:
-            port = stack.enter_context(BrokerThread(host=host, port=_port())).port
+            cloud = BrokerThread(host=host, port=_port(), tells_unheard=False)
+            port = stack.enter_context(cloud).port
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleet-demo-")))
         path = folder / "fleet.yaml"
-        path.write_text(demo_file(drones, host, port, ugvs=ugvs, dogs=dogs), encoding="utf-8")
+        path.write_text(demo_file(drones, host, port, ugvs=ugvs, dogs=dogs, edge=edge_id), encoding="utf-8")
         loaded = load(path)
 
         def started(_edge: Edge) -> None:
             there = {config.name for config, _ in loaded.robots}
-            _welcome(out, host, port, [one for one in TRIES if one.robot in there])
+            _welcome(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
         return serve(loaded, path, out, verbose=verbose, started=started)
 
 
-def _welcome(out: Output, host: str, port: int, tries: Sequence[Try]) -> None:
+def _require_free(edge: str) -> None:
+    """Raise BusError, saying how to start another demo, when an edge of this id runs here."""
+    directory = runtime_dir()
+    if is_running(edge, directory):
+        taken = running_edges(directory)
+        free = next(name for number in itertools.count(2) if (name := f"{EDGE}-{number}") not in taken)
+        raise BusError(
+            f"edge {edge!r} runs already on this machine (fleet ps); stop it, or start another demo "
+            f"beside it with --edge-id {free}"
+        )
+
+
+def _welcome(out: Output, host: str, port: int, tries: Sequence[Try], edge: str = EDGE) -> None:
     """Say where to look and what to try, with a robot that is there."""
     out.note(f"MQTT broker       {host}:{port}")
     for robot, command, data, goal in tries[:1]:
-        topic = f"cyberwave/twin/{twin_of(robot)}"
+        topic = f"cyberwave/twin/{twin_of(robot, edge)}"
+        name = robot if edge == EDGE else f"{edge}/{robot}"  # the first demo has a robot of this name, too
         message = json.dumps({"command": command, "source_type": "tele", "data": data})
         words = " ".join([command, *(f"{name}={value}" for name, value in data.items())])
         label = f"{robot}'s topics"
         out.note(f"{label:17} {topic}/+")
         out.note("try, in another terminal:")
         out.note(f"  {fleet_program()} ps")
-        out.note(f"  {fleet_program()} send {robot} {words} --wait")
-        out.note(f"  {fleet_program()} goto {robot} {goal} --wait")
+        out.note(f"  {fleet_program()} send {name} {words} --wait")
+        out.note(f"  {fleet_program()} goto {name} {goal} --wait")
         out.note(f"  mosquitto_sub -h {host} -p {port} -v -t '{topic}/#'")
         out.note(f"  mosquitto_pub -h {host} -p {port} -t {topic}/command -m '{message}'")
     out.note("Ctrl-C ends it.")

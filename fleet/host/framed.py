@@ -158,13 +158,14 @@ class _Session:
         self._inner = framed.inner
         self._robot = robot
         self._cutter: Cutter = framed.inner.framing.cutter()
-        self._heard = robot.clock.monotonic()
+        self._heard = 0.0
         self._understood = False
         self._slow = False
 
     def begin(self, motion: Motion) -> None:
         """Ask the host's wheel for what is due from time to time."""
         inner = self._inner
+        self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
         self._robot.every(LOOK, motion.look)
         self._robot.every(inner.tick_every, self._tick)
         if inner.silence > 0:

@@ -33,6 +33,7 @@ STRIKES = 3
 STRIKE_WINDOW = 60.0  # s
 SLOW_RETRY = 30.0  # s between tries of what only a person can mend
 LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
+COMING_UP = 10.0  # s in which the steps of a start are no trouble: a line that is silent yet, a set-up
 
 
 class _Restart(Exception):
@@ -83,6 +84,7 @@ class Runner:
         self._lifted = asyncio.Event()
         self._leaving = False
         self._told = Level.OK
+        self._coming_up: asyncio.TimerHandle | None = None
 
     async def run(self) -> None:
         """Serve the robot until cancelled; then bring it to a standstill."""
@@ -130,7 +132,9 @@ class Runner:
     async def _once(self) -> _End:
         """Run the adapter once; return what its end means."""
         self._leaving = False
-        self._crash = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        self._crash = loop.create_future()
+        self._coming_up = loop.call_later(COMING_UP, self._is_up)
         handle = self._handle(self)
         end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
@@ -141,6 +145,7 @@ class Runner:
             end = self._judged(error)
         finally:
             handle.close()
+            self._forget_start()
             self._crash.cancel()
             take_note(self._crash)
             self.desk.detach(end.health.cause)
@@ -234,22 +239,37 @@ class Runner:
             self.desk.lost(health.cause)
         else:
             self.desk.found()
+        if health.level in {Level.OK, Level.FAULT}:
+            self._forget_start()
         self._set(health)
 
+    def _is_up(self) -> None:
+        """End the time of the start; what is still wrong after it is told."""
+        self._coming_up = None
+        self._tell()
+
+    def _forget_start(self) -> None:
+        """End the time of the start early."""
+        if self._coming_up is not None:
+            self._coming_up.cancel()
+            self._coming_up = None
+
     def _set(self, health: Health) -> None:
-        """Note a health; the first of a level is told aloud, what follows on it quietly."""
-        if health == self.health:
-            return
-        self.health = health
-        loud = health.level >= Level.DEGRADED and health.level is not self._told
-        self._told = health.level
+        """Note a health and tell it."""
+        if health != self.health:
+            self.health = health
+            self._tell()
+            self._changed()
+
+    def _tell(self) -> None:
+        """Log the health: the first of a level aloud, what follows on it and the steps of a start quietly."""
+        level, cause = self.health.level, self.health.cause
+        loud = level >= Level.DEGRADED and level is not self._told and self._coming_up is None
+        if self._coming_up is None:
+            self._told = level
         self._log.log(
-            logging.WARNING if loud else logging.INFO,
-            "%s%s",
-            health.level.word,
-            f": {health.cause}" * bool(health.cause),
+            logging.WARNING if loud else logging.INFO, "%s%s", level.word, f": {cause}" * bool(cause)
         )
-        self._changed()
 
 
 def _cause(error: BaseException) -> BaseException:

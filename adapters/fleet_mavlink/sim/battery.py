@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 _IDLE, _FLYING = 0.5, 12.0  # amperes
 
 
 class Battery:
-    """A pack of ``capacity_mah``; volts fall from ``full`` to ``empty`` as it drains."""
+    """A pack of ``capacity_mah``; volts fall from ``full`` to ``empty`` as it drains.
 
-    def __init__(self, full: float, empty: float, capacity_mah: float = 5000.0) -> None:
+    ``whole`` makes the whole percents of the messages: PX4 rounds up (``ceilf``), ArduPilot cuts off.
+    """
+
+    def __init__(
+        self, full: float, empty: float, whole: Callable[[float], int], capacity_mah: float = 5000.0
+    ) -> None:
         self._full = full
         self._empty = empty
+        self._whole = whole
         self._capacity = capacity_mah
         self.percent = 100.0
         self.amperes = _IDLE
@@ -19,6 +27,11 @@ class Battery:
     def volts(self) -> float:
         """Voltage of the whole pack."""
         return self._empty + (self._full - self._empty) * self.percent / 100.0
+
+    @property
+    def whole_percent(self) -> int:
+        """What is left, as SYS_STATUS and BATTERY_STATUS say it."""
+        return self._whole(self.percent)
 
     @property
     def used_mah(self) -> float:

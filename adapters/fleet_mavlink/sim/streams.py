@@ -39,7 +39,7 @@ def sys_status(pilot: Autopilot) -> Any:
         320,
         int(battery.volts * 1000),
         int(battery.amperes * 100),
-        int(battery.percent),
+        battery.whole_percent,
         *(0, 0, 0, 0, 0, 0),
     )
 
@@ -151,7 +151,7 @@ def battery_status(pilot: Autopilot) -> Any:
     battery = pilot.battery
     volts = [int(battery.volts * 1000)] + [65535] * 9
     return mav.MAVLink_battery_status_message(
-        0, 1, 1, 32767, volts, int(battery.amperes * 100), int(battery.used_mah), -1, int(battery.percent)
+        0, 1, 1, 32767, volts, int(battery.amperes * 100), int(battery.used_mah), -1, battery.whole_percent
     )
 
 

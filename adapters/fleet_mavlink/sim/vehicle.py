@@ -63,7 +63,7 @@ class SimVehicle:
         self._random = Random(seed * 1009 + system_id)  # noqa: S311 - the same run again, no secret
         self._epoch = epoch
         ardupilot = flavour == "ardupilot"
-        self._battery = Battery(12.6, 9.6) if ardupilot else Battery(16.2, 13.2)
+        self._battery = Battery(12.6, 9.6, int) if ardupilot else Battery(16.2, 13.2, math.ceil)
         values = ardupilot_params(system_id) if ardupilot else px4_params(system_id)
         self._params = Params(values, "cast" if ardupilot else "bytewise")
         self._missions = Missions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)

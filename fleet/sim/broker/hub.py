@@ -36,12 +36,15 @@ class Peer(Protocol):
 class Hub:
     """One broker's state. All of it lives on one event loop."""
 
-    def __init__(self, clock: Clock, limits: Limits, faults: Faults, check: Check | None) -> None:
+    def __init__(
+        self, clock: Clock, limits: Limits, faults: Faults, check: Check | None, *, tells_unheard: bool = True
+    ) -> None:
         self.clock = clock
         self.limits = limits
         self.faults = faults
         self.peers: dict[str, Peer] = {}
         self._check = check
+        self._tells_unheard = tells_unheard
         self._directory = Directory(limits)
         self._behind: set[Peer] = set()
         self._wills: dict[str, asyncio.TimerHandle] = {}
@@ -96,7 +99,7 @@ class Hub:
                 self._directory.remove(session)
 
     def publish(self, packet: mqtt5.PublishPacket, publisher: Session) -> bool:
-        """Route a message; tell whether anybody gets it."""
+        """Route a message; tell whether anybody gets it, or True where that is not to be told."""
         if self.faults.drop and matches(self.faults.drop, packet.topic):
             return True
         lifetime = packet.message_expiry_interval
@@ -112,7 +115,7 @@ class Hub:
             asyncio.get_running_loop().call_later(self.faults.delay, self._deliver_all, kept, receivers)
         else:
             self._deliver_all(kept, receivers)
-        return bool(receivers)
+        return bool(receivers) or not self._tells_unheard
 
     def subscribe(self, session: Session, subscription: Subscription) -> None:
         """Add a subscription and queue the retained messages it asks for."""

@@ -21,7 +21,9 @@ _TICK = 0.1
 class Broker:
     """An MQTT broker for as long as an ``async with`` block lasts; ``port`` is where it listens.
 
-    ``check`` decides about user names and passwords; without it everybody may come in.
+    ``check`` decides about user names and passwords; without it everybody may come in. ``tells_unheard``:
+    who publishes to nobody is told (reason code 0x10, which MQTT 5 leaves to the server); without it the
+    broker acknowledges like a cloud that takes everything.
     """
 
     def __init__(
@@ -33,11 +35,14 @@ class Broker:
         limits: Limits | None = None,
         check: Check | None = None,
         clock: Clock | None = None,
+        tells_unheard: bool = True,
     ) -> None:
         self.host = host
         self.port = port
         self.faults = faults or Faults()
-        self._hub = Hub(clock or SystemClock(), limits or Limits(), self.faults, check)
+        self._hub = Hub(
+            clock or SystemClock(), limits or Limits(), self.faults, check, tells_unheard=tells_unheard
+        )
         self._connections: set[Connection] = set()
         self._server: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None

@@ -44,7 +44,9 @@ def test_it_is_set_where_fleet_yaml_says_so_and_again_after_a_reboot(fly, sky, f
             it.sim.pilot.params._values[PARAMETER[flavour]] = (2, 0.0)
             it.sim.set_fault("reboot", 1.0)
             await it.until(lambda: it.sim.pilot.params[PARAMETER[flavour]] > 0, within=30.0)
-            told = [each for each in caplog.records if each.getMessage().startswith(PARAMETER[flavour])]
+            told = [
+                each for each in caplog.records if f"fail-safe {PARAMETER[flavour]} was" in each.getMessage()
+            ]
             assert {each.name for each in told} == {it.robot.log.name}, "whose parameter it is"
 
     fly(main())

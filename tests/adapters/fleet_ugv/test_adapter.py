@@ -4,7 +4,7 @@ import uuid
 
 import pytest
 
-from fleet import Level, NotReady, PoseReport, Refused, Unsupported, Vector3, Velocity
+from fleet import Level, NotReady, PoseReport, Refused, Unsupported, Vector3, Velocity, open_link
 from fleet.host.make import capabilities, make_adapter, perform
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
@@ -107,6 +107,17 @@ async def test_every_base_drives_forward_reports_it_and_stops(make_bench, profil
     bench.adapter.halt()
     await bench.pass_time(1.0)
     assert bench.board.physics.speeds == [0.0, 0.0]
+
+
+async def test_a_line_that_opens_slowly_is_not_taken_for_a_silent_base(make_bench, monkeypatch):
+    async def open_slowly(*arguments):
+        bench.robot.advance(60.0)
+        return await open_link(*arguments)
+
+    monkeypatch.setattr("fleet_ugv.adapter.open_link", open_slowly)
+    bench = make_bench()
+    await bench.ready()
+    assert not bench.run.done()
 
 
 async def test_the_general_firmware_is_asked_until_it_speaks_and_again_after_it_restarted(make_bench):

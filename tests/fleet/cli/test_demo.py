@@ -1,5 +1,7 @@
 """The demo says what to try, with a robot that is there."""
 
+import json
+
 import pytest
 
 from fleet.cli.demo import TRIES, _welcome, demo_file, twin_of
@@ -34,3 +36,26 @@ def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
 def test_every_kind_of_robot_can_be_tried():
     file = demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1)
     assert all(f'"{one.robot}"' in file for one in TRIES)
+
+
+def test_another_edges_robots_are_other_twins_and_are_named_with_their_edge():
+    notes = Notes()
+    _welcome(notes, "127.0.0.1", 1883, TRIES[:1], "demo-2")
+    told = "\n".join(notes.lines)
+    assert "send demo-2/drone-1 takeoff" in told
+    assert "goto demo-2/drone-1" in told
+    assert f"cyberwave/twin/{twin_of('drone-1', 'demo-2')}/command" in told
+    assert twin_of("drone-1", "demo-2") != twin_of("drone-1")
+    file = json.loads(demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1, edge="demo-2"))
+    assert file["edge"]["id"] == "demo-2"
+    assert {robot["twin"] for robot in file["robots"]} == {
+        twin_of(robot["name"], "demo-2") for robot in file["robots"]
+    }
+
+
+def test_a_second_demo_is_told_a_free_name(fleet, spawn_edge):
+    spawn_edge("demo")
+    spawn_edge("demo-2")
+    result = fleet("demo")
+    assert result.code == 1
+    assert "start another demo beside it with --edge-id demo-3" in result.err

@@ -160,6 +160,21 @@ async def test_silence_counts_as_a_lost_link(running):
         running.robot.advance(2.0)
 
 
+async def test_a_link_that_opens_slowly_is_not_silent(monkeypatch):
+    async def open_slowly(*arguments):
+        robot.advance(60.0)
+        return await open_link(*arguments)
+
+    monkeypatch.setattr("fleet.host.framed.open_link", open_slowly)
+    robot = RecordingRobot()
+    with MemoryRobot("slow"):
+        work = asyncio.create_task(make_adapter(Cart, config("memory:slow")).run(robot))
+        await robot.until(lambda: robot.healths)
+        robot.advance(2.0)
+        work.cancel()
+        await asyncio.gather(work, return_exceptions=True)
+
+
 async def test_a_fallen_link_ends_the_run_with_the_reason(running):
     running.machine.unplug("the cable is out")
     error = await running.outcome()

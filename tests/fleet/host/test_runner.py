@@ -491,3 +491,49 @@ async def test_a_fault_that_ended_the_run_leaves_nobody_to_ask(stage, asks):
     one = stage(fail(Fault("the frame is cracked")))
     await asks.until(lambda: one.runner.health.level is Level.FAULT)
     assert one.runner.desk.offline
+
+
+def warnings(caplog):
+    return [record.message for record in caplog.records if record.levelname == "WARNING"]
+
+
+async def test_the_steps_of_a_start_are_no_warnings(stage, asks, caplog):
+    async def run(robot):
+        robot.health(Health(Level.OFFLINE, "it has not spoken yet"))
+        robot.health(Health(Level.DEGRADED, "it is being set up"))
+        robot.health(Health())
+        await asyncio.Event().wait()
+
+    one = stage(run)
+    await asks.until(lambda: one.runner.health.level is Level.OK)
+    assert warnings(caplog) == []
+
+
+async def test_a_robot_that_does_not_come_up_is_told_aloud(stage, asks, caplog, monkeypatch):
+    monkeypatch.setattr("fleet.host.runner.COMING_UP", 0.05)
+
+    async def run(robot):
+        robot.health(Health(Level.OFFLINE, "it has not spoken yet"))
+        await asyncio.Event().wait()
+
+    stage(run)
+    await asks.until(lambda: warnings(caplog) == ["offline: it has not spoken yet"])
+
+
+async def test_what_goes_wrong_once_a_robot_was_well_is_told_at_once(stage, asks, caplog):
+    async def run(robot):
+        robot.health(Health())
+        robot.health(Health(Level.DEGRADED, "its battery is low"))
+        await asyncio.Event().wait()
+
+    stage(run)
+    await asks.until(lambda: warnings(caplog) == ["degraded: its battery is low"])
+
+
+async def test_a_fault_during_the_start_is_told_at_once(stage, asks, caplog):
+    async def run(robot):
+        robot.health(Health(Level.FAULT, "a leg is loose"))
+        await asyncio.Event().wait()
+
+    stage(run)
+    await asks.until(lambda: warnings(caplog) == ["fault: a leg is loose"])
