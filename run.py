@@ -7,6 +7,7 @@ but the standard library, from any folder.
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import shutil
@@ -19,6 +20,7 @@ ENVIRONMENT = ROOT / ".venv"
 OWN_UV = ROOT / ".venv-uv"
 OLDEST_PYTHON = (3, 11)
 OLDEST_UV = (0, 5)
+VENV = "on Debian and Ubuntu: sudo apt-get install -y python3-venv"
 USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [options of pytest]"""
 # What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
@@ -52,7 +54,7 @@ def works(uv: str | Path) -> bool:
 
 
 def find_uv() -> Path:
-    """Return uv: the user's own, or one in a folder of ours, made with venv and pip."""
+    """Return uv: the user's own, or one in a folder of ours, made with venv and pip, or with pip alone."""
     users = shutil.which("uv")
     if users and works(users):
         return Path(users)
@@ -60,16 +62,29 @@ def find_uv() -> Path:
     if works(own):
         return own
     say("there is no uv: making one in .venv-uv, for this folder only")
-    run(
-        [sys.executable, "-m", "venv", "--clear", str(OWN_UV)],
-        "Python cannot make environments; on Debian and Ubuntu: sudo apt-get install -y python3-venv",
-    )
+    if importlib.util.find_spec("ensurepip"):
+        run(
+            [sys.executable, "-m", "venv", "--clear", str(OWN_UV)], f"Python cannot make environments; {VENV}"
+        )
+        pip = [str(OWN_UV / "bin" / "python"), "-m", "pip", "install"]
+    else:  # Debian keeps it in a package of its own
+        shutil.rmtree(OWN_UV, ignore_errors=True)
+        pip = [sys.executable, str(fetch_pip() / "pip"), "install", "--target", str(OWN_UV)]
+    OWN_UV.mkdir(exist_ok=True)
     (OWN_UV / ".gitignore").write_text("*\n")
-    run(
-        [str(OWN_UV / "bin" / "python"), "-m", "pip", "install", "--quiet", "uv"],
-        "pip could not install uv; look at the lines above, or install uv yourself",
-    )
+    run([*pip, "--quiet", "uv"], "pip could not install uv; look at the lines above, or install uv yourself")
     return own
+
+
+def fetch_pip() -> Path:
+    """Return a pip that need not be installed; raises Impossible."""
+    from tests import programs  # noqa: PLC0415 - most have a pip
+
+    say("this Python has no pip: fetching the distribution's into .venv-programs; nothing is installed")
+    try:
+        return programs.fetch_pip()
+    except programs.Unavailable as error:
+        raise Impossible(f"Python has no pip, and {error}; {VENV}") from None
 
 
 def run(command: list[str], advice: str) -> None:

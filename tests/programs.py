@@ -3,17 +3,19 @@
 A program that is not on PATH is fetched as the distribution's package, with those libraries that are not
 installed, into ``.venv-programs`` beside ``.venv``: apt-get downloads with lists and a cache of its own
 there, ``dpkg -x`` unpacks, and a script in ``.venv-programs/bin`` starts the program with its libraries.
-Nothing is installed, no service is started, no rights are asked for. Standard library only: run.py calls it.
+Nothing is installed, no service is started, no rights are asked for. Standard library only: run.py calls it,
+also for pip where Python comes without it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,20 +60,30 @@ def fetch(say: Callable[[str], None]) -> str:
     if not missing:
         return ""
     say(f"fetching {', '.join(missing)} for the tests into .venv-programs; nothing is installed")
-    FOLDER.mkdir(exist_ok=True)
-    (FOLDER / ".gitignore").write_text("*\n")
-    with tempfile.TemporaryDirectory(prefix="apt-", dir=FOLDER) as state:
-        try:
-            apt = _Apt(Path(state))
-        except Unavailable as error:
-            return str(error)
-        return "; ".join(why for name in missing if (why := _fetched(name, apt)))
+    try:
+        with _apt() as apt:
+            return "; ".join(why for name in missing if (why := _fetched(name, apt)))
+    except Unavailable as error:
+        return str(error)
+
+
+def fetch_pip() -> Path:
+    """Fetch pip for a Python that comes without it, as Debian's does; return its wheel, which runs as it is.
+
+    Raises Unavailable.
+    """
+    with _apt() as apt:
+        root = _unpack(apt.download("python3-pip-whl"))
+    wheels = sorted(root.glob("usr/share/python-wheels/pip-*.whl"))
+    if not wheels:
+        raise Unavailable("python3-pip-whl holds no pip")
+    return wheels[-1]
 
 
 def _fetched(name: str, apt: _Apt) -> str:
     """Fetch one program; return why it cannot be had, empty when it is there."""
     try:
-        _unpack(name, apt.download(WANTED[name].package))
+        _write_script(name, _unpack(apt.download(WANTED[name].package)))
     except Unavailable as error:
         return str(error)
     return ""
@@ -106,30 +118,47 @@ class _Apt:
             "Acquire::https::Timeout": "20",
         }
         self._command = [program, "--quiet", "--yes", *(f"-o{key}={value}" for key, value in options.items())]
-        self._run("update")  # one broken source of several is no matter: a failing download says more
+        said = self._run("update")
+        if not list((state / "lists").glob("*_Packages*")):  # one broken source of several is no matter
+            raise Unavailable(f"apt-get could not fetch the lists of packages: {said}")
 
     def download(self, package: str) -> list[Path]:
         """Return the package's files and those of what it needs and is not installed; raises Unavailable."""
-        failed = self._run("install", "--download-only", "--no-install-recommends", package)
-        if failed:
-            raise Unavailable(f"apt-get could not fetch {package}: {failed}")
+        said = self._run("install", "--download-only", "--no-install-recommends", package)
+        if not list(self._archives.glob(f"{package}_*.deb")):
+            raise Unavailable(f"apt-get could not fetch {package}: {said}")
         return sorted(self._archives.glob("*.deb"))
 
     def _run(self, *arguments: str) -> str:
-        """Run it; return the last error when it fails, else nothing."""
+        """Run it; return its last error or warning."""
         command = [*self._command, *arguments]
         english = os.environ | {"LC_ALL": "C"}
         told = subprocess.run(command, capture_output=True, text=True, check=False, env=english)
-        lines = [line for line in told.stderr.splitlines() if line.startswith(("E:", "W:"))]
-        return "" if told.returncode == 0 else (lines or ["E: no reason given"])[-1][2:].strip()
+        lines = [line[2:].strip() for line in told.stderr.splitlines() if line.startswith(("E:", "W:"))]
+        return lines[-1] if lines else f"it ended with {told.returncode}"
 
 
-def _unpack(name: str, packages: list[Path]) -> None:
-    """Unpack packages and write the script that starts a program; raises Unavailable when it cannot run."""
-    root, script = FOLDER / "root", FOLDER / "bin" / name
+@contextlib.contextmanager
+def _apt() -> Iterator[_Apt]:
+    """Give apt-get a folder for as long as it is needed; raises Unavailable."""
+    FOLDER.mkdir(exist_ok=True)
+    (FOLDER / ".gitignore").write_text("*\n")
+    with tempfile.TemporaryDirectory(prefix="apt-", dir=FOLDER) as state:
+        yield _Apt(Path(state))
+
+
+def _unpack(packages: list[Path]) -> Path:
+    """Unpack packages and return where; raises Unavailable."""
+    root = FOLDER / "root"
     for package in packages:
         if subprocess.run(["dpkg", "-x", str(package), str(root)], check=False).returncode != 0:
             raise Unavailable(f"dpkg could not unpack {package.name}")
+    return root
+
+
+def _write_script(name: str, root: Path) -> None:
+    """Write the script that starts an unpacked program; raises Unavailable when it does not run."""
+    script = FOLDER / "bin" / name
     libraries = sorted({str(path.parent) for path in root.rglob("*.so*")})
     values = {key: str(root / path) for key, path in WANTED[name].files.items()}
     values["LD_LIBRARY_PATH"] = os.pathsep.join(libraries)

@@ -9,13 +9,13 @@ import pytest
 APT_GET = """
 archives=$(echo "$@" | sed 's/.*Dir::Cache=\\([^ ]*\\).*/\\1/')/archives
 case "$*" in
-*update*) exit 100 ;;
+*update*) [ -n "$OFFLINE" ] || touch "$archives/../lists/here_Packages"; echo "W: $OFFLINE" >&2 ;;
 *no-such-package*) echo 'E: Unable to locate package no-such-package' >&2; exit 100 ;;
-*) touch "$archives/pump.deb" ;;
+*) touch "$archives/pump_1.0_all.deb" "$archives/python3-pip-whl_1.0_all.deb" ;;
 esac"""
 DPKG = """
-mkdir -p "$3/usr/bin" "$3/usr/lib/here" "$3/etc"
-touch "$3/usr/lib/here/libwater.so.1"
+mkdir -p "$3/usr/bin" "$3/usr/lib/here" "$3/etc" "$3/usr/share/python-wheels"
+touch "$3/usr/lib/here/libwater.so.1" "$3/usr/share/python-wheels/pip-1.0-py3-none-any.whl"
 printf '#!/bin/sh\\necho "$LD_LIBRARY_PATH $PUMP_CONF $*"\\n%s' "$PUMP_ENDS" > "$3/usr/bin/pump"
 chmod +x "$3/usr/bin/pump\""""
 
@@ -69,6 +69,17 @@ def test_a_package_that_cannot_be_fetched_is_told_and_the_others_are_fetched(pro
     assert why == "apt-get could not fetch no-such-package: Unable to locate package no-such-package"
     assert programs.find("pump") is not None
     assert programs.find("lost") is None
+
+
+def test_a_machine_without_network_is_told(programs, monkeypatch):
+    monkeypatch.setenv("OFFLINE", "Temporary failure resolving 'deb.debian.org'")
+    assert programs.fetch(lambda _: None) == (
+        "apt-get could not fetch the lists of packages: Temporary failure resolving 'deb.debian.org'"
+    )
+
+
+def test_a_python_without_pip_gets_the_distributions(programs):
+    assert programs.fetch_pip().name == "pip-1.0-py3-none-any.whl"
 
 
 def test_a_fetched_program_that_does_not_run_is_missing(programs, monkeypatch):

@@ -33,6 +33,18 @@ def test_a_uv_that_is_too_old_or_broken_is_passed_over(bootstrap, tmp_path, scri
     assert not bootstrap.works(program(tmp_path / "uv", script))
 
 
+def test_a_python_without_pip_makes_its_uv_with_a_pip_that_is_not_installed(bootstrap, tmp_path, monkeypatch):
+    steps = []
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(bootstrap, "OWN_UV", tmp_path / ".venv-uv")
+    monkeypatch.setattr(bootstrap.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(bootstrap, "fetch_pip", lambda: tmp_path / "pip.whl")
+    monkeypatch.setattr(bootstrap, "run", lambda command, advice: steps.append(command))
+    assert bootstrap.find_uv() == tmp_path / ".venv-uv" / "bin" / "uv"
+    target = ["install", "--target", str(tmp_path / ".venv-uv"), "--quiet", "uv"]
+    assert steps == [[sys.executable, str(tmp_path / "pip.whl" / "pip"), *target]]
+
+
 def test_a_python_that_is_too_old_is_told(bootstrap, monkeypatch):
     monkeypatch.setattr(bootstrap, "OLDEST_PYTHON", (99, 0))
     with pytest.raises(bootstrap.Impossible, match=r"at least 3\.11 is needed"):
