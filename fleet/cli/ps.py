@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import click
@@ -31,12 +32,12 @@ def ps(out: Output, file: str | None) -> None:
     out.data(
         {"edges": [for_programs(edge) for edge in found], "robots": [for_programs(one) for one in states]}
     )
-    out.table(
-        ("robot", "health", "mode", "battery", "doing", "last command"), [_row(state) for state in states]
-    )
-    for state in states:
+    named = list(zip(_names(states), states, strict=True))
+    columns = ("robot", "health", "mode", "battery", "doing", "last command")
+    out.table(columns, [_row(name, state) for name, state in named])
+    for name, state in named:
         if state.cause:
-            out.say(f"{state.name}: {state.cause}")
+            out.say(f"{name}: {state.cause}")
     for edge in found:
         out.say(edge_line(edge))
 
@@ -47,9 +48,15 @@ def for_programs(value: msgspec.Struct) -> dict[str, Any]:
     return fields
 
 
-def _row(state: RobotState) -> tuple[str, str, str, str, str, str]:
+def _names(states: list[RobotState]) -> list[str]:
+    """Return what the commands call each robot: with its edge where several have one of its name."""
+    count = Counter(state.name for state in states)
+    return [state.name if count[state.name] == 1 else f"{state.edge}/{state.name}" for state in states]
+
+
+def _row(name: str, state: RobotState) -> tuple[str, str, str, str, str, str]:
     """Return a robot's row."""
-    return state.name, state.health, mode_of(state), battery_of(state), state.activity or "-", last_of(state)
+    return name, state.health, mode_of(state), battery_of(state), state.activity or "-", last_of(state)
 
 
 def last_of(state: RobotState) -> str:

@@ -46,6 +46,14 @@ def test_robots_and_edges_of_all_edges_are_shown(fleet, play_edge):
     assert any(row.startswith("edge yard-1: ok") for row in rows)
 
 
+def test_robots_of_one_name_on_two_edges_are_told_apart(fleet, play_edge):
+    play_edge("demo", robots={"drone-1": {"health": "ok"}})
+    play_edge("demo-2", robots={"drone-1": {"cause": "no heartbeat"}, "dog-1": {"health": "ok"}})
+    rows = fleet("ps").out.splitlines()
+    assert {row.split()[0] for row in rows[1:4]} == {"demo/drone-1", "demo-2/drone-1", "dog-1"}
+    assert "demo-2/drone-1: no heartbeat" in rows
+
+
 def test_json_has_every_field_of_everything(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {"health": "offline", "position": Vector3(1.0, 2.0, 3.0)}})
     result = fleet("ps", "--json")
