@@ -20,6 +20,7 @@ ENVIRONMENT = ROOT / ".venv"
 OWN_UV = ROOT / ".venv-uv"
 OLDEST_PYTHON = (3, 11)
 OLDEST_UV = (0, 5)
+TO_FOLDER = ("--root-user-action=ignore", "--target")  # pip may be root's: the system is not changed
 VENV = "on Debian and Ubuntu: sudo apt-get install -y python3-venv"
 USAGE = """usage: python3 run.py demo [options of fleet demo]
        python3 run.py test [options of pytest]"""
@@ -69,7 +70,7 @@ def find_uv() -> Path:
         pip = [str(OWN_UV / "bin" / "python"), "-m", "pip", "install"]
     else:  # Debian keeps it in a package of its own
         shutil.rmtree(OWN_UV, ignore_errors=True)
-        pip = [sys.executable, str(fetch_pip() / "pip"), "install", "--target", str(OWN_UV)]
+        pip = [sys.executable, str(fetch_pip() / "pip"), "install", *TO_FOLDER, str(OWN_UV)]
     OWN_UV.mkdir(exist_ok=True)
     (OWN_UV / ".gitignore").write_text("*\n")
     run([*pip, "--quiet", "uv"], "pip could not install uv; look at the lines above, or install uv yourself")

@@ -41,7 +41,7 @@ def test_a_python_without_pip_makes_its_uv_with_a_pip_that_is_not_installed(boot
     monkeypatch.setattr(bootstrap, "fetch_pip", lambda: tmp_path / "pip.whl")
     monkeypatch.setattr(bootstrap, "run", lambda command, advice: steps.append(command))
     assert bootstrap.find_uv() == tmp_path / ".venv-uv" / "bin" / "uv"
-    target = ["install", "--target", str(tmp_path / ".venv-uv"), "--quiet", "uv"]
+    target = ["install", "--root-user-action=ignore", "--target", str(tmp_path / ".venv-uv"), "--quiet", "uv"]
     assert steps == [[sys.executable, str(tmp_path / "pip.whl" / "pip"), *target]]
 
 
