@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from fleet.decoding import convert
 from fleet.errors import Refused
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
@@ -118,7 +119,7 @@ def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
             hint = f"did you mean {near[0]!r}?" if near else f"it takes {', '.join(known)}"
             raise Refused(f"{spec.name} takes no {key!r}", hint=hint)
     try:
-        values = msgspec.convert(dict(data), spec.parameters, strict=True)
+        values = convert(dict(data), spec.parameters)
     except msgspec.ValidationError as error:
         raise Refused(f"{spec.name}: {_plainly(str(error))}") from None
     return {name: getattr(values, name) for name in known}

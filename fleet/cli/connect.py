@@ -17,6 +17,7 @@ from fleet.bus.session import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dir
 from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
+from fleet.decoding import decode_json
 from fleet.errors import BusError, Refused
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
@@ -148,7 +149,7 @@ def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tu
     """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
     for key, data in answers:
         try:
-            yield key, msgspec.json.decode(data, type=kind)
+            yield key, decode_json(data, kind)
         except msgspec.DecodeError as error:
             log.warning("an answer on %s cannot be read: %s", key, error)
 

@@ -18,6 +18,7 @@ from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
+from fleet.decoding import decode_json
 from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
@@ -157,7 +158,7 @@ class RobotProcess:
     def others_have(self, payload: bytes) -> None:
         """Take the edge's word of who has which twins in the cloud; in a worker, on the bus's thread."""
         try:
-            holders = msgspec.json.decode(payload, type=dict[str, str])
+            holders = decode_json(payload, dict[str, str])
         except msgspec.DecodeError as error:
             log.warning("who has our twins cannot be read: %s", error)
             return

@@ -12,6 +12,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
+from fleet.decoding import decode_json
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
@@ -131,7 +132,7 @@ class RemoteRobot:
         answered: list[Reply] = []
 
         def on_answer(data: bytes) -> None:
-            reply = msgspec.json.decode(data, type=Reply)
+            reply = decode_json(data, Reply)
             if not answered:
                 answered.append(reply)
                 self._soon(lambda: answer(reply))
@@ -173,7 +174,7 @@ class RemoteRobot:
     def state_arrived(self, payload: bytes) -> None:
         """Take the worker's word; on the bus's thread."""
         try:
-            state = msgspec.json.decode(payload, type=RobotState)
+            state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
             log.warning("%s: a state that cannot be read: %s", self.name, error)
             return

@@ -13,6 +13,7 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
+from fleet.decoding import decode_json
 from fleet.host.process import RobotProcess
 
 
@@ -59,7 +60,7 @@ def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
     What cannot be read stops everything: a stop is never lost to its trimmings.
     """
     try:
-        given = msgspec.json.decode(payload, type=list[str]) if payload else []
+        given = decode_json(payload, list[str]) if payload else []
     except msgspec.DecodeError:
         return ()
     # A name stays beside its members: an empty group must not come to mean everything.

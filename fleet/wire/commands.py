@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
@@ -86,7 +87,7 @@ class _Usual(msgspec.Struct):
     session_id: str | None = None
 
 
-_USUAL = msgspec.json.Decoder(_Usual)
+_USUAL: msgspec.json.Decoder[_Usual] = json_decoder(_Usual)
 
 
 class _Envelope(msgspec.Struct, frozen=True):
