@@ -75,6 +75,11 @@ class Begun:
         self._map[self._end : end] = line
         self._end = end
 
+    @property
+    def length(self) -> int:
+        """Bytes of all rows."""
+        return self._end
+
     def clear(self) -> None:
         """Forget all rows."""
         self._map[0] = 0

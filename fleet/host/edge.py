@@ -19,6 +19,7 @@ from fleet.bus.session import open_edge
 from fleet.clock import Clock
 from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
+from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
@@ -52,6 +53,7 @@ log = logging.getLogger(__name__)
 
 HEALTH_EVERY = 1.0  # s
 HEARTBEAT_EVERY = 5.0  # s, contract 9.2
+METRICS_EVERY = 5.0  # s between tries to open the port of the figures
 
 
 class Edge:
@@ -93,6 +95,7 @@ class Edge:
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
         self._cloud_holders: dict[str, str] = {}
+        self._metrics_problem = ""
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -134,8 +137,7 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
-            if self.metrics is not None and self._config.metrics is not None:
-                self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
+            self._serve_metrics()
             self._declare()
             self.process.start()
             if self.bridge is not None:
@@ -167,6 +169,19 @@ class Edge:
 
         return Metrics(self)
 
+    def _serve_metrics(self) -> None:
+        """Serve the figures, unless that is done; a port that is taken is told, and tried again."""
+        if self.metrics is None or self._config.metrics is None or self.metrics.port:
+            return
+        try:
+            self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
+        except MetricsError as error:
+            if str(error) != self._metrics_problem:
+                log.error("%s; it is tried again", error)  # noqa: TRY400 - one line for a person
+            self._metrics_problem = str(error)
+        else:
+            self._metrics_problem = ""
+
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
         return [*self.process.robots.values(), *self.remote.values()]
@@ -179,7 +194,7 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        problems = (self.bus.problem, self.process.journal.problem)
+        problems = (self.bus.problem, self.process.journal.problem, self._metrics_problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -263,6 +278,8 @@ class Edge:
             self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
+        if self.metrics is not None:
+            self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
         self.bus.control.token(keys.edge(edge))
 
     def _held_in_the_cloud(self, twin: str, holder: str) -> None:

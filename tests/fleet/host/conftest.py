@@ -295,6 +295,12 @@ class Yard:
         fleet = {"edge": {"id": self.id}, "bus": bus, "plugins": ["plugins"], "robots": entries}
         self.file.write_text(json.dumps(fleet))
 
+    def change(self, **parts: Any) -> None:
+        """Change parts of fleet.yaml; those within ``edge`` are added to its id."""
+        fleet = json.loads(self.file.read_text())
+        parts["edge"] = fleet["edge"] | parts.get("edge", {})
+        self.file.write_text(json.dumps(fleet | parts))
+
     def told(self, robot: str = "") -> list[tuple[int, float, str]]:
         """Return what the robots, or one of them, were told: process, monotonic seconds, word."""
         lines = self.journal.read_text().splitlines() if self.journal.exists() else []
