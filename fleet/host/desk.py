@@ -95,6 +95,11 @@ class Desk:
         return self._admission.latch.set
 
     @property
+    def moves(self) -> bool:
+        """True for a robot that can be asked for motion at all."""
+        return self._can.moves
+
+    @property
     def activity(self) -> str:
         """What the robot is doing for somebody, in a word or two; empty when nothing."""
         if self.latched:

@@ -44,6 +44,7 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.spool.place import state_folder
 from fleet.spool.spool import Spool
+from fleet.supervisor.client import Supervised
 from fleet.version import __version__
 
 if TYPE_CHECKING:
@@ -62,7 +63,15 @@ class Edge:
     Raises BusError when the bus cannot be opened, CloudError for unusable cloud settings.
     """
 
-    def __init__(self, loaded: Loaded, path: Path, *, directory: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        loaded: Loaded,
+        path: Path,
+        *,
+        directory: Path,
+        clock: Clock,
+        supervised: Supervised | None = None,
+    ) -> None:
         config = loaded.config
         self._config = config
         self._clock = clock
@@ -80,6 +89,7 @@ class Edge:
                 journal=journal,
                 clock=clock,
                 settle=settle_time(config),
+                supervised=supervised,
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
@@ -138,7 +148,7 @@ class Edge:
         workers: list[asyncio.Task[None]] = []
         try:
             self._serve_metrics()
-            self._declare()
+            self._declare(ended)
             self.process.start()
             if self.bridge is not None:
                 self.process.wheel.at_end(self.bridge.turn)
@@ -146,7 +156,9 @@ class Edge:
             workers += [
                 asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
             ]
+            self.process.supervised.running()
             await ended.wait()
+            self.process.supervised.ending()
         finally:
             for task in workers:
                 task.cancel()
@@ -259,10 +271,11 @@ class Edge:
             spool=Spool(spool_settings(self._config), self._clock),
         )
 
-    def _declare(self) -> None:
+    def _declare(self, ended: asyncio.Event) -> None:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
-        take_stops(self.process, self.bus, self._groups, self.remote.values())
+        stop = take_stops(self.process, self.bus, self._groups, self.remote.values())
+        self.process.follow_supervisor(stop, ended)
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)

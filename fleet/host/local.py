@@ -40,6 +40,7 @@ from fleet.model.report import (
 )
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.supervisor.client import Supervised
 from fleet.tally import Tally
 from fleet.wire.rules import Kind
 
@@ -86,8 +87,10 @@ class LocalRobot:
         journal: RobotJournal,
         arrival: Callable[[], float],
         changed: Callable[[str], None],
+        supervised: Supervised,
     ) -> None:
         self.config = config
+        self._supervised = supervised
         self.name = config.name
         self.twin = str(config.twin)
         self.source_type = source_type(config)
@@ -249,6 +252,7 @@ class LocalRobot:
             healthy=runner.healthy,
             lost_authority=self.desk.authority_lost,
             failed=runner.crashed,
+            supervised=self._supervised,
         )
 
     def _crashed(self, error: Exception) -> None:

@@ -31,6 +31,7 @@ from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.robot_config import AdapterConfig
+from fleet.supervisor.client import Supervised
 from fleet.wire.rules import Kind
 
 log = logging.getLogger(__name__)
@@ -67,6 +68,7 @@ class RobotProcess:
         clock: Clock,
         worker: str = "",
         settle: float = 0.0,
+        supervised: Supervised | None = None,
     ) -> None:
         self.edge = edge
         self.bus = bus
@@ -76,6 +78,7 @@ class RobotProcess:
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
+        self.supervised = supervised or Supervised()
         self._thread = LoopThread(self.loop)
         self._shared = Shared()
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -121,6 +124,7 @@ class RobotProcess:
             journal=self.journal.robot(config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
+            supervised=self.supervised,
         )
 
     def start(self) -> None:
@@ -227,6 +231,7 @@ class RobotProcess:
             # To the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
         await asyncio.to_thread(self.journal.close)
+        self.supervised.close()
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
@@ -238,6 +243,19 @@ class RobotProcess:
         for robot in stopped:
             robot.follow_emergency(why)
         return [robot.name for robot in stopped]
+
+    def follow_supervisor(
+        self, stop: Callable[[tuple[str, ...], str], list[str]], ended: asyncio.Event
+    ) -> None:
+        """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
+
+        def end(why: str) -> None:
+            log.error("%s: this process ends", why)
+            self.loop.call_soon_threadsafe(ended.set)
+
+        self.supervised.begin(
+            self.edge, self.worker, stop=lambda names: stop(names, "asked by the supervisor"), end=end
+        )
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""

@@ -5,7 +5,7 @@ Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import msgspec
@@ -28,18 +28,24 @@ class Elsewhere(Protocol):
 
 def take_stops(
     process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[Elsewhere] = ()
-) -> None:
-    """Stop this process's robots when the stop key is published or asked; on the bus's threads."""
+) -> Callable[[tuple[str, ...], str], list[str]]:
+    """Stop this process's robots when the stop key is published or asked; on the bus's threads.
+
+    Returns what stops them by name for whoever else asks, from any thread; it returns which it stopped.
+    """
     others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
-    def stop(payload: bytes) -> list[str]:
-        names = names_in(payload, groups)
-        stopped = process.stop_robots(names, "the stop key")
+    def stop_by_name(given: tuple[str, ...], why: str) -> list[str]:
+        names = spelt_out(given, groups)
+        stopped = process.stop_robots(names, why)
         for robot in others:
             if not names or robot.name in names:
                 robot.stop_later()
         return stopped
+
+    def stop(payload: bytes) -> list[str]:
+        return stop_by_name(names_in(payload), "the stop key")
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)
@@ -52,16 +58,21 @@ def take_stops(
     for lane in (bus.control, bus.reports):
         lane.subscribe(key, published)
     bus.control.answer(key, asked)
+    return stop_by_name
 
 
-def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
-    """Return the robots that a stop names, groups spelt out; none means all.
+def names_in(payload: bytes) -> tuple[str, ...]:
+    """Return the names in a stop; none means all.
 
     What cannot be read stops everything: a stop is never lost to its trimmings.
     """
     try:
-        given = decode_json(payload, list[str]) if payload else []
+        return tuple(decode_json(payload, list[str])) if payload else ()
     except msgspec.DecodeError:
         return ()
+
+
+def spelt_out(given: Iterable[str], groups: dict[str, list[str]]) -> tuple[str, ...]:
+    """Return names with the members of the groups among them."""
     # A name stays beside its members: an empty group must not come to mean everything.
     return tuple(name for one in given for name in (one, *groups.get(one, ())))

@@ -24,6 +24,7 @@ from pydantic import ValidationError
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, Refused, Unsupported
+from fleet.host.framed import Framed
 from fleet.host.make import AdapterClass, capabilities, make_adapter, perform
 from fleet.link.framing import Whole
 from fleet.model.command import Command
@@ -49,6 +50,7 @@ class AdapterContract:
 
     adapter: ClassVar[AdapterClass]
     config: ClassVar[Mapping[str, Any]]
+    leaves_halt: ClassVar[bool] = False  # its ``run`` calls ``robot.leave_halt``
 
     def make_config(self, **changes: Any) -> AdapterConfig:
         """Return the example config with changes."""
@@ -86,6 +88,13 @@ class AdapterContract:
     def test_every_command_method_says_what_it_does(self) -> None:
         methods = {name: spec for name, spec in self._commands().items() if spec.method != "encode"}
         assert [name for name, spec in methods.items() if not spec.summary] == []
+
+    def test_something_stops_it_when_its_process_dies(self) -> None:
+        adapter = self.make()
+        assert adapter.failsafe or self.leaves_halt or isinstance(adapter, Framed), (
+            "declare failsafe, what of the robot's own stops it and when; or call robot.leave_halt in run "
+            "and set leaves_halt here"
+        )
 
     def test_a_robot_that_drives_says_how_fast(self) -> None:
         can = capabilities(self.adapter)

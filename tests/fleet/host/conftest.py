@@ -45,6 +45,7 @@ class Puppet(Adapter[PuppetConfig]):
 
     Config = PuppetConfig
     limits = Limits(speed=2.0, vertical_speed=1.0, yaw_rate=1.0)
+    failsafe = "it moves nothing"
 
     def __init__(self, config: PuppetConfig) -> None:
         super().__init__(config)
@@ -238,6 +239,7 @@ class ToyConfig(fleet.AdapterConfig):
 class Toy(fleet.Adapter[ToyConfig]):
     Config = ToyConfig
     limits = fleet.Limits(speed=2.0, yaw_rate=1.0)
+    failsafe = "it moves nothing"
 
     def note(self, word):
         with open(self.config.journal, "a") as journal:
