@@ -62,7 +62,7 @@ class Desk:
     ) -> None:
         self.name = config.name
         self.last = Last()
-        self._can = capabilities
+        self._can, self.moves = capabilities, capabilities.moves
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         free = partial(getattr, self, "free")
         self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, free=free, publish=publish)
@@ -93,11 +93,6 @@ class Desk:
     def latched(self) -> bool:
         """True while an emergency stop is set."""
         return self._admission.latch.set
-
-    @property
-    def moves(self) -> bool:
-        """True for a robot that can be asked for motion at all."""
-        return self._can.moves
 
     @property
     def activity(self) -> str:
