@@ -244,18 +244,17 @@ class RobotProcess:
             robot.follow_emergency(why)
         return [robot.name for robot in stopped]
 
-    def follow_supervisor(
-        self, stop: Callable[[tuple[str, ...], str], list[str]], ended: asyncio.Event
-    ) -> None:
+    def follow_supervisor(self, stop: Callable[[bytes, str], list[str]], ended: asyncio.Event) -> None:
         """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
 
         def end(why: str) -> None:
             log.error("%s: this process ends", why)
             self.loop.call_soon_threadsafe(ended.set)
 
-        self.supervised.begin(
-            self.edge, self.worker, stop=lambda names: stop(names, "asked by the supervisor"), end=end
-        )
+        def stop_named(names: tuple[str, ...]) -> list[str]:
+            return stop(msgspec.json.encode(names), "asked by the supervisor")
+
+        self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""

@@ -28,24 +28,21 @@ class Elsewhere(Protocol):
 
 def take_stops(
     process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[Elsewhere] = ()
-) -> Callable[[tuple[str, ...], str], list[str]]:
+) -> Callable[[bytes, str], list[str]]:
     """Stop this process's robots when the stop key is published or asked; on the bus's threads.
 
-    Returns what stops them by name for whoever else asks, from any thread; it returns which it stopped.
+    Returns what does so for whoever else asks, from any thread: it takes what the key would, and why.
     """
     others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
-    def stop_by_name(given: tuple[str, ...], why: str) -> list[str]:
-        names = spelt_out(given, groups)
+    def stop(payload: bytes, why: str = "the stop key") -> list[str]:
+        names = names_in(payload, groups)
         stopped = process.stop_robots(names, why)
         for robot in others:
             if not names or robot.name in names:
                 robot.stop_later()
         return stopped
-
-    def stop(payload: bytes) -> list[str]:
-        return stop_by_name(names_in(payload), "the stop key")
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)
@@ -58,21 +55,17 @@ def take_stops(
     for lane in (bus.control, bus.reports):
         lane.subscribe(key, published)
     bus.control.answer(key, asked)
-    return stop_by_name
+    return stop
 
 
-def names_in(payload: bytes) -> tuple[str, ...]:
-    """Return the names in a stop; none means all.
+def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
+    """Return the robots that a stop names, groups spelt out; none means all.
 
     What cannot be read stops everything: a stop is never lost to its trimmings.
     """
     try:
-        return tuple(decode_json(payload, list[str])) if payload else ()
+        given = decode_json(payload, list[str]) if payload else []
     except msgspec.DecodeError:
         return ()
-
-
-def spelt_out(given: Iterable[str], groups: dict[str, list[str]]) -> tuple[str, ...]:
-    """Return names with the members of the groups among them."""
     # A name stays beside its members: an empty group must not come to mean everything.
     return tuple(name for one in given for name in (one, *groups.get(one, ())))

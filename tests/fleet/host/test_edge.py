@@ -155,7 +155,7 @@ async def test_an_edge_that_cannot_be_built_lets_go_of_the_bus(yard, monkeypatch
 async def test_an_edge_that_cannot_start_still_lets_go_of_everything(yard, monkeypatch):
     place = yard(rex=HERE)
     edge = place.edge()
-    monkeypatch.setattr(edge, "_declare", lambda: 1 / 0)
+    monkeypatch.setattr(edge, "_declare", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         await edge.run(asyncio.Event())
     with pytest.raises(BusError):
