@@ -28,7 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "ps": "fleet.cli.ps:ps",
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.send:goto",
-    "stop": "fleet.cli.send:stop",
+    "stop": "fleet.cli.stop:stop",
     "ready": "fleet.cli.ready:ready",
     "mission": "fleet.cli.mission:mission",
     "params": "fleet.cli.params:params",

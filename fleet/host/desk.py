@@ -15,7 +15,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, Refused
-from fleet.host.aside import HALT_WAIT, aside
+from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move, takes
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
@@ -26,7 +26,6 @@ from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.safety.policy import STOPS
 from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
@@ -34,11 +33,11 @@ from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
+from fleet.wire.stops import EMERGENCY, STOP_WORDS
 
 log = logging.getLogger(__name__)
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
-EMERGENCY = "emergency_stop"
 RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the run anew
 
 
@@ -74,6 +73,7 @@ class Desk:
         self._journal = journal
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
         self.pull = self._admission.latch.pull  # any thread; the robot itself hears nothing of it
+        self.record, self.senders = self._admission.latch.record, self._admission.offsets
         self._repeats = journal.repeats(clock.monotonic())
         self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
         self._adapter: Adapter[Any] | None = None
@@ -177,9 +177,9 @@ class Desk:
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch, then write the emergency halt, which may hang; any thread. ``receive`` does the rest."""
+        """Latch, write the emergency halt, record; the last two may hang; any thread. ``receive`` follows."""
         self.pull(why)
-        aside(partial(self.halt, emergency=True), wait=HALT_WAIT)
+        in_turn((partial(self.halt, emergency=True), self.record), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
@@ -210,7 +210,7 @@ class Desk:
 
     def _command(self, ask: Command, ticket: Ticket) -> None:
         """Take a discrete command."""
-        if ask.name in STOPS:
+        if ask.name in STOP_WORDS:
             self._stop(ask, ticket)
             return
         own = self._own.get(ask.name)

@@ -33,6 +33,7 @@ from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.robot_config import AdapterConfig
 from fleet.supervisor.client import Supervised
 from fleet.wire.rules import Kind
+from fleet.wire.stops import stop_in
 
 log = logging.getLogger(__name__)
 
@@ -240,6 +241,7 @@ class RobotProcess:
             robot.desk.pull(why)
         # One whose halt is held up must not keep the next one moving.
         in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
+        in_turn((robot.desk.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
             robot.follow_emergency(why)
         return [robot.name for robot in stopped]
@@ -316,6 +318,8 @@ class RobotProcess:
             if not (waits and reply.ok and reply.done is None):
                 question.close()
 
+        if kind not in KINDS and stop_in(question.payload):
+            kind = "command"
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))

@@ -16,6 +16,8 @@ from fleet.bus.session import Bus
 from fleet.decoding import decode_json
 from fleet.host.process import RobotProcess
 
+LARGEST = 1 << 20  # bytes of a stop that is read for names
+
 
 class Elsewhere(Protocol):
     """A robot of the edge in another process, which hears the stop key itself if it lives."""
@@ -38,11 +40,10 @@ def take_stops(
 
     def stop(payload: bytes, why: str = "the stop key") -> list[str]:
         names = names_in(payload, groups)
-        stopped = process.stop_robots(names, why)
         for robot in others:
             if not names or robot.name in names:
                 robot.stop_later()
-        return stopped
+        return process.stop_robots(names, why)
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)
@@ -61,11 +62,15 @@ def take_stops(
 def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
     """Return the robots that a stop names, groups spelt out; none means all.
 
-    What cannot be read stops everything: a stop is never lost to its trimmings.
+    What cannot be read stops everything, and so does what is too long to be a list of names: a stop is
+    never lost to its trimmings. A robot's edge may stand before its name.
     """
+    if len(payload) > LARGEST:
+        return ()
     try:
         given = decode_json(payload, list[str]) if payload else []
-    except msgspec.DecodeError:
+    except (ValueError, RecursionError):  # of which msgspec's own errors are some
         return ()
+    plain = (one.strip().casefold().rpartition("/")[2] for one in given)
     # A name stays beside its members: an empty group must not come to mean everything.
-    return tuple(name for one in given for name in (one, *groups.get(one, ())))
+    return (*given, *(name for one in plain for name in (one, *groups.get(one, ()))))

@@ -29,14 +29,13 @@ from fleet.supervisor.messages import (
     Stopped,
     Welcome,
 )
-from fleet.supervisor.place import VARIABLE, connected, sockets_in
+from fleet.supervisor.place import VARIABLE, connected
 
 log = logging.getLogger(__name__)
 
 WELCOME_WITHIN = 5.0  # s that a supervisor has to answer; it is idle but for us
 DROPPED_WITHIN = 0.5  # s
 BEAT = 0.25  # s between signs of life
-STOP_WITHIN = 1.5  # s that a supervisor has to answer a stop
 
 
 class Supervised:
@@ -180,31 +179,3 @@ def supervised(environ: Mapping[str, str] = os.environ) -> Supervised:
     except OSError as error:
         log.error("the supervisor cannot be reached: %s", error.strerror or error)  # noqa: TRY400
         return Supervised()
-
-
-def stop_all(directory: Path, names: tuple[str, ...] = ()) -> list[Stopped]:
-    """Emergency-stop robots through every supervisor of this user; returns their answers.
-
-    Needs neither the bus nor fleet.yaml. No name means every robot.
-    """
-    asked = []
-    for path in sockets_in(directory):
-        try:
-            sock = connected(path, within=STOP_WITHIN)
-            asked.append(sock)
-            sock.send(messages.encode(Stop(names)))
-        except ConnectionRefusedError:  # a dead one's
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            log.error("the supervisor at %s cannot be reached: %s", path, error.strerror or error)  # noqa: TRY400
-    return [answer for sock in asked if (answer := _answer(sock)) is not None]
-
-
-def _answer(sock: socket.socket) -> Stopped | None:
-    """Return a supervisor's answer, None for none in time."""
-    with sock:
-        try:
-            answer = messages.decode(sock.recv(LONGEST))
-        except (OSError, msgspec.DecodeError):
-            return None
-    return answer if isinstance(answer, Stopped) else None

@@ -66,6 +66,7 @@ class _Peer:
         self.sock = sock
         self.halts = Halts()
         self.name = "somebody"
+        self.edge = ""  # of which edge its robots are
         self.is_edge = False  # the process that we started
         self.heard = now
 
@@ -78,12 +79,15 @@ class _Peer:
         return True
 
 
-class _Asked(msgspec.Struct):
-    """A stop that was passed on to the edge; ``until``: when its answer is late (monotonic s)."""
+class _Asked:
+    """A stop that was passed on to ``told``; ``until``: when their answers are late (monotonic s)."""
 
-    peer: _Peer
-    stop: Stop
-    until: float
+    def __init__(self, peer: _Peer, stop: Stop, until: float) -> None:
+        self.peer = peer
+        self.stop = stop
+        self.until = until
+        self.told: list[_Peer] = []
+        self.names: list[str] = []
 
 
 class _Dead(msgspec.Struct):
@@ -114,6 +118,7 @@ class Supervisor:
         self._asked: dict[int, _Asked] = {}
         self._stops: list[Stop] = []  # for an edge that is not there
         self._numbers = 0
+        self._edge_id = ""
         self._child: subprocess.Popen[bytes] | None = None
         self._started = self._looked = clock.monotonic()
         self._start_at = self._started  # when the edge is started next
@@ -257,7 +262,7 @@ class Supervisor:
             case Stop():
                 self._stop(peer, message)
             case Stopped():
-                self._stopped(message)
+                self._stopped(peer, message)
             case Beat():
                 pass
             case _:
@@ -266,6 +271,7 @@ class Supervisor:
     def _hello(self, peer: _Peer, hello: Hello) -> None:
         """Greet a process with robots; an edge is given the stops that came while there was none."""
         peer.name = f"worker {hello.worker}" if hello.worker else "the edge"
+        peer.edge = self._edge_id = hello.edge
         peer.is_edge = self._child is not None and hello.process == self._child.pid
         stops = tuple(self._stops) if peer.is_edge else ()
         if peer.send(Welcome(stops)) and peer.is_edge:
@@ -297,28 +303,34 @@ class Supervisor:
     # -- stops ---------------------------------------------------------------------------------------
 
     def _stop(self, asker: _Peer, stop: Stop) -> None:
-        """Pass a stop on to the edge, or keep it for the next one."""
+        """Pass a stop on to every process with robots, or keep it for the next edge."""
         self._numbers += 1
         asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
         self._asked[self._numbers] = asked
-        edge = self._edge()
-        if edge is None or not edge.send(Stop(stop.names, self._numbers)):
+        passed_on = Stop(stop.names, self._numbers)
+        asked.told = [peer for peer in self._peers if peer.edge and peer.send(passed_on)]
+        if not any(peer.is_edge for peer in asked.told):
             asked.until = self._clock.monotonic()
 
-    def _stopped(self, answer: Stopped) -> None:
-        """Hand the edge's answer to who asked."""
-        asked = self._asked.pop(answer.number, None)
-        if asked is not None:
-            asked.peer.send(Stopped(asked.stop.number, answer.edge, answer.names))
+    def _stopped(self, peer: _Peer, answer: Stopped) -> None:
+        """Take a process's answer; the last one's completes that to who asked."""
+        asked = self._asked.get(answer.number)
+        if asked is None or peer not in asked.told:
+            return
+        asked.names += answer.names
+        asked.told.remove(peer)
+        if not asked.told:
+            del self._asked[answer.number]
+            asked.peer.send(Stopped(asked.stop.number, peer.edge, tuple(asked.names)))
 
     def _look_at_stops(self, now: float) -> None:
-        """Halt what can be halted for a stop that no edge has answered, and keep it for the next edge."""
+        """Halt what can be halted for a stop that was not answered by all, and keep it for the next edge."""
         late = [number for number, asked in self._asked.items() if now >= asked.until]
         for number in late:
             asked = self._asked.pop(number)
             self._stops.append(asked.stop)
-            halted = tuple(robot for peer in self._peers for robot in peer.halts.write())
-            asked.peer.send(Stopped(asked.stop.number, "", halted, kept=True))
+            asked.names += (robot for peer in self._peers for robot in peer.halts.write())
+            asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=True))
 
 
 @contextlib.contextmanager

@@ -25,13 +25,14 @@ from fleet.wire.envelope import (
     origin_and_stamp,
     seconds_of,
     stamp_of,
+    stop_asked,
     tolerant,
 )
 from fleet.wire.samples import json_payload, stamp_of_header
+from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
-STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 
 
@@ -127,11 +128,12 @@ def decode_command(
             origin, stamp = Origin(way, read.source_type, read.session_id or ""), seconds_of(read.timestamp)
             meaning = _MEANINGS.get(name)
             if meaning is None:
+                name = stop_word(name) or name
                 same = identity(payload, stamp, request_id, (name, read.data))
                 return Command(name, read.data, origin, same, stamp)
             return meaning(_Envelope(name, read.data, {}, payload, request_id, origin, stamp), defaults)
         message = parse_object(payload)
-        if "status" in message:
+        if is_reply(message):
             return None
         name = name_of(message)
         envelope = _envelope(name, message, payload, way, request_id)
@@ -140,16 +142,19 @@ def decode_command(
         raise BadCommand(error, command=name) from None
 
 
-def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint:
-    """Return the setpoint of a twist: ``T motion/command``, or the bus channel ``commands/velocity``.
+def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Command | Setpoint:
+    """Return the setpoint of a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
     signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. On the bus a sample may
     have Cyberwave's header, whose stamp counts where the message has none of its own: a recording that is
-    played again moves nothing. Raises BadCommand.
+    played again moves nothing. A message that names a stop is that stop. Raises BadCommand.
     """
     try:
         message = _sampled(payload) if way is Way.BUS else parse_object(payload)
+        stop = stop_asked(message, way)
+        if stop is not None:
+            return stop
         envelope = _envelope("motion", message, payload, way, request_id)
         nested = "linear" in message or "angular" in message
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
@@ -190,12 +195,7 @@ def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, requ
 
 def _is_stop(name: str, message: Mapping[str, Any]) -> bool:
     """Return True when the robot is to stand still, however the rest of the message looks."""
-    return name in STOP_WORDS or (name == "estop" and not _releases(message.get("data")))
-
-
-def _releases(data: object) -> bool:
-    """Return True for the data of an ``estop`` that is to be released: only a literal false does it."""
-    return isinstance(data, dict) and data.get("activate") is False
+    return name in STOP_WORDS or (name == "estop" and not releases(name, message.get("data")))
 
 
 def _data(message: Mapping[str, Any]) -> dict[str, Any]:
@@ -277,7 +277,8 @@ def _axis(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
 
 def _estop(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
     """Read the emergency switch of ground robots."""
-    return envelope.command("release_emergency_stop" if _releases(envelope.data) else "emergency_stop", {})
+    freed = releases("estop", envelope.data)
+    return envelope.command("release_emergency_stop" if freed else EMERGENCY, {})
 
 
 _MEANINGS: Mapping[str, Callable[[_Envelope, MotionDefaults], Command | Setpoint]] = MappingProxyType(

@@ -10,7 +10,7 @@ from fleet.clock import SystemClock
 from fleet.cloud.values import CloudSettings, Message
 from fleet.errors import MetricsError
 from fleet.host.metrics import Metrics
-from fleet.model.command import Reply, ReplyStatus
+from fleet.model.command import Asked, Reply, ReplyStatus
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.message import Outgoing
 from fleet.wire.rulebook import of_a_twin, rulebook
@@ -23,8 +23,8 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 class Rex:
     name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
-    def read(self, kind, payload, *, way, request_id=""):
-        return lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
+    def read(self, kind, payload, *, way, request_id="", unread=""):
+        return Asked(lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS")))
 
 
 class FakeEdge:

@@ -15,7 +15,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.errors import BusError
-from fleet.supervisor.client import stop_all
+from fleet.supervisor.ask import stop_all
 from fleet.testing.waiting import wait_until
 
 CART = '''
@@ -138,7 +138,12 @@ class Run:
     @property
     def edge(self):
         """The edge's own process."""
-        return next(iter(psutil.Process(self.process.pid).children()), None)
+        (edge,) = psutil.Process(self.process.pid).children()
+        return edge
+
+    def has_another_edge(self, first):
+        """Return True once the edge is another process than ``first``."""
+        return any(each.pid != first for each in psutil.Process(self.process.pid).children())
 
     def ready(self, after=0):
         """Wait until the robot can be driven, by another process than ``after``."""
@@ -153,8 +158,10 @@ class Run:
             return False
 
     def ask(self, message):
+        """Ask the robot, as soon as it can be asked."""
+        key = keys.command(self.place.id, "rex")
         with contextlib.closing(self.place.lane()) as lane:
-            return [answer for _, answer in lane.ask(keys.command(self.place.id, "rex"), message, timeout=20)]
+            return wait_until("an answer", lambda: [said for _, said in lane.ask(key, message, timeout=20)])
 
     def drive(self):
         """Drive the cart, so that it goes on by itself; return when it was last told so."""
@@ -211,7 +218,7 @@ def test_an_edge_that_was_killed_is_started_again(run):
     it.ready()
     first, began = it.edge.pid, time.monotonic()
     os.kill(first, signal.SIGKILL)
-    wait_until("it is started again", lambda: it.edge and it.edge.pid != first)
+    wait_until("it is started again", lambda: it.has_another_edge(first))
     assert time.monotonic() - began < 1.0
     it.line("the edge ended .killed by SIGKILL.; it is started again")
     it.ready(after=first)
@@ -238,6 +245,26 @@ def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
     assert (answer.names, answer.edge, answer.kept) == (("rex",), it.place.id, False)
     assert not it.cart.moves
     assert b"asked by the supervisor" in it.ask(MOVE)[0]
+
+
+def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
+    it = run("arm")
+    it.ready()
+    it.drive()
+    (answer,) = stop_all(it.place.runtime)
+    assert (answer.names, answer.kept) == (("rex",), False)
+    assert not it.cart.moves
+    assert b"emergency stop is set" in it.ask(MOVE)[0]
+
+
+def test_fleet_stop_says_that_an_edge_is_away_and_its_stop_is_kept(run):
+    it = run("main")
+    it.ready()
+    it.drive()
+    it.edge.suspend()
+    line = [sys.executable, "-m", "fleet", "stop", "--all"]
+    said = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60)
+    assert f"edge {it.place.id} is away: its stop is set when it is back; halted now: rex" in said.stdout
 
 
 def test_a_stop_of_an_edge_that_is_frozen_is_written_by_its_supervisor_and_kept(run):

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from fleet.clock import SystemClock
 from fleet.supervisor import messages
-from fleet.supervisor.client import Supervised, stop_all
+from fleet.supervisor.ask import stop_all
+from fleet.supervisor.client import Supervised
 from fleet.supervisor.messages import Keep, Stop, Stopped, Welcome
 from fleet.supervisor.place import connected, socket_of
 from fleet.supervisor.supervisor import Supervisor
