@@ -7,6 +7,7 @@ from collections.abc import Awaitable
 
 from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
@@ -27,7 +28,7 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.texts import Sentence, alarm
@@ -67,6 +68,7 @@ class Session:
             spawn=self._spawn,
             busy=self.commander.turn.locked,
         )
+        self.brakes = Brakes(vehicle, self.commander)
         self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.plans = Plans(vehicle)
@@ -140,20 +142,27 @@ class Session:
         state, flavour = self.vehicle.state, self.vehicle.flavour
         return flavour is not None and flavour.mode_of(state) in {flavour.land, flavour.return_home}
 
+    @property
+    def is_ours_to_stop(self) -> bool:
+        """True where a stop that nobody asked for is right: it is flown by us, and does not come down."""
+        return self.vehicle.connected and self.vehicle.flavour is not None and not self.comes_down
+
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
         when it does not. A vehicle that somebody else has is left to him unless ``takes_over``: the plain
-        stop at the end of a drive must not take it from its pilot.
+        stop at the end of a drive must not take it from its pilot. What is not moved here is braked
+        whoever moves it. Raises NotReady when it does not answer: nobody knows then whether it stops.
         """
+        require_heartbeat(self.vehicle)
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
         self.commander.supersede(reason)
         self.driver.brake()
-        if self.authority.lost_to and not takes_over:
-            return
-        if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
+        if self.vehicle.flavour is None:
+            await self.brakes.brake()
+        elif self.vehicle.state.armed and (takes_over or not self.authority.lost_to):
             await self.flight.hold()
 
     async def _rests(self) -> bool:
@@ -171,14 +180,19 @@ class Session:
         self.driver.end()
         await self.flight.kill()
 
-    def halt(self) -> None:
+    def halt(self, *, takes_over: bool = False) -> None:
         """Write what stops the vehicle now; from any thread. The next tick goes on from there.
 
-        A vehicle that does not answer may be following its own fail-safe: its mode is not touched.
+        A vehicle that does not answer may be following its own fail-safe: its mode is not touched. One that
+        somebody else has is left to him unless ``takes_over``.
         """
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.driver.halted = True
-        if flavour is None or not state.armed or self.authority.lost_to:
+        if flavour is None:
+            brake = self.brakes.first() if self.vehicle.connected else None
+            self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
+            return
+        if not state.armed or (self.authority.lost_to and not takes_over):
             return
         messages: list[Message] = []
         if flavour.mode_of(state) == flavour.external:
@@ -234,8 +248,6 @@ class Session:
             return Health(Level.OFFLINE, self._absence())
         if vehicle.clashing:
             return Health(Level.FAULT, f"two vehicles use system id {vehicle.system}: give each its own")
-        if vehicle.flavour is None:
-            return Health(Level.FAULT, f"system {vehicle.system} is no multirotor on ArduPilot or PX4")
         troubles = self._troubles()
         return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
 
@@ -244,6 +256,8 @@ class Session:
         vehicle = self.vehicle
         if vehicle.state.failsafe:
             return (f"the autopilot is in a fail-safe{': ' if self._alarm else ''}{self._alarm}",)
+        if vehicle.flavour is None:
+            return (f"{vehicle.what}: watched and stopped, not moved",)
         troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
         if vehicle.trust.signer is not None and not vehicle.trust.signed:
             return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)

@@ -13,15 +13,16 @@ from typing import Any
 from fleet.clock import Clock
 from fleet.link.base import Address
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.flavours import flavour_of
+from fleet_mavlink.flavours import flavour_of, kind_of
 from fleet_mavlink.heard import Heard, SaidT
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
 from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.trust import Trust
 from fleet_mavlink.ways import way_of
-from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
+from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
 
 _REMEMBERED = 64  # sentences
 _SWITCH_AFTER = 1.5  # s without a word after which another way is taken
@@ -65,9 +66,22 @@ class Vehicle:
         self._hearing: list[Heard[Any]] = []
 
     @property
+    def kind(self) -> Kind | None:
+        """Of what kind it is, None before its first heartbeat."""
+        return kind_of(self.state.heartbeat) if self.state.heartbeat else None
+
+    @property
     def flavour(self) -> Flavour | None:
         """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
         return flavour_of(self.state.heartbeat) if self.state.heartbeat else None
+
+    @property
+    def what(self) -> str:
+        """What it is, for people: its type and its autopilot."""
+        beat, kind = self.state.heartbeat, self.kind
+        if beat is None or kind is None:
+            return "not known yet"
+        return f"a {type_name(beat.type)} on {kind.name}"
 
     @property
     def connected(self) -> bool:

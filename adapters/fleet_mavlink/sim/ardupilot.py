@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
-from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
@@ -43,12 +43,15 @@ class ArduPilot(Autopilot):
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    first_mode: ClassVar[str] = "STABILIZE"  # until the mode switch of the remote control is read
+    switched_mode: ClassVar[str] = "STABILIZE"  # what that switch says
     without_gimbal: ClassVar[int | None] = FAILED
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
 
     def __init__(self, boot: Boot) -> None:
-        super().__init__(boot, MODES["STABILIZE"])
+        super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
         self._prearm_told_at = boot.at
         self.failsafes = Failsafes(self)
@@ -113,7 +116,7 @@ class ArduPilot(Autopilot):
 
     def change_mode(self, number: int) -> bool:
         """Enter the mode of a number and show it at once in a heartbeat; False when it is refused."""
-        mode = MODES_BY_NUMBER.get(number)
+        mode = next((mode for mode in self.modes.values() if mode.custom == number), None)
         if mode is None:
             self.say(WARNING, f"No such mode {number}")
             return False
@@ -183,10 +186,10 @@ class ArduPilot(Autopilot):
         """Start up, tell why it is not ready, disarm by itself, watch the fail-safes."""
         self._start_up()
         if self.armed:
-            self._auto_disarm()
+            self.watch_idle()
         self.failsafes.watch()
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
-            self.enter(MODES["RTL"])
+            self.enter(self.modes["RTL"])
             self.out.append(heartbeat(self))
 
     def _start_up(self) -> None:
@@ -196,7 +199,7 @@ class ArduPilot(Autopilot):
         self.say_once(INFO, "ArduPilot Ready")
         if not self._switch_read and self.age(2.6):
             self._switch_read = True
-            self.enter(MODES["STABILIZE"])
+            self.enter(self.modes[self.switched_mode])
         if self.home is None and self.age(20.0) and self.gps_fix:
             self.say_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
@@ -207,7 +210,7 @@ class ArduPilot(Autopilot):
             for refusal in self.refusals(force=False):
                 self.say(CRITICAL, f"PreArm: {refusal}")
 
-    def _auto_disarm(self) -> None:
+    def watch_idle(self) -> None:
         """Disarm 2 s after a landing, and DISARM_DELAY after arming without a take-off."""
         landed = self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM
         ends = self.manoeuvre.done or self.mode.name in {"LAND", "RTL"}

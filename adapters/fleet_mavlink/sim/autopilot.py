@@ -54,6 +54,8 @@ class Autopilot(Speaker, ABC):
     """One autopilot from boot to reboot. Times are seconds of the simulation."""
 
     autopilot_id: ClassVar[int]
+    vehicle_type: ClassVar[int] = 2  # MAV_TYPE
+    modes: ClassVar[Mapping[str, Mode]]
     capabilities: ClassVar[int]
     version: ClassVar[int]
     commands: ClassVar[Mapping[int, Handler]]
@@ -262,6 +264,10 @@ class Autopilot(Speaker, ABC):
     def flying(self) -> bool:
         """True while the vehicle is off the ground."""
         return not self.body.grounded
+
+    def vtol_state(self) -> int:
+        """Return MAV_VTOL_STATE; 0 for what is no VTOL."""
+        return 0
 
     def landed_state(self) -> int:
         """Return MAV_LANDED_STATE."""

@@ -61,6 +61,7 @@ def ardupilot_params(system_id: int) -> Values:
         "WPNAV_SPEED": (REAL32, 1000.0),
         "WPNAV_SPEED_DN": (REAL32, 150.0),
         "WPNAV_SPEED_UP": (REAL32, 250.0),
+        "WP_SPEED": (REAL32, 3.0),
         "WP_YAW_BEHAVIOR": (INT8, 2),
     }
 

@@ -58,6 +58,7 @@ class Px4(Autopilot):
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
+    modes: ClassVar[Mapping[str, Mode]] = MODES
     without_gimbal: ClassVar[int | None] = None
     ends_text: ClassVar[str] = "\t"
     text_id_always: ClassVar[bool] = True

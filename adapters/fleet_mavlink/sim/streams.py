@@ -24,7 +24,7 @@ def heartbeat(pilot: Autopilot) -> Any:
     """HEARTBEAT: mode, armed, and how the system is."""
     base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
     return mav.MAVLink_heartbeat_message(
-        mav.MAV_TYPE_QUADROTOR, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
+        pilot.vehicle_type, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
     )
 
 
@@ -157,7 +157,7 @@ def battery_status(pilot: Autopilot) -> Any:
 
 def extended_sys_state(pilot: Autopilot) -> Any:
     """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
-    return mav.MAVLink_extended_sys_state_message(0, pilot.landed_state())
+    return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.landed_state())
 
 
 def home_position(pilot: Autopilot) -> Any:
