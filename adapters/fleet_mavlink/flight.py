@@ -290,7 +290,7 @@ class Flight:
         state = self.vehicle.state
         require_connection(self.vehicle)
         if self.authority.lost_to:
-            raise Refused(f"taken over: the vehicle is in {self.authority.lost_to}")
+            raise Refused(f"taken over: the vehicle is in {self.authority.taker}")
         if not state.armed:
             raise Fault("the motors stopped on the way", hint="look at the vehicle")
         if self.mode(state) not in modes:

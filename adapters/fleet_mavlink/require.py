@@ -38,7 +38,7 @@ def require_control(vehicle: Vehicle, authority: Authority) -> None:
     if vehicle.flavour is None:
         raise not_moved(vehicle)
     if authority.lost_to:
-        raise NotReady(f"a pilot or a fail-safe has it, in {authority.lost_to}", hint="send hover to take it")
+        raise NotReady(f"a pilot or a fail-safe has it, in {authority.taker}", hint="send hover to take it")
 
 
 def require_flying(vehicle: Vehicle, authority: Authority) -> None:

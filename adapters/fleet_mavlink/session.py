@@ -9,6 +9,7 @@ from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Un
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
+from fleet_mavlink.causes import FailsafeCause, position_troubles
 from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
@@ -31,7 +32,7 @@ from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
-from fleet_mavlink.texts import Sentence, alarm
+from fleet_mavlink.texts import Sentence
 from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT
@@ -55,7 +56,7 @@ class Session:
         self._robot = robot
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._alarm = ""  # what the autopilot said of the fail-safe that it is in
+        self._cause = FailsafeCause()
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -236,6 +237,7 @@ class Session:
     def _look(self) -> None:
         """Say how the way to the vehicle is."""
         self.vehicle.tick()
+        self._see_cause()
         never_heard = self.vehicle.state.heartbeat is None
         if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
             return  # it was given no time to speak yet
@@ -254,14 +256,15 @@ class Session:
     def _troubles(self) -> tuple[str, ...]:
         """Return what is wrong with a vehicle that answers and can be flown."""
         vehicle = self.vehicle
+        troubles = position_troubles(vehicle.state, vehicle.now())
         if vehicle.state.failsafe:
-            return (f"the autopilot is in a fail-safe{': ' if self._alarm else ''}{self._alarm}",)
+            why = self._cause.text
+            return (f"the autopilot is in a fail-safe{': ' if why else ''}{why}", *troubles)
         if vehicle.flavour is None:
-            return (f"{vehicle.what}: watched and stopped, not moved",)
-        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
+            return (f"{vehicle.what}: watched and stopped, not moved", *troubles)
         if vehicle.trust.signer is not None and not vehicle.trust.signed:
-            return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
-        return troubles
+            troubles = (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
+        return (*troubles, *self.failsafes.troubles, *(self.fence.troubles if self.fence else ()))
 
     def _absence(self) -> str:
         """Say what is not heard, and what is heard instead."""
@@ -279,19 +282,35 @@ class Session:
     def _heartbeat(self) -> None:
         """Look whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
-        if not vehicle.state.failsafe:
-            self._alarm = ""
-        elif not self._alarm:
-            self._alarm = alarm(vehicle.sentences, vehicle.now())
+        self._see_cause()
         if vehicle.flavour is not None:
-            self.authority.observe(vehicle.state, vehicle.flavour, self._alarm)
+            self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
         self._robot.health(self._health())
+
+    def _see_cause(self) -> None:
+        """Look for the reason of a fail-safe in what was said."""
+        vehicle = self.vehicle
+        if vehicle.kind is not None:
+            mode = vehicle.kind.mode_of(vehicle.state)
+            self._cause.see(vehicle.state, mode, vehicle.sentences, vehicle.now())
 
     def _authority_lost(self, reason: str) -> None:
         """End everything of ours; what is being asked is not asked again over a pilot's head."""
         self.commander.supersede("somebody else has the vehicle")
         self.driver.end()
-        self._robot.authority_lost(reason)
+        if self.vehicle.state.failsafe and not self._cause.text:
+            self._spawn(self._tell_loss(reason))  # it ended above; only the telling waits for its reason
+        else:
+            self._robot.authority_lost(reason)
+
+    async def _tell_loss(self, reason: str) -> None:
+        """Tell a loss of authority once the autopilot had time to say why."""
+        while not self._cause.text and not self._cause.settled(self.vehicle.now()):
+            await asyncio.sleep(_LOOK)
+            self._see_cause()
+        why = self._cause.text
+        self.authority.cause = why
+        self._robot.authority_lost(f"{reason} ({why})" if why else reason)
 
     def _sentence(self, sentence: Sentence) -> None:
         """Pass on what the autopilot says."""

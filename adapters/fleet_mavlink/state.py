@@ -99,10 +99,12 @@ class VehicleState(msgspec.Struct, frozen=True):
     fix: Fix | None = None
     fix_at: float = -math.inf  # when the receiver last spoke, with a fix or without
     had_fix: bool = False  # since it started
+    satellites: int | None = None
     home: GeoPoint | None = None
     prearm_ok: bool | None = None
     remote_control: bool | None = None  # whether a pilot's is heard; None: there is no receiver
     estimator_flags: int | None = None
+    had_estimate: bool = False  # of its position, since it started
     mission_current: int | None = None
     mission_total: int | None = None
     mission_reached: int | None = None
@@ -270,16 +272,25 @@ def _amperes(centiamperes: int) -> float | None:
 def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, Any]:
     """Take a fix of two or three dimensions, forget it when it is lost: PX4 tells its last place on."""
     kind = FIX_TYPES.get(message.fix_type)
+    satellites = None if message.satellites_visible == 255 else message.satellites_visible
     if kind is None or not _is_place(message.lat, message.lon):
-        return {"fix": None, "fix_at": now}
+        return {"fix": None, "fix_at": now, "satellites": satellites}
     fix = Fix(
         point=GeoPoint(message.lat / 1e7, message.lon / 1e7, message.alt / 1000),
         kind=kind,
-        satellites=None if message.satellites_visible == 255 else message.satellites_visible,
+        satellites=satellites,
         horizontal_accuracy=message.h_acc / 1000 or None,
         vertical_accuracy=message.v_acc / 1000 or None,
     )
-    return {"fix": fix, "fix_at": now, "had_fix": True}
+    return {"fix": fix, "fix_at": now, "had_fix": True, "satellites": satellites}
+
+
+def _estimator(
+    state: VehicleState, message: EkfStatusReport | EstimatorStatus, _now: float
+) -> dict[str, Any]:
+    """Take the estimator's flags."""
+    had = state.had_estimate or bool(message.flags & _ABSOLUTE_POSITION)
+    return {"estimator_flags": message.flags, "had_estimate": had}
 
 
 def _is_place(latitude: int, longitude: int) -> bool:
@@ -331,8 +342,8 @@ def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict
 _CHANGES: Mapping[type[Message], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
     Attitude: _attitude,
     BatteryStatus: _battery_status,
-    EkfStatusReport: lambda _state, message, _now: {"estimator_flags": message.flags},
-    EstimatorStatus: lambda _state, message, _now: {"estimator_flags": message.flags},
+    EkfStatusReport: _estimator,
+    EstimatorStatus: _estimator,
     ExtendedSysState: _landed,
     GlobalPositionInt: _position,
     GpsRawInt: _gps,

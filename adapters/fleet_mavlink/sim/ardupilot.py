@@ -15,6 +15,7 @@ from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
@@ -39,7 +40,8 @@ class ArduPilot(Autopilot):
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
     default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     real_ready: ClassVar[float] = 42.6
-    gps_grace: ClassVar[float] = 10.0
+    gps_grace: ClassVar[float] = 8.1
+    loss: ClassVar[Loss] = ARDUPILOT_LOSS
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4

@@ -23,6 +23,7 @@ from fleet_mavlink.sim.missions import Missions
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
+from fleet_mavlink.sim.satellites import Drift, Loss
 from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speaker import Speaker
 from fleet_mavlink.sim.speeds import Speeds
@@ -62,6 +63,7 @@ class Autopilot(Speaker, ABC):
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
     gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
+    loss: ClassVar[Loss]
     fix_type: ClassVar[int]
     speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
@@ -97,6 +99,7 @@ class Autopilot(Speaker, ABC):
         self.terminated = False
         self.gcs_heard_at: float | None = None
         self.gps_lost_at: float | None = None
+        self.drift = Drift(self.loss)
         self.fence_broken = False
         self.reboot_asked = False
 
@@ -127,9 +130,10 @@ class Autopilot(Speaker, ABC):
 
     # position
 
-    def geo(self) -> Geo:
-        """Return where the vehicle is."""
-        point = geo_from_world(self._origin, Vector3(self.body.east, self.body.north, -self.body.down))
+    def geo(self, off_east: float = 0.0) -> Geo:
+        """Return where the vehicle is, or a place so many metres east of it."""
+        place = Vector3(self.body.east + off_east, self.body.north, -self.body.down)
+        point = geo_from_world(self._origin, place)
         return point.latitude, point.longitude, point.altitude
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
@@ -158,6 +162,11 @@ class Autopilot(Speaker, ABC):
     @property
     def _gps_off(self) -> bool:
         return "gps_loss" in self.faults
+
+    @property
+    def without_gps(self) -> float | None:
+        """Seconds since the satellites were lost, None while there are some."""
+        return None if self.gps_lost_at is None else self.time - self.gps_lost_at
 
     @property
     def remote_control(self) -> bool:
@@ -290,6 +299,7 @@ class Autopilot(Speaker, ABC):
             self.body.advance(aim, self.agility, drift if self.flying else (0.0, 0.0), dt)
         self.battery.drain(self.armed and self.flying, dt)
         self._watch_gps()
+        self.drift.tick(self.without_gps, dt)
         self._watch_ground()
         self.supervise()
         self.say_what_is_due()

@@ -15,6 +15,7 @@ from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.satellites import PX4_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
@@ -54,7 +55,8 @@ class Px4(Autopilot):
         mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     }
     real_ready: ClassVar[float] = 4.6
-    gps_grace: ClassVar[float] = 5.5
+    gps_grace: ClassVar[float] = 5.1
+    loss: ClassVar[Loss] = PX4_LOSS
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2

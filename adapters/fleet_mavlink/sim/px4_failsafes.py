@@ -75,8 +75,10 @@ class Failsafes:
             self._fail("offboard", _OFFBOARD_LOSS.get(int(pilot.params["COM_OBL_RC_ACT"]), "LOITER"))
 
     def _watch_position(self) -> None:
-        """Land without a position."""
+        """Come down without a position; with it again, go back to what was chosen last."""
         pilot = self._pilot
+        if pilot.failsafe == "position" and pilot.has_position and self.over("position"):
+            pilot.enter(pilot.chosen)
         if pilot.flying and pilot.mode.position and not pilot.has_position and pilot.failsafe != "position":
             self._fail("position", "LAND")
 
