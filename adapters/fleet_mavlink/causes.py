@@ -12,7 +12,9 @@ _BEFORE = 3.0  # s before a fail-safe, or a change of mode in it, in which its r
 _AFTER = 0.8  # s after it: ArduPilot says why after it has shown the mode
 _MOST = 4  # sentences
 _OVER = re.compile(r"\b(cleared|recovered)\b", re.IGNORECASE)
-_ASIDE = re.compile(r"lane switch|primary changed|not available|requires position", re.IGNORECASE)
+_ASIDE = re.compile(
+    r"lane switch|primary changed|not available|not possible|requires position", re.IGNORECASE
+)
 _NEEDED = (
     (0x01, "attitude"),
     (0x02, "horizontal velocity"),

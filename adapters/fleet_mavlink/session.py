@@ -14,6 +14,7 @@ from fleet_mavlink.commander import Commander, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.driving import PERIOD, Driver
+from fleet_mavlink.event_keeper import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
@@ -124,7 +125,7 @@ class Session:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        keepers = [self.streams.keep(), self.failsafes.keep()]
+        keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]

@@ -21,6 +21,7 @@ class Sentence(msgspec.Struct, frozen=True):
     text: str
     severity: int
     at: float
+    event: bool = False  # it came as an EVENT, which a STATUSTEXT often repeats with fewer words
 
 
 class _Pieces:

@@ -42,6 +42,7 @@ class ArduPilot(Autopilot):
     real_ready: ClassVar[float] = 42.6
     gps_grace: ClassVar[float] = 8.1
     loss: ClassVar[Loss] = ARDUPILOT_LOSS
+    gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_DISABLE", 1.0)
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
@@ -183,6 +184,11 @@ class ArduPilot(Autopilot):
         if self.failsafe == "gcs":
             self.failsafe = ""
             self.say(WARNING, "GCS Failsafe Cleared")
+
+    def drain(self, dt: float) -> None:
+        """Drain the battery; SIM_BATT_VOLTAGE is the most that it has."""
+        super().drain(dt)
+        self.battery.at_most(volts=self.params["SIM_BATT_VOLTAGE"])
 
     def supervise(self) -> None:
         """Start up, tell why it is not ready, disarm by itself, watch the fail-safes."""

@@ -64,6 +64,7 @@ class Autopilot(Speaker, ABC):
     real_ready: ClassVar[float]  # seconds from boot to a usable position
     gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
     loss: ClassVar[Loss]
+    gps_switch: ClassVar[tuple[str, float]]  # the parameter, and its value without satellites
     fix_type: ClassVar[int]
     speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
@@ -161,7 +162,7 @@ class Autopilot(Speaker, ABC):
 
     @property
     def _gps_off(self) -> bool:
-        return "gps_loss" in self.faults
+        return "gps_loss" in self.faults or self.params[self.gps_switch[0]] == self.gps_switch[1]
 
     @property
     def without_gps(self) -> float | None:
@@ -297,7 +298,7 @@ class Autopilot(Speaker, ABC):
         aim = self.manoeuvre.aim(self)
         if self.body.down < 0.0 or aim.thrust:
             self.body.advance(aim, self.agility, drift if self.flying else (0.0, 0.0), dt)
-        self.battery.drain(self.armed and self.flying, dt)
+        self.drain(dt)
         self._watch_gps()
         self.drift.tick(self.without_gps, dt)
         self._watch_ground()
@@ -308,6 +309,10 @@ class Autopilot(Speaker, ABC):
         self.out.extend(self.equipment.tick(self, dt))
         if self.age(1.0):
             self.out.extend(self.streams.due(self, now))
+
+    def drain(self, dt: float) -> None:
+        """Drain the battery."""
+        self.battery.drain(self.armed and self.flying, dt)
 
     @abstractmethod
     def supervise(self) -> None:

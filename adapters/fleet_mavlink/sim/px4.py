@@ -28,6 +28,7 @@ _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GCS_GONE = 3.0
 _TEXTS_KEPT = 20
+_UNSET_PERCENT = 50.0  # SIM_BAT_MIN_PCT as it is delivered
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 _HAS_RECEIVER = frozenset({0, 2, 3})  # COM_RC_IN_MODE; the simulated one's own, 1, is without
 _NOT_CHOSEN = frozenset({"TAKEOFF", "LAND", "PRECLAND", "RTL"})
@@ -57,6 +58,7 @@ class Px4(Autopilot):
     real_ready: ClassVar[float] = 4.6
     gps_grace: ClassVar[float] = 5.1
     loss: ClassVar[Loss] = PX4_LOSS
+    gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_USED", 0.0)
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
@@ -267,6 +269,14 @@ class Px4(Autopilot):
         return self.ned_of(x, y, z + base)
 
     # by itself
+
+    def drain(self, dt: float) -> None:
+        """Drain the battery; where SIM_BAT_MIN_PCT is set, down to that, all of it in SIM_BAT_DRAIN s."""
+        before, lowest = self.battery.percent, self.params["SIM_BAT_MIN_PCT"]
+        super().drain(dt)
+        if self.armed and lowest < _UNSET_PERCENT:
+            drained = before - 100.0 * dt / max(self.params["SIM_BAT_DRAIN"], 0.1)
+            self.battery.percent = max(min(lowest, before), drained)
 
     def supervise(self) -> None:
         """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""

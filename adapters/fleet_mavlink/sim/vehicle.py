@@ -16,6 +16,7 @@ from fleet_mavlink.sim.autopilot import Autopilot, Boot
 from fleet_mavlink.sim.battery import Battery
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
+from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, Missions
 from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
 from fleet_mavlink.sim.physics import Body
@@ -231,15 +232,9 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
     return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
 
 
-def _no_files(_pilot: Autopilot, message: Any) -> Iterable[Any]:
-    """Answer any file transfer: there is no such file (NAK 128+1, error 10)."""
-    payload = bytes(message.payload)
-    sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
-    answer = bytearray(251)
-    answer[:2] = sequence.to_bytes(2, "little")
-    answer[3], answer[4], answer[5], answer[12] = 129, 1, payload[3], 10
-    asker = message.get_srcSystem(), message.get_srcComponent()
-    return [mav.MAVLink_file_transfer_protocol_message(0, *asker, list(answer))]
+def _files(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """Answer a file transfer: PX4 serves the list of its events."""
+    return answer(message, FILES if isinstance(pilot, Px4) else {})
 
 
 def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
@@ -253,7 +248,7 @@ def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
 _HANDLERS: Mapping[str, Callable[[Any, Any], Iterable[Any] | None]] = {
     "COMMAND_INT": _command,
     "COMMAND_LONG": _command,
-    "FILE_TRANSFER_PROTOCOL": _no_files,
+    "FILE_TRANSFER_PROTOCOL": _files,
     "HEARTBEAT": _heartbeat,
     "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.asked_data(message),
     "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.asked_end(),

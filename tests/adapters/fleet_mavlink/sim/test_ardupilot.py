@@ -396,25 +396,6 @@ def test_without_satellites_it_lands_after_8_seconds(flying):
     assert flying.set_mode("GUIDED") == [ACCEPTED]
 
 
-def test_its_estimator_fails_in_the_recorded_steps(flying):
-    for message in (24, 32, 33, 193):
-        flying.asks(511, message, 100_000)
-    flying.vehicle.set_fault("gps_loss", 1)
-    flying.run(2.0)
-    fix = flying.last("GPS_RAW_INT")
-    assert (fix.fix_type, fix.satellites_visible, fix.eph) == (1, 3, 121)
-    assert fix.lat, "the last place is told on"
-    flying.run(6.5)
-    assert flying.last("EKF_STATUS_REPORT").flags == 0x0025
-    flying.run(7.5)
-    assert flying.last("EKF_STATUS_REPORT").flags == 0x00A7
-    local = len(flying.said("LOCAL_POSITION_NED"))
-    flying.run(5.0)
-    assert len(flying.said("LOCAL_POSITION_NED")) == local
-    off = (flying.last("GLOBAL_POSITION_INT").lon - 85455940) * 0.0075
-    assert off == pytest.approx(4.0, abs=1.5)
-
-
 def test_auto_without_a_mission_is_refused_in_flight(flying):
     assert flying.set_mode("AUTO") == [FAILED]
     assert "Mode change to AUTO failed: init failed" in flying.texts

@@ -383,32 +383,3 @@ def test_a_pause_and_a_turn_are_unsupported(flying):
 def test_arming_by_another_number_is_unsupported(px4):
     px4.run(0.2)
     assert px4.asks(400, 2) == [UNSUPPORTED]
-
-
-def test_its_estimator_fails_in_the_recorded_steps_and_runs_away(flying):
-    for message in (24, 33, 230):
-        flying.asks(511, message, 100_000)
-    flying.vehicle.set_fault("gps_loss", 1)
-    flying.run(0.7)
-    fix = flying.last("GPS_RAW_INT")
-    assert (fix.fix_type, fix.satellites_visible, fix.eph) == (0, 0, 10000)
-    assert fix.lat, "the last place is told on"
-    assert flying.mode == "LOITER"
-    flying.run(4.8)
-    assert flying.mode == "LAND"
-    flying.run(1.0)
-    assert flying.last("ESTIMATOR_STATUS").flags == 0x0365
-    flying.run(2.0)
-    assert flying.last("ESTIMATOR_STATUS").flags == 0x0065
-    flying.run(21.5)
-    off = (flying.last("GLOBAL_POSITION_INT").lon - 85455940) * 0.0075
-    assert off == pytest.approx(170.0, abs=30.0)
-
-
-def test_with_satellites_again_it_goes_back_to_what_was_chosen(flying):
-    flying.vehicle.set_fault("gps_loss", 1)
-    flying.run(6.0)
-    assert flying.mode == "LAND"
-    flying.vehicle.set_fault("gps_loss", None)
-    flying.run(2.5)
-    assert flying.mode == "LOITER"
