@@ -17,7 +17,7 @@ _SLOWED = 0.7  # share of its speed that it must be down to where it does not st
 _SLOW = 0.5  # m/s, or this
 _FRESH = 1.0  # s
 _A_PAUSE = "a pause"
-_WITHIN = 4.0  # s for all of it; ArduRover coasts 7 s from 3.5 m/s in HOLD
+_WITHIN = 3.0  # s for all of it, of the 5 s that the host gives; ArduRover coasts 7 s from 3.5 m/s in HOLD
 _AT_LEAST = 1.0  # s in which it must be seen to slow down, however long the change of mode took
 
 

@@ -6,11 +6,12 @@ import asyncio
 from collections.abc import Awaitable
 
 from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
+from fleet.errors import CommandError
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
 from fleet_mavlink.causes import FailsafeCause, position_troubles
-from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.commander import Commander, Superseded, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.driving import PERIOD, Driver
@@ -58,6 +59,7 @@ class Session:
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
         self._cause = FailsafeCause()
+        self._unstopped = ""  # why the last stop failed
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -147,16 +149,37 @@ class Session:
     @property
     def is_ours_to_stop(self) -> bool:
         """True where a stop that nobody asked for is right: it is flown by us, and does not come down."""
-        return self.vehicle.connected and self.vehicle.flavour is not None and not self.comes_down
+        flown = self.vehicle.connected and self.vehicle.flavour is not None and not self.authority.lost_to
+        return flown and not self.comes_down
 
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
         when it does not. A vehicle that somebody else has is left to him unless ``takes_over``: the plain
-        stop at the end of a drive must not take it from its pilot. What is not moved here is braked
-        whoever moves it. Raises NotReady when it does not answer: nobody knows then whether it stops.
+        stop at the end of a drive must not take it from its pilot; Refused says so. What is not moved here is
+        braked whoever moves it. Raises NotReady when it does not answer: nobody knows then whether it stops.
+        A stop that fails stands in health until one works, or the motors are off.
         """
+        if self.authority.lost_to and not takes_over:
+            self.commander.supersede(reason)
+            self.driver.brake()
+            raise Refused(
+                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
+                hint="hover, brake and emergency_stop take it",
+            )
+        try:
+            await self._stop(reason)
+        except Superseded:
+            raise
+        except CommandError as error:
+            self._unstopped = f"it was not stopped: {error.reason}"
+            self._robot.log.error("%s", self._unstopped)  # noqa: TRY400 - its place says nothing
+            raise
+        self._unstopped = ""
+
+    async def _stop(self, reason: str) -> None:
+        """Brake and hold, or raise."""
         require_heartbeat(self.vehicle)
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
@@ -164,7 +187,7 @@ class Session:
         self.driver.brake()
         if self.vehicle.flavour is None:
             await self.brakes.brake()
-        elif self.vehicle.state.armed and (takes_over or not self.authority.lost_to):
+        elif self.vehicle.state.armed:
             await self.flight.hold()
 
     async def _rests(self) -> bool:
@@ -258,6 +281,8 @@ class Session:
         """Return what is wrong with a vehicle that answers and can be flown."""
         vehicle = self.vehicle
         troubles = position_troubles(vehicle.state, vehicle.now())
+        if self._unstopped and vehicle.state.armed:
+            troubles = (self._unstopped, *troubles)
         if vehicle.state.failsafe:
             why = self._cause.text
             return (f"the autopilot is in a fail-safe{': ' if why else ''}{why}", *troubles)

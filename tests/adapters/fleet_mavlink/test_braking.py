@@ -102,7 +102,10 @@ def test_a_rover_that_rolls_on_in_hold_is_not_called_stopped(fly, sky):
             rolling = asyncio.ensure_future(downhill())
             with pytest.raises(TimedOut, match=r"ground_rover on ardupilot took HOLD and still moves at 5"):
                 await it.adapter.stop("stop")
+            await it.until(lambda: "was not stopped" in it.robot.healths[-1].cause, within=1.0)
             rolling.cancel()
+            await it.adapter.stop("stop")
+            await it.until(lambda: "was not stopped" not in it.robot.healths[-1].cause, within=1.0)
             driving.cancel()
 
     fly(main())
