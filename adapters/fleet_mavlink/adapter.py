@@ -80,25 +80,30 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         """Brake and hold in the air; motors are never cut.
 
         A landing, or a way home, is the autopilot's own and the safest that is left when an edge ends: it is
-        broken off for somebody who asks for it only.
+        broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
+        Raises a CommandError when the vehicle was not seen to stop.
         """
-        if self._session is not None:
-            with contextlib.suppress(LinkError):
-                if reason in _ASKED or not self._session.comes_down:
-                    await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
+        session = self._session
+        if session is None or (reason not in _ASKED and not session.is_ours_to_stop):
+            return
+        try:
+            await session.stop(reason, takes_over=reason in _TAKE_OVER)
+        except LinkError as error:
+            raise NotReady(f"nobody knows whether it stops: {error}") from error
 
     def halt(self) -> None:
         """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
         session = self._session
         if session is not None and not session.comes_down:
-            self.emergency_halt()
+            with contextlib.suppress(LinkError):
+                session.halt()
 
     def emergency_halt(self) -> None:
-        """Write the same, whatever it does; from any thread."""
+        """Write the same, whatever it does and whoever has it; from any thread."""
         session = self._session
         if session is not None:
             with contextlib.suppress(LinkError):
-                session.halt()
+                session.halt(takes_over=True)
 
     async def navigate(self, task: Task) -> AsyncIterator[Progress]:
         """Fly a task with the autopilot's own position control."""

@@ -8,23 +8,20 @@ from typing import ClassVar
 
 from fleet import Refused
 from fleet.model.geodesy import GeoPoint
+from fleet_mavlink.ardupilot_kinds import ArduPilotKind
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport, Message
-from fleet_mavlink.payload_messages import EscTelemetry1To4, MagCalProgress, MagCalReport, RawImu
-from fleet_mavlink.state import VehicleState
+from fleet_mavlink.messages import CommandInt, CommandLong, Message
+from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import CUSTOM_MODE, MAG_CAL_SUCCESS, NAN, Cmd, Frame
+from fleet_mavlink.words import MAG_CAL_SUCCESS, NAN, Cmd, Frame
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
-_POSITION_USABLE = 0x10  # estimator flag: absolute horizontal position
-_CONSTANT_POSITION = 0x80  # estimator flag: it has no position and assumes to stand still
 
 
-class ArduCopter(Flavour):
+class ArduCopter(ArduPilotKind, Flavour):
     """ArduPilot for multirotors. Held by BRAKE: LOITER without a pilot's stick would descend."""
 
-    name: ClassVar[str] = "ardupilot"
     modes: ClassVar[Mapping[int, str]] = {
         0: "STABILIZE",
         1: "ACRO",
@@ -66,17 +63,9 @@ class ArduCopter(Flavour):
     unset: ClassVar[float] = 0.0
     lead_in: ClassVar[float] = 0.0
     follows: ClassVar[Mapping[str, frozenset[str]]] = {}
-    rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
-    imu: ClassVar[int] = RawImu.message_id
-    motors: ClassVar[int | None] = EscTelemetry1To4.message_id
     compass_start: ClassVar[CommandLong] = CommandLong(Cmd.DO_START_MAG_CAL, param3=1.0)  # kept by itself
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.DO_CANCEL_MAG_CAL)
-    bytewise_parameters: ClassVar[bool] = False
-    data_streams: ClassVar[tuple[int, ...]] = (2, 6, 10, 12)  # status, position, attitude, the rest
-
-    def mode_command(self, mode: str) -> CommandLong:
-        """Return DO_SET_MODE with the mode's number."""
-        return CommandLong(Cmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
+    braking: ClassVar[tuple[str, ...]] = ("BRAKE",)
 
     def hold_command(self) -> CommandLong:
         """Return the change to BRAKE."""
@@ -124,15 +113,3 @@ class ArduCopter(Flavour):
             why = f"compass {said.compass_id}: status {said.cal_status}, fitness {said.fitness:.1f}"
             raise Refused(f"the calibration failed ({why})", hint="away from metal, all axes")
         return CalibrationStep(100.0, said.compass_id, others)
-
-    def position_usable(self, state: VehicleState, now: float) -> bool | None:  # noqa: ARG002 - flags tell
-        """Return the estimator's own flags: home is known 20 s before the position is usable."""
-        flags = state.estimator_flags
-        if flags is None:
-            return None
-        return bool(flags & _POSITION_USABLE) and not flags & _CONSTANT_POSITION
-
-    def ready_to_arm(self, state: VehicleState) -> bool | None:
-        """Return the arming check and a usable position: the check alone passes too early in STABILIZE."""
-        usable = self.position_usable(state, 0.0)
-        return None if state.prearm_ok is None or usable is None else state.prearm_ok and usable

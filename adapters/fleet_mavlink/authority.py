@@ -18,9 +18,15 @@ class Authority:
     def __init__(self, lost: Callable[[str], None]) -> None:
         self._lost = lost
         self.lost_to = ""  # the mode that took it; empty while it is ours
+        self.cause = ""  # in the words of the fail-safe that took it
         self._expected: frozenset[str] = frozenset()
         self._earlier: frozenset[str] = frozenset()  # asked for before, and not seen yet: they may come first
         self._mode = ""
+
+    @property
+    def taker(self) -> str:
+        """Who has it, in words: the mode, and why where a fail-safe took it."""
+        return f"{self.lost_to}: {self.cause}" if self.cause else self.lost_to
 
     def expect(self, *modes: str) -> None:
         """Take the vehicle for a command that leads to one of these modes."""
@@ -46,6 +52,7 @@ class Authority:
         already, self.lost_to = self.lost_to, mode
         if already or not before:
             return
+        self.cause = alarm
         cause = "a pilot or another station"
         if state.failsafe:
             cause = f"its own fail-safe ({alarm})" if alarm else "its own fail-safe"

@@ -16,7 +16,7 @@ import msgspec
 from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
-from fleet_mavlink import messages, mission_messages, payload_messages, transfer_messages
+from fleet_mavlink import event_messages, messages, mission_messages, payload_messages, transfer_messages
 from fleet_mavlink.messages import Message
 from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
@@ -44,7 +44,8 @@ _SIZES = {
     "double": 8,
 }
 _HEAD = struct.Struct("<BBBBBBBH")  # of MAVLink 2; the last two are the message's number, low byte first
-_CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink_map.items()}
+_WIRES: dict[int, Any] = {**dialect.mavlink_map, event_messages.Event.message_id: event_messages.EventWire}
+_CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in _WIRES.items()}
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -61,7 +62,7 @@ class _Layout:
     """Where the fields of one message stand in its payload."""
 
     def __init__(self, kind: type[Message]) -> None:
-        wire = dialect.mavlink_map[kind.message_id]
+        wire = _WIRES[kind.message_id]
         self.kind = kind
         self.crc_extra = _CRC_EXTRA[kind.message_id]
         self.base_size = _base_size(wire)
@@ -155,7 +156,7 @@ def _wire_values(value: Any) -> tuple[Any, ...]:
     return (value.encode() if isinstance(value, str) else value,)
 
 
-_MODULES = (messages, mission_messages, payload_messages, transfer_messages)
+_MODULES = (event_messages, messages, mission_messages, payload_messages, transfer_messages)
 _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.INCOMING}
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 

@@ -45,6 +45,10 @@ _UNSUPPORTED = {
 }
 
 
+class Superseded(Refused):
+    """A command ended because something more urgent took over."""
+
+
 class _Exchange:
     """A command's turn, entered when it is the one under way: what came back for it."""
 
@@ -104,7 +108,7 @@ class _Exchange:
     def require_wanted(self) -> None:
         """Raise Refused when something more urgent took over."""
         if self.superseded:
-            raise Refused(f"superseded: {self.superseded}")
+            raise Superseded(f"superseded: {self.superseded}")
 
 
 class Commander:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -16,8 +16,8 @@ from fleet.model.geometry import (
     ned_from_enu,
     rotate_to_world,
 )
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.messages import Ask, CommandLong, Message, SetPositionTargetLocalNed
-from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import AUTOPILOT, FORCE, Cmd, Frame
 
@@ -32,11 +32,9 @@ class CalibrationStep(msgspec.Struct, frozen=True):
     others: frozenset[int] = frozenset({0})
 
 
-class Flavour(ABC):
-    """One autopilot firmware. Modes are given by name; ``modes`` has their numbers."""
+class Flavour(Kind):
+    """One autopilot firmware, for a vehicle that is flown here."""
 
-    name: ClassVar[str]
-    modes: ClassVar[Mapping[int, str]]
     external: ClassVar[str]  # obeys the setpoints that we stream
     hold: ClassVar[str]  # brakes and stays, with no pilot at the sticks
     goto: ClassVar[str]  # flies to the place it was given
@@ -51,30 +49,13 @@ class Flavour(ABC):
     unset: ClassVar[float]  # a parameter of an item that is left to the autopilot
     lead_in: ClassVar[float]  # s of setpoints before it takes the external mode
     follows: ClassVar[Mapping[str, frozenset[str]]]  # mode -> modes it goes to by itself
-    rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
-    imu: ClassVar[int]  # the message with rates and acceleration
-    motors: ClassVar[int | None]  # the message with the motors' speeds
     compass_start: ClassVar[CommandLong]
     compass_stop: ClassVar[CommandLong]
-    bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
-    data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
 
     @property
     def ours(self) -> frozenset[str]:
         """The modes in which nobody but us moves the vehicle."""
         return frozenset({self.external, self.hold, self.goto, self.arming, self.takeoff})
-
-    def mode_name(self, custom_mode: int) -> str:
-        """Return the name of a mode, or its number when it has none here."""
-        return self.modes.get(custom_mode, f"MODE({custom_mode:#x})")
-
-    def mode_of(self, state: VehicleState) -> str:
-        """Return the mode that the newest heartbeat shows, empty before the first."""
-        return self.mode_name(state.heartbeat.custom_mode) if state.heartbeat else ""
-
-    def number_of(self, mode: str) -> int:
-        """Return the custom_mode of a mode that ``modes`` names."""
-        return next(number for number, name in self.modes.items() if name == mode)
 
     @abstractmethod
     def mode_command(self, mode: str) -> CommandLong:
@@ -103,14 +84,6 @@ class Flavour(ABC):
     @abstractmethod
     def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
         """Return what is told of a compass calibration, None for other words; Refused when it failed."""
-
-    @abstractmethod
-    def position_usable(self, state: VehicleState, now: float) -> bool | None:
-        """Return whether the estimator's position can be flown by, None while it says nothing of it."""
-
-    @abstractmethod
-    def ready_to_arm(self, state: VehicleState) -> bool | None:
-        """Return whether arming would work now, None while that is unknown."""
 
 
 def setpoint(velocity: Velocity, heading: float, system: int) -> SetPositionTargetLocalNed:

@@ -14,7 +14,7 @@ from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong
-from fleet_mavlink.require import home_unknown, require_connection, require_heartbeat
+from fleet_mavlink.require import home_unknown, not_moved, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import Cmd, Frame
@@ -53,11 +53,11 @@ class Flight:
 
     @property
     def flavour(self) -> Flavour:
-        """The autopilot's flavour; raises NotReady before its first heartbeat, Fault when not flown here."""
+        """The autopilot's flavour; raises NotReady before a heartbeat, Unsupported when not flown here."""
         flavour = self.vehicle.flavour
         if flavour is None:
             require_connection(self.vehicle)
-            raise Fault(f"system {self.vehicle.system} is no multirotor on ArduPilot or PX4")
+            raise not_moved(self.vehicle)
         return flavour
 
     def mode(self, state: VehicleState) -> str:
@@ -290,7 +290,7 @@ class Flight:
         state = self.vehicle.state
         require_connection(self.vehicle)
         if self.authority.lost_to:
-            raise Refused(f"taken over: the vehicle is in {self.authority.lost_to}")
+            raise Refused(f"taken over: the vehicle is in {self.authority.taker}")
         if not state.armed:
             raise Fault("the motors stopped on the way", hint="look at the vehicle")
         if self.mode(state) not in modes:

@@ -11,8 +11,13 @@ from fleet_mavlink.state import VehicleState
 
 
 def origin_of(state: VehicleState) -> GeoOrigin | None:
-    """Return a world origin at the vehicle's home, None while home is unknown."""
+    """Return a world origin at the vehicle's home, None while home is unknown.
+
+    What moves on ground or water is at z = 0 there: its home's altitude is not to be trusted.
+    """
     altitude = state.home_altitude
+    if state.on_the_surface and state.position is not None:
+        altitude = state.position.altitude
     if state.home is None or altitude is None:
         return None
     return GeoOrigin(state.home.latitude, state.home.longitude, altitude)

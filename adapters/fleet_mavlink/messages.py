@@ -193,6 +193,14 @@ class EkfStatusReport(Message, frozen=True):
     flags: int
 
 
+class EstimatorStatus(Message, frozen=True):
+    """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits mean what ArduPilot's mean."""
+
+    message_id: ClassVar[int] = 230
+    time_usec: int
+    flags: int
+
+
 class HomePosition(Message, frozen=True):
     """HOME_POSITION: where the vehicle returns to; mm AMSL."""
 
@@ -203,10 +211,11 @@ class HomePosition(Message, frozen=True):
 
 
 class ExtendedSysState(Message, frozen=True):
-    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
+    """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; of a VTOL whether it hovers."""
 
     message_id: ClassVar[int] = 245
     landed_state: int
+    vtol_state: int = 0
 
 
 class StatusText(Message, frozen=True):
@@ -224,6 +233,7 @@ INCOMING: tuple[type[Message], ...] = (
     BatteryStatus,
     CommandAck,
     EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GlobalPositionInt,
     GpsRawInt,

@@ -10,39 +10,18 @@ from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.flavour import CalibrationStep, Flavour
 from fleet_mavlink.messages import CommandInt, CommandLong, Message
-from fleet_mavlink.payload_messages import HighresImu
-from fleet_mavlink.state import VehicleState
+from fleet_mavlink.px4_kinds import Px4Kind
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import CUSTOM_MODE, NAN, Cmd, Frame
+from fleet_mavlink.words import NAN, Cmd, Frame
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _CAL = "[cal] "  # with which it begins what it says of a calibration
 _PROGRESS = re.compile(r"progress <(\d{1,3})>")
 
 
-class Px4(Flavour):
-    """PX4. Altitudes on its wire are above mean sea level, whatever frame is stated."""
+class Px4(Px4Kind, Flavour):
+    """PX4 for multirotors. Altitudes on its wire are above mean sea level, whatever frame is stated."""
 
-    name: ClassVar[str] = "px4"
-    modes: ClassVar[Mapping[int, str]] = {
-        0x00010000: "MANUAL",
-        0x00020000: "ALTCTL",
-        0x00030000: "POSCTL",
-        0x01030000: "ORBIT",
-        0x02030000: "POSCTL_SLOW",
-        0x00050000: "ACRO",
-        0x00060000: "OFFBOARD",
-        0x00070000: "STABILIZED",
-        0x000A0000: "TERMINATION",
-        0x01040000: "AUTO.READY",
-        0x02040000: "AUTO.TAKEOFF",
-        0x03040000: "AUTO.LOITER",
-        0x04040000: "AUTO.MISSION",
-        0x05040000: "AUTO.RTL",
-        0x06040000: "AUTO.LAND",
-        0x08040000: "AUTO.FOLLOW_TARGET",
-        0x09040000: "AUTO.PRECLAND",
-    }
     external: ClassVar[str] = "OFFBOARD"
     hold: ClassVar[str] = "AUTO.LOITER"
     goto: ClassVar[str] = "AUTO.LOITER"
@@ -57,35 +36,9 @@ class Px4(Flavour):
     unset: ClassVar[float] = NAN
     lead_in: ClassVar[float] = 0.3
     follows: ClassVar[Mapping[str, frozenset[str]]] = {"AUTO.TAKEOFF": frozenset({"AUTO.LOITER"})}
-    rates: ClassVar[Mapping[int, float]] = {}
-    imu: ClassVar[int] = HighresImu.message_id
-    motors: ClassVar[int | None] = None  # what it says of them is no speed
+    may_be_disarmed: ClassVar[bool] = False
     compass_start: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION, param2=1.0)
     compass_stop: ClassVar[CommandLong] = CommandLong(Cmd.PREFLIGHT_CALIBRATION)
-    bytewise_parameters: ClassVar[bool] = True
-    data_streams: ClassVar[tuple[int, ...]] = ()
-
-    def mode_command(self, mode: str) -> CommandLong:
-        """Return DO_SET_MODE with the main mode and the sub mode."""
-        number = self.number_of(mode)
-        return CommandLong(
-            Cmd.DO_SET_MODE,
-            param1=CUSTOM_MODE,
-            param2=float(number >> 16 & 0xFF),
-            param3=float(number >> 24 & 0xFF),
-        )
-
-    def hold_command(self) -> CommandLong:
-        """Return DO_REPOSITION to nowhere: it also ends a flight to a place, which is the same mode."""
-        return CommandLong(
-            Cmd.DO_REPOSITION,
-            param1=-1.0,
-            param2=_CHANGE_MODE,
-            param4=NAN,
-            param5=NAN,
-            param6=NAN,
-            param7=NAN,
-        )
 
     def takeoff_command(self, altitude: float, home_altitude: float) -> CommandLong:
         """Return NAV_TAKEOFF from where it stands; zeros for the place would mean the gulf of Guinea."""
@@ -131,11 +84,3 @@ class Px4(Flavour):
             return CalibrationStep(100.0)
         percent = _PROGRESS.fullmatch(words)
         return CalibrationStep(min(99.0, float(percent[1]))) if percent else None
-
-    def position_usable(self, state: VehicleState, now: float) -> bool | None:
-        """Return whether positions come: it sends none that it does not use."""
-        return state.knows_where(now)
-
-    def ready_to_arm(self, state: VehicleState) -> bool | None:
-        """Return the arming check, once home is known."""
-        return None if state.prearm_ok is None else state.prearm_ok and state.home is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 
 import msgspec
@@ -20,8 +19,7 @@ from fleet.model.report import (
 )
 from fleet_mavlink import reports
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.messages import GpsRawInt
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.motors import Motors
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
@@ -30,7 +28,6 @@ from fleet_mavlink.vehicle import Vehicle
 _CHANGES = 0.2  # s between looks for what has changed
 _REFRESH = 5.0  # s after which the flight controller's state is told again
 _REPEAT = 0.9  # s after which the vehicle's state is told again: at the look before the second is over
-_FIX_FRESH = 5.0  # s
 _LAST_SENTENCES = 8  # that go with the flight controller's state
 
 
@@ -81,37 +78,36 @@ class Reporter:
         """Report a line that the autopilot said."""
         self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
 
-    def _pose(self, state: VehicleState, _flavour: Flavour, stamp: float) -> PoseReport | None:
+    def _pose(self, state: VehicleState, _kind: Kind, stamp: float) -> PoseReport | None:
         """Return the pose; a position that is no longer told is not told again as a new one."""
         if not state.knows_where(self._vehicle.now()):
             return None
         return reports.pose_report(state, self._origin(), stamp)
 
     def _gps(self, state: VehicleState, stamp: float) -> GpsReport | None:
-        """Return the fix, while the receiver tells it."""
-        seen = self._vehicle.seen_at.get(GpsRawInt, -math.inf)
-        return reports.gps_report(state, stamp) if self._vehicle.now() - seen <= _FIX_FRESH else None
+        """Return the fix, or that there is none."""
+        return reports.gps_report(state, self._vehicle.now(), stamp)
 
-    def _metrics(self, state: VehicleState, flavour: Flavour, stamp: float) -> MetricsReport:
+    def _metrics(self, state: VehicleState, kind: Kind, stamp: float) -> MetricsReport:
         """Return the numbers for people, with what went wrong on the way."""
-        return reports.metrics_report(state, flavour, stamp, self._counts())
+        return reports.metrics_report(state, kind, stamp, self._counts())
 
-    def _imu(self, state: VehicleState, _flavour: Flavour, stamp: float) -> ImuReport | None:
+    def _imu(self, state: VehicleState, _kind: Kind, stamp: float) -> ImuReport | None:
         """Return body rates and accelerations."""
         return reports.imu_report(state, self._vehicle.now(), stamp)
 
-    def _joints(self, state: VehicleState, _flavour: Flavour, stamp: float) -> JointReport | None:
+    def _joints(self, state: VehicleState, _kind: Kind, stamp: float) -> JointReport | None:
         """Return the motors."""
         return self._motors.report(state.carried, self._vehicle.now(), stamp)
 
-    def _every(self, seconds: float, make: Callable[[VehicleState, Flavour, float], Report | None]) -> None:
+    def _every(self, seconds: float, make: Callable[[VehicleState, Kind, float], Report | None]) -> None:
         """Report something from time to time, while it is known."""
 
         def tell() -> None:
-            flavour = self._vehicle.flavour
-            if flavour is None or not self._vehicle.connected:
+            kind = self._vehicle.kind
+            if kind is None or not self._vehicle.connected:
                 return
-            report = make(self._vehicle.state, flavour, self._robot.clock.time())
+            report = make(self._vehicle.state, kind, self._robot.clock.time())
             if report is not None:
                 self._robot.report(report)
 
@@ -119,18 +115,18 @@ class Reporter:
 
     def _tell_changes(self) -> None:
         """Report what has changed, and again after a while."""
-        flavour = self._vehicle.flavour
-        if flavour is None:
+        kind = self._vehicle.kind
+        if kind is None:
             return
-        self._tell_controller(flavour)
+        self._tell_controller(kind)
         if self._vehicle.connected:
-            self._tell_state(flavour)
+            self._tell_state(kind)
 
-    def _tell_controller(self, flavour: Flavour) -> None:
+    def _tell_controller(self, kind: Kind) -> None:
         """Report the flight controller's state; its loss too."""
         report = reports.flight_controller_report(
             self._vehicle.state,
-            flavour,
+            kind,
             list(self._vehicle.sentences)[-_LAST_SENTENCES:],
             self._vehicle.system,
             connected=self._vehicle.connected,
@@ -142,10 +138,10 @@ class Reporter:
         self._controller, self._controller_at = report, now
         self._robot.report(report)
 
-    def _tell_state(self, flavour: Flavour) -> None:
+    def _tell_state(self, kind: Kind) -> None:
         """Report the vehicle's state for the telemetry topic; its altitude alone is no news."""
-        report = reports.vehicle_state_report(self._vehicle.state, flavour, self._robot.clock.time())
         now = self._vehicle.now()
+        report = reports.vehicle_state_report(self._vehicle.state, kind, now, self._robot.clock.time())
         known = self._state.fields if self._state else {}
         news = {name for name, value in report.fields.items() if known.get(name) != value}
         if news <= {"altitude_m"} and now - self._state_at < _REPEAT:

@@ -18,12 +18,13 @@ from fleet.model.report import (
     StatusText,
     TelemetryReport,
 )
-from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.frames import flu_from_frd, pose_of
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import VEHICLE_TYPES
+from fleet_mavlink.words import type_name
 
+NO_FIX = "none"  # the fix type of a receiver without a fix
 _IMU_FRESH = 1.0  # s
 _LEVELS = ("CRITICAL", "CRITICAL", "CRITICAL", "ERROR", "WARNING", "INFO", "INFO", "DEBUG")
 
@@ -34,11 +35,11 @@ def pose_report(state: VehicleState, origin: GeoOrigin | None, stamp: float) -> 
     return PoseReport(stamp, pose.position, pose.rotation) if pose is not None else None
 
 
-def gps_report(state: VehicleState, stamp: float) -> GpsReport | None:
-    """Return the satellite fix."""
-    fix = state.fix
+def gps_report(state: VehicleState, now: float, stamp: float) -> GpsReport | None:
+    """Return the satellite fix, or that there is none, at monotonic ``now``; nothing without a receiver."""
+    fix = state.fix_now(now)
     if fix is None:
-        return None
+        return GpsReport(stamp, point=None, fix_type=NO_FIX) if state.fix_told(now) else None
     return GpsReport(
         stamp,
         point=fix.point,
@@ -58,16 +59,16 @@ def battery_report(state: VehicleState, stamp: float) -> BatteryReport | None:
     return BatteryReport(stamp, battery.percent, battery.voltage, battery.current)
 
 
-def flight_state_report(state: VehicleState, flavour: Flavour, stamp: float) -> FlightStateReport | None:
+def flight_state_report(state: VehicleState, kind: Kind, stamp: float) -> FlightStateReport | None:
     """Return whether it flies."""
     if state.in_air is None:
         return None
-    return FlightStateReport(stamp, is_flying=state.in_air, flight_mode=flavour.mode_of(state))
+    return FlightStateReport(stamp, is_flying=state.in_air, flight_mode=kind.mode_of(state))
 
 
 def flight_controller_report(
     state: VehicleState,
-    flavour: Flavour,
+    kind: Kind,
     sentences: Iterable[Sentence],
     system: int,
     *,
@@ -84,13 +85,13 @@ def flight_controller_report(
     return FlightControllerReport(
         stamp,
         armed=state.armed,
-        mode=flavour.mode_of(state),
+        mode=kind.mode_of(state),
         failsafe=state.failsafe,
-        autopilot=flavour.name,
-        vehicle=VEHICLE_TYPES.get(beat.type, ""),
+        autopilot=kind.name,
+        vehicle=type_name(beat.type),
         custom_mode=beat.custom_mode,
         system_status=beat.system_status,
-        ready_to_arm=flavour.ready_to_arm(state),
+        ready_to_arm=kind.ready_to_arm(state),
         status_texts=tuple(StatusText(said.text, said.severity) for said in sentences),
         connected=connected,
         system_id=system,
@@ -109,32 +110,41 @@ def imu_report(state: VehicleState, now: float, stamp: float) -> ImuReport | Non
 
 
 def metrics_report(
-    state: VehicleState, flavour: Flavour, stamp: float, counts: Mapping[str, int] | None = None
+    state: VehicleState, kind: Kind, stamp: float, counts: Mapping[str, int] | None = None
 ) -> MetricsReport:
     """Return the numbers for people: only those that are known; ``counts`` of what went wrong by its name."""
     errors = tuple({"type": what, "count": count} for what, count in (counts or {}).items() if count)
     battery = state.battery
     power = {"battery_percent": battery.percent, "voltage": battery.voltage, "current": battery.current}
     navigation = {
-        "status": flavour.mode_of(state),
-        "altitude_m": state.relative_altitude,
+        "status": kind.mode_of(state),
+        "altitude_m": _height(state),
         "ground_speed_ms": state.velocity.horizontal() if state.velocity else None,
         "heading_deg": state.heading,
     }
     return MetricsReport(stamp, power=_known(power), navigation=_known(navigation), errors=errors)
 
 
-def vehicle_state_report(state: VehicleState, flavour: Flavour, stamp: float) -> TelemetryReport:
-    """Return the ``vehicle_state`` telemetry: only what is known."""
+def vehicle_state_report(state: VehicleState, kind: Kind, now: float, stamp: float) -> TelemetryReport:
+    """Return the ``vehicle_state`` telemetry at monotonic ``now``: only what is known."""
+    fix = state.fix_now(now)
     fields = {
         "armed": state.armed,
-        "mode": flavour.mode_of(state),
+        "mode": kind.mode_of(state),
         "in_air": state.in_air,
-        "altitude_m": state.relative_altitude,
-        "ready_to_arm": flavour.ready_to_arm(state),
+        "altitude_m": _height(state),
+        "ready_to_arm": kind.ready_to_arm(state),
         "failsafe": state.failsafe,
+        "vehicle": type_name(state.heartbeat.type) if state.heartbeat else None,
+        "gps_fix": (fix.kind if fix else NO_FIX) if state.fix_told(now) else None,
+        "position_usable": kind.position_usable(state, now),
     }
     return TelemetryReport(stamp, "vehicle_state", _known(fields))
+
+
+def _height(state: VehicleState) -> float | None:
+    """Return metres above home, None for what has no height."""
+    return None if state.on_the_surface else state.relative_altitude
 
 
 def log_report(sentence: Sentence, stamp: float) -> LogReport:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet import GeoPoint, NotReady
+from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.vehicle import Vehicle
 
@@ -30,10 +30,15 @@ def _unheard(vehicle: Vehicle) -> NotReady:
 
 
 def require_control(vehicle: Vehicle, authority: Authority) -> None:
-    """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours."""
+    """Raise NotReady unless the vehicle answers, is the only one with its id, and is ours.
+
+    Raises Unsupported for what is not flown here: ArduRover would drive 3 s for a single setpoint.
+    """
     require_connection(vehicle)
+    if vehicle.flavour is None:
+        raise not_moved(vehicle)
     if authority.lost_to:
-        raise NotReady(f"a pilot or a fail-safe has it, in {authority.lost_to}", hint="send hover to take it")
+        raise NotReady(f"a pilot or a fail-safe has it, in {authority.taker}", hint="send hover to take it")
 
 
 def require_flying(vehicle: Vehicle, authority: Authority) -> None:
@@ -43,7 +48,12 @@ def require_flying(vehicle: Vehicle, authority: Authority) -> None:
     if not state.armed or not state.in_air:
         raise not_in_the_air()
     if not state.knows_where(vehicle.now()):
-        raise NotReady("position or attitude is older than 1 s", hint="wait for the estimator")
+        raise NotReady("no position of the last second that can be trusted", hint="wait for satellites")
+
+
+def not_moved(vehicle: Vehicle) -> Unsupported:
+    """Return the error for a vehicle that is watched and stopped here, and not moved."""
+    return Unsupported(f"it is {vehicle.what}, which is not moved here: it is watched, and stopped")
 
 
 def known_position(vehicle: Vehicle) -> GeoPoint:

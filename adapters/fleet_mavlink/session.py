@@ -6,12 +6,16 @@ import asyncio
 from collections.abc import Awaitable
 
 from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
+from fleet.errors import CommandError
 from fleet_mavlink.authority import Authority
+from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
-from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.causes import FailsafeCause, position_troubles
+from fleet_mavlink.commander import Commander, Superseded, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
 from fleet_mavlink.driving import PERIOD, Driver
+from fleet_mavlink.event_keeper import EventKeeper
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
@@ -27,10 +31,10 @@ from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
-from fleet_mavlink.texts import Sentence, alarm
+from fleet_mavlink.texts import Sentence
 from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import AUTOPILOT
@@ -54,7 +58,8 @@ class Session:
         self._robot = robot
         self._began = robot.clock.monotonic()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._alarm = ""  # what the autopilot said of the fail-safe that it is in
+        self._cause = FailsafeCause()
+        self._unstopped = ""  # why the last stop failed
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
@@ -67,6 +72,7 @@ class Session:
             spawn=self._spawn,
             busy=self.commander.turn.locked,
         )
+        self.brakes = Brakes(vehicle, self.commander)
         self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.plans = Plans(vehicle)
@@ -121,7 +127,7 @@ class Session:
         self._robot.every(PERIOD, self._tick)
         self._robot.every(_LOOK, self._look)
         self._reporter.begin()
-        keepers = [self.streams.keep(), self.failsafes.keep()]
+        keepers = [self.streams.keep(), self.failsafes.keep(), EventKeeper(self.vehicle).keep()]
         if self.fence:
             keepers.append(self.fence.keep())
         work = [asyncio.ensure_future(each) for each in (*losses, *keepers)]
@@ -140,20 +146,48 @@ class Session:
         state, flavour = self.vehicle.state, self.vehicle.flavour
         return flavour is not None and flavour.mode_of(state) in {flavour.land, flavour.return_home}
 
+    @property
+    def is_ours_to_stop(self) -> bool:
+        """True where a stop that nobody asked for is right: it is flown by us, and does not come down."""
+        flown = self.vehicle.connected and self.vehicle.flavour is not None and not self.authority.lost_to
+        return flown and not self.comes_down
+
     async def stop(self, reason: str, *, takes_over: bool) -> None:
         """Brake and hold; returns once the hold is shown. On the ground there is nothing to do.
 
         The plain stop of a drive returns once the vehicle stands; the hold follows a moment later, or at once
         when it does not. A vehicle that somebody else has is left to him unless ``takes_over``: the plain
-        stop at the end of a drive must not take it from its pilot.
+        stop at the end of a drive must not take it from its pilot; Refused says so. What is not moved here is
+        braked whoever moves it. Raises NotReady when it does not answer: nobody knows then whether it stops.
+        A stop that fails stands in health until one works, or the motors are off.
         """
+        if self.authority.lost_to and not takes_over:
+            self.commander.supersede(reason)
+            self.driver.brake()
+            raise Refused(
+                f"a pilot or a fail-safe has it, in {self.authority.taker}: it was left to that",
+                hint="hover, brake and emergency_stop take it",
+            )
+        try:
+            await self._stop(reason)
+        except Superseded:
+            raise
+        except CommandError as error:
+            self._unstopped = f"it was not stopped: {error.reason}"
+            self._robot.log.error("%s", self._unstopped)  # noqa: TRY400 - its place says nothing
+            raise
+        self._unstopped = ""
+
+    async def _stop(self, reason: str) -> None:
+        """Brake and hold, or raise."""
+        require_heartbeat(self.vehicle)
         if reason == GENTLE and self.driver.rest() and await self._rests():
             return
         self.commander.supersede(reason)
         self.driver.brake()
-        if self.authority.lost_to and not takes_over:
-            return
-        if self.vehicle.connected and self.vehicle.state.armed and self.vehicle.flavour is not None:
+        if self.vehicle.flavour is None:
+            await self.brakes.brake()
+        elif self.vehicle.state.armed:
             await self.flight.hold()
 
     async def _rests(self) -> bool:
@@ -171,14 +205,19 @@ class Session:
         self.driver.end()
         await self.flight.kill()
 
-    def halt(self) -> None:
+    def halt(self, *, takes_over: bool = False) -> None:
         """Write what stops the vehicle now; from any thread. The next tick goes on from there.
 
-        A vehicle that does not answer may be following its own fail-safe: its mode is not touched.
+        A vehicle that does not answer may be following its own fail-safe: its mode is not touched. One that
+        somebody else has is left to him unless ``takes_over``.
         """
         state, flavour = self.vehicle.state, self.vehicle.flavour
         self.driver.halted = True
-        if flavour is None or not state.armed or self.authority.lost_to:
+        if flavour is None:
+            brake = self.brakes.first() if self.vehicle.connected else None
+            self._hub.send_from_any_thread([brake] if brake is not None else [], self.vehicle)
+            return
+        if not state.armed or (self.authority.lost_to and not takes_over):
             return
         messages: list[Message] = []
         if flavour.mode_of(state) == flavour.external:
@@ -222,6 +261,7 @@ class Session:
     def _look(self) -> None:
         """Say how the way to the vehicle is."""
         self.vehicle.tick()
+        self._see_cause()
         never_heard = self.vehicle.state.heartbeat is None
         if never_heard and self._robot.clock.monotonic() - self._began < SILENCE:
             return  # it was given no time to speak yet
@@ -234,20 +274,23 @@ class Session:
             return Health(Level.OFFLINE, self._absence())
         if vehicle.clashing:
             return Health(Level.FAULT, f"two vehicles use system id {vehicle.system}: give each its own")
-        if vehicle.flavour is None:
-            return Health(Level.FAULT, f"system {vehicle.system} is no multirotor on ArduPilot or PX4")
         troubles = self._troubles()
         return Health(Level.DEGRADED, "; ".join(troubles)) if troubles else Health()
 
     def _troubles(self) -> tuple[str, ...]:
         """Return what is wrong with a vehicle that answers and can be flown."""
         vehicle = self.vehicle
+        troubles = position_troubles(vehicle.state, vehicle.now())
+        if self._unstopped and vehicle.state.armed:
+            troubles = (self._unstopped, *troubles)
         if vehicle.state.failsafe:
-            return (f"the autopilot is in a fail-safe{': ' if self._alarm else ''}{self._alarm}",)
-        troubles = self.failsafes.troubles + (self.fence.troubles if self.fence else ())
+            why = self._cause.text
+            return (f"the autopilot is in a fail-safe{': ' if why else ''}{why}", *troubles)
+        if vehicle.flavour is None:
+            return (f"{vehicle.what}: watched and stopped, not moved", *troubles)
         if vehicle.trust.signer is not None and not vehicle.trust.signed:
-            return (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
-        return troubles
+            troubles = (f"system {vehicle.system} does not sign: send setup_signing", *troubles)
+        return (*troubles, *self.failsafes.troubles, *(self.fence.troubles if self.fence else ()))
 
     def _absence(self) -> str:
         """Say what is not heard, and what is heard instead."""
@@ -265,19 +308,35 @@ class Session:
     def _heartbeat(self) -> None:
         """Look whether somebody else changed the mode, and whether the vehicle is back."""
         vehicle = self.vehicle
-        if not vehicle.state.failsafe:
-            self._alarm = ""
-        elif not self._alarm:
-            self._alarm = alarm(vehicle.sentences, vehicle.now())
+        self._see_cause()
         if vehicle.flavour is not None:
-            self.authority.observe(vehicle.state, vehicle.flavour, self._alarm)
+            self.authority.observe(vehicle.state, vehicle.flavour, self._cause.text)
         self._robot.health(self._health())
+
+    def _see_cause(self) -> None:
+        """Look for the reason of a fail-safe in what was said."""
+        vehicle = self.vehicle
+        if vehicle.kind is not None:
+            mode = vehicle.kind.mode_of(vehicle.state)
+            self._cause.see(vehicle.state, mode, vehicle.sentences, vehicle.now())
 
     def _authority_lost(self, reason: str) -> None:
         """End everything of ours; what is being asked is not asked again over a pilot's head."""
         self.commander.supersede("somebody else has the vehicle")
         self.driver.end()
-        self._robot.authority_lost(reason)
+        if self.vehicle.state.failsafe and not self._cause.text:
+            self._spawn(self._tell_loss(reason))  # it ended above; only the telling waits for its reason
+        else:
+            self._robot.authority_lost(reason)
+
+    async def _tell_loss(self, reason: str) -> None:
+        """Tell a loss of authority once the autopilot had time to say why."""
+        while not self._cause.text and not self._cause.settled(self.vehicle.now()):
+            await asyncio.sleep(_LOOK)
+            self._see_cause()
+        why = self._cause.text
+        self.authority.cause = why
+        self._robot.authority_lost(f"{reason} ({why})" if why else reason)
 
     def _sentence(self, sentence: Sentence) -> None:
         """Pass on what the autopilot says."""

@@ -16,6 +16,7 @@ from fleet_mavlink.messages import (
     Attitude,
     BatteryStatus,
     EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GlobalPositionInt,
     GpsRawInt,
@@ -27,13 +28,23 @@ from fleet_mavlink.messages import (
     SysStatus,
     SystemTime,
 )
-from fleet_mavlink.words import ARMED_FLAG, FIX_TYPES, PREARM_OK, RC_RECEIVER, Landed, Status
+from fleet_mavlink.words import (
+    ARMED_FLAG,
+    FIX_TYPES,
+    ON_THE_SURFACE,
+    PREARM_OK,
+    RC_RECEIVER,
+    Landed,
+    Status,
+)
 
 SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
 _BEATS_TO_RETURN = 2
 _FRESH = 1.0  # s for which a position or attitude may be steered by
 _BACKWARDS = 2000  # ms by which the time since boot must fall to mean a reboot
 _CLOCK_WRAP = 0xFFFF_0000  # ms; beyond it the 32-bit clock starts again without a reboot
+_FIX_FRESH = 5.0  # s without a word of the satellite receiver after which its fix counts as lost
+_ABSOLUTE_POSITION = 0x10  # estimator flag
 _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
 _UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # looked up once: an enumeration's is slow
@@ -75,6 +86,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     boot_ms: int | None = None
     reboots: int = 0
     landed: Landed = Landed.UNDEFINED
+    vtol_state: int = 0  # MAV_VTOL_STATE
     position: GeoPoint | None = None  # altitude AMSL
     position_at: float = -math.inf
     relative_altitude: float | None = None  # m above home, as the autopilot says
@@ -85,10 +97,14 @@ class VehicleState(msgspec.Struct, frozen=True):
     battery: Battery = Battery()
     battery_has_own_message: bool = False
     fix: Fix | None = None
+    fix_at: float = -math.inf  # when the receiver last spoke, with a fix or without
+    had_fix: bool = False  # since it started
+    satellites: int | None = None
     home: GeoPoint | None = None
     prearm_ok: bool | None = None
     remote_control: bool | None = None  # whether a pilot's is heard; None: there is no receiver
     estimator_flags: int | None = None
+    had_estimate: bool = False  # of its position, since it started
     mission_current: int | None = None
     mission_total: int | None = None
     mission_reached: int | None = None
@@ -106,7 +122,9 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def in_air(self) -> bool | None:
-        """Whether the vehicle flies, None when that cannot be told."""
+        """Whether the vehicle flies, None when that cannot be told, and for what moves on the ground."""
+        if self.on_the_surface:
+            return None
         if self.landed is not _UNDEFINED:
             return self.landed is not _ON_GROUND
         if self.heartbeat is not None and not self.armed:
@@ -114,6 +132,23 @@ class VehicleState(msgspec.Struct, frozen=True):
         if self.relative_altitude is not None and self.relative_altitude > _AIRBORNE:
             return True
         return None
+
+    @property
+    def on_the_surface(self) -> bool:
+        """True for what moves on ground or water: its height above home means nothing.
+
+        ArduRover takes its home's altitude before the receiver knows one, and tells 488 m at sea level.
+        """
+        return self.heartbeat is not None and self.heartbeat.type in ON_THE_SURFACE
+
+    @property
+    def estimator_has_position(self) -> bool | None:
+        """Whether the estimator stands by the position that it tells, None where it says nothing of it.
+
+        The flag for a constant position is no sign: PX4 sets it at rest, ArduPilot only without this one.
+        """
+        flags = self.estimator_flags
+        return None if flags is None else bool(flags & _ABSOLUTE_POSITION)
 
     @property
     def home_altitude(self) -> float | None:
@@ -132,8 +167,20 @@ class VehicleState(msgspec.Struct, frozen=True):
         return now - self.heartbeat_at <= SILENCE and self.beats >= _BEATS_TO_RETURN
 
     def knows_where(self, now: float) -> bool:
-        """Return whether position and attitude are fresh enough to be steered by."""
-        return now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
+        """Return whether position and attitude are fresh, and the estimator stands by them.
+
+        Without satellites both autopilots go on telling a position that runs away, hundreds of metres far.
+        """
+        fresh = now - self.position_at <= _FRESH and now - self.attitude_at <= _FRESH
+        return fresh and self.estimator_has_position is not False
+
+    def fix_told(self, now: float) -> bool:
+        """Return whether the satellite receiver speaks, or spoke since the start."""
+        return self.had_fix or now - self.fix_at <= _FIX_FRESH
+
+    def fix_now(self, now: float) -> Fix | None:
+        """Return the fix, None without one and when the receiver fell silent."""
+        return self.fix if now - self.fix_at <= _FIX_FRESH else None
 
 
 def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
@@ -222,19 +269,28 @@ def _amperes(centiamperes: int) -> float | None:
     return centiamperes / 100 if centiamperes >= 0 else None
 
 
-def _gps(_state: VehicleState, message: GpsRawInt, _now: float) -> dict[str, Any]:
-    """Take a fix of two or three dimensions, forget it when it is lost."""
+def _gps(_state: VehicleState, message: GpsRawInt, now: float) -> dict[str, Any]:
+    """Take a fix of two or three dimensions, forget it when it is lost: PX4 tells its last place on."""
     kind = FIX_TYPES.get(message.fix_type)
+    satellites = None if message.satellites_visible == 255 else message.satellites_visible
     if kind is None or not _is_place(message.lat, message.lon):
-        return {"fix": None}
+        return {"fix": None, "fix_at": now, "satellites": satellites}
     fix = Fix(
         point=GeoPoint(message.lat / 1e7, message.lon / 1e7, message.alt / 1000),
         kind=kind,
-        satellites=None if message.satellites_visible == 255 else message.satellites_visible,
+        satellites=satellites,
         horizontal_accuracy=message.h_acc / 1000 or None,
         vertical_accuracy=message.v_acc / 1000 or None,
     )
-    return {"fix": fix}
+    return {"fix": fix, "fix_at": now, "had_fix": True, "satellites": satellites}
+
+
+def _estimator(
+    state: VehicleState, message: EkfStatusReport | EstimatorStatus, _now: float
+) -> dict[str, Any]:
+    """Take the estimator's flags."""
+    had = state.had_estimate or bool(message.flags & _ABSOLUTE_POSITION)
+    return {"estimator_flags": message.flags, "had_estimate": had}
 
 
 def _is_place(latitude: int, longitude: int) -> bool:
@@ -272,8 +328,9 @@ def _home(_state: VehicleState, message: HomePosition, _now: float) -> dict[str,
 
 
 def _landed(_state: VehicleState, message: ExtendedSysState, _now: float) -> dict[str, Any]:
-    """Take whether it is on the ground."""
-    return {"landed": _LANDED.get(message.landed_state, _UNDEFINED)}
+    """Take whether it is on the ground, and whether a VTOL hovers."""
+    landed = _LANDED.get(message.landed_state, _UNDEFINED)
+    return {"landed": landed, "vtol_state": message.vtol_state}
 
 
 def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict[str, Any]:
@@ -285,7 +342,8 @@ def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict
 _CHANGES: Mapping[type[Message], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
     Attitude: _attitude,
     BatteryStatus: _battery_status,
-    EkfStatusReport: lambda _state, message, _now: {"estimator_flags": message.flags},
+    EkfStatusReport: _estimator,
+    EstimatorStatus: _estimator,
     ExtendedSysState: _landed,
     GlobalPositionInt: _position,
     GpsRawInt: _gps,

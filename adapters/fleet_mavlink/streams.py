@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from fleet.errors import CommandError
 from fleet_mavlink import payload_messages
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.messages import (
     INCOMING,
     Attitude,
@@ -37,11 +37,9 @@ _OLD_WAY_AFTER = 2  # times asked for the attitude in vain
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
-def wanted_rates(
-    pose: float, flavour: Flavour, *, imu: float = 0.0, motors: float = 0.0
-) -> Mapping[int, float]:
+def wanted_rates(pose: float, kind: Kind, *, imu: float = 0.0, motors: float = 0.0) -> Mapping[int, float]:
     """Return message id -> Hz; ``pose`` is the rate of position and attitude; 0 is not asked for."""
-    carried = {flavour.imu: imu, flavour.motors: motors}
+    carried = {kind.imu: imu, kind.motors: motors}
     return {
         Attitude.message_id: pose,
         GlobalPositionInt.message_id: pose,
@@ -52,7 +50,7 @@ def wanted_rates(
         BatteryStatus.message_id: 0.5,
         MissionCurrent.message_id: 0.5,
         SystemTime.message_id: 1.0,
-        **flavour.rates,
+        **kind.rates,
         **{message: rate for message, rate in carried.items() if message is not None and rate},
     }
 
@@ -85,9 +83,9 @@ class Streams:
             if not self._vehicle.connected or begun != agreed:
                 agreed = begun
                 self._forget()
-            flavour = self._vehicle.flavour
-            if self._vehicle.connected and not self._vehicle.clashing and flavour is not None:
-                await self._ask_for_missing(flavour)
+            kind = self._vehicle.kind
+            if self._vehicle.connected and not self._vehicle.clashing and kind is not None:
+                await self._ask_for_missing(kind)
             await asyncio.sleep(_LOOK)
 
     def _forget(self) -> None:
@@ -96,13 +94,13 @@ class Streams:
         self._refused.clear()
         self._in_vain = 0
 
-    async def _ask_for_missing(self, flavour: Flavour) -> None:
+    async def _ask_for_missing(self, kind: Kind) -> None:
         """Ask for each message once, and again when it does not come."""
-        for message_id, rate in wanted_rates(self._pose, flavour, **self._carried).items():
+        for message_id, rate in wanted_rates(self._pose, kind, **self._carried).items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
         if self._in_vain > _OLD_WAY_AFTER:
-            self._ask_the_old_way(flavour)
+            self._ask_the_old_way(kind)
 
     def _is_due(self, message_id: int, rate: float) -> bool:
         """Return whether a message was never asked for, or is overdue."""
@@ -128,10 +126,10 @@ class Streams:
             if error.device_result is not None:
                 self._refused.add(message_id)
 
-    def _ask_the_old_way(self, flavour: Flavour) -> None:
+    def _ask_the_old_way(self, kind: Kind) -> None:
         """Ask for groups of messages, as old firmware wants it; nothing answers to this."""
         self._in_vain = 0
-        for stream in flavour.data_streams:
+        for stream in kind.data_streams:
             self._vehicle.send(
                 RequestDataStream(
                     target_system=self._vehicle.system,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 
 import msgspec
 
@@ -14,7 +13,6 @@ PATIENCE = 1.0  # s to wait for the next piece
 _OPEN = 8  # unfinished sentences of one vehicle; more are let go, oldest first
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 WARNING = 4  # MAV_SEVERITY: this or lower is trouble
-_LATELY = 3.0  # s
 
 
 class Sentence(msgspec.Struct, frozen=True):
@@ -23,12 +21,7 @@ class Sentence(msgspec.Struct, frozen=True):
     text: str
     severity: int
     at: float
-
-
-def alarm(sentences: Iterable[Sentence], now: float) -> str:
-    """Return the newest words of trouble that were said lately, empty when there are none."""
-    told = [said.text for said in sentences if said.severity <= WARNING and now - said.at <= _LATELY]
-    return told[-1] if told else ""
+    event: bool = False  # it came as an EVENT, which a STATUSTEXT often repeats with fewer words
 
 
 class _Pieces:

@@ -7,23 +7,27 @@ import contextlib
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from fleet.clock import Clock
 from fleet.link.base import Address
+from fleet_mavlink.event_messages import Event
+from fleet_mavlink.events import Dictionary
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.flavours import flavour_of
+from fleet_mavlink.flavours import flavour_of, kind_of
 from fleet_mavlink.heard import Heard, SaidT
+from fleet_mavlink.kind import Kind
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
 from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
 from fleet_mavlink.trust import Trust
 from fleet_mavlink.ways import way_of
-from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT
+from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
 
 _REMEMBERED = 64  # sentences
+_SAME_WITHIN = 1.0  # s between an event and the text that says the same
 _SWITCH_AFTER = 1.5  # s without a word after which another way is taken
 
 Condition = Callable[[VehicleState], bool]
@@ -55,6 +59,8 @@ class Vehicle:
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
         self.camera: Part | None = None
+        self.dictionary: Dictionary | None = None  # of its events
+        self._event = -1  # the number of the last one
         self.log = logging.getLogger(__name__)  # its robot's, once it has one
         self._send = send
         self._joiner = Joiner()
@@ -65,9 +71,22 @@ class Vehicle:
         self._hearing: list[Heard[Any]] = []
 
     @property
+    def kind(self) -> Kind | None:
+        """Of what kind it is, None before its first heartbeat."""
+        return kind_of(self.state.heartbeat) if self.state.heartbeat else None
+
+    @property
     def flavour(self) -> Flavour | None:
         """The autopilot's flavour, None before its first heartbeat and for what is not flown."""
         return flavour_of(self.state.heartbeat) if self.state.heartbeat else None
+
+    @property
+    def what(self) -> str:
+        """What it is, for people: its type and its autopilot."""
+        beat, kind = self.state.heartbeat, self.kind
+        if beat is None or kind is None:
+            return "not known yet"
+        return f"a {type_name(beat.type)} on {kind.name}"
 
     @property
     def connected(self) -> bool:
@@ -104,6 +123,8 @@ class Vehicle:
             self.on_ack(message)
         elif isinstance(message, StatusText):
             self._say(self._joiner.feed(message, now))
+        elif isinstance(message, Event):
+            self._happened(message, now)
         self._pass_on(message)
         self._wake()
 
@@ -158,9 +179,18 @@ class Vehicle:
         """Let go of sentences whose end never came."""
         self._say(self._joiner.late(self.now()))
 
+    def _happened(self, event: Event, now: float) -> None:
+        """Say an event in words, once."""
+        said = self.dictionary.say(event) if self.dictionary and event.sequence != self._event else None
+        self._event = event.sequence
+        if said is not None:
+            self._say([Sentence(said.text, said.severity, now, event=True)])
+
     def _say(self, sentences: list[Sentence]) -> None:
-        """Remember sentences and pass them on."""
+        """Remember sentences and pass them on, but for what an event has just said more fully."""
         for sentence in sentences:
+            if _is_repeated(sentence, self.sentences):
+                continue
             self.sentences.append(sentence)
             self.on_sentence(sentence)
             self._pass_on(sentence)
@@ -210,6 +240,16 @@ class Part(Vehicle):
             self.on_ack(message)
         self._pass_on(message)
         self._wake()
+
+
+def _is_repeated(sentence: Sentence, said: Iterable[Sentence]) -> bool:
+    """Return whether an event and a text say the same, one behind the other."""
+    return any(
+        sentence.at - each.at <= _SAME_WITHIN
+        and sentence.event is not each.event
+        and each.text.startswith(sentence.text)
+        for each in said
+    )
 
 
 def _nothing() -> None:

@@ -33,6 +33,7 @@ class Cmd(enum.IntEnum):
     DO_SET_HOME = 179
     DO_LAND_START = 189
     DO_REPOSITION = 192
+    DO_PAUSE_CONTINUE = 193
     DO_SET_MISSION_CURRENT = 224
     PREFLIGHT_CALIBRATION = 241
     PREFLIGHT_REBOOT_SHUTDOWN = 246
@@ -109,17 +110,46 @@ FIX_TYPES: Mapping[int, str] = {
     7: "static",
     8: "ppp",
 }
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
+MULTIROTORS = (2, 3, 4, 13, 14, 15, 29, 35)  # MAV_TYPE: what flies as a multirotor does; others are not flown
+VTOLS = range(19, 26)  # MAV_TYPE
+ON_THE_SURFACE = frozenset({5, 10, 11})  # MAV_TYPE: it has no height above home to speak of
+VTOL_HOVERS = frozenset({2, 3})  # MAV_VTOL_STATE: it hovers, or is about to
 VEHICLE_TYPES: Mapping[int, str] = {
+    0: "generic",
+    1: "fixed_wing",
     2: "quadrotor",
     3: "coaxial",
     4: "helicopter",
+    5: "antenna_tracker",
+    7: "airship",
+    8: "free_balloon",
+    9: "rocket",
+    10: "ground_rover",
+    11: "surface_boat",
+    12: "submarine",
     13: "hexarotor",
     14: "octorotor",
     15: "tricopter",
+    16: "flapping_wing",
+    17: "kite",
+    19: "vtol_tailsitter_duorotor",
+    20: "vtol_tailsitter_quadrotor",
+    21: "vtol_tiltrotor",
+    22: "vtol_fixedrotor",
+    23: "vtol_tailsitter",
+    24: "vtol_tiltwing",
+    25: "vtol",
+    28: "parafoil",
     29: "dodecarotor",
     35: "decarotor",
+    37: "parachute",
 }
-"""The vehicle types that fly as a multirotor does; others are not flown."""
+
+
+def type_name(type_number: int) -> str:
+    """Return the name of a MAV_TYPE, or its number."""
+    return VEHICLE_TYPES.get(type_number, f"vehicle of type {type_number}")
 
 
 def result_name(result: int) -> str:

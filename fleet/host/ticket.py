@@ -52,8 +52,12 @@ class Ticket:
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
     def done(self, data: Any = None) -> None:
-        """Say that the robot was seen to have done it, with what was asked for."""
-        self.accept()
+        """Say that the robot was seen to have done it.
+
+        ``data`` is what was asked for: it is in the one answer that who does not wait for the end gets.
+        """
+        if data is None:
+            self.accept()
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
     def reject(self, reason: str, *, hint: str = "") -> None:
@@ -82,10 +86,16 @@ class Ticket:
             self._send(reply)
 
     def _end(self, reply: Reply) -> None:
-        """Send the end, once, to whoever waits; a refused receipt was the end already."""
+        """Send the end, once, to whoever waits; a refused receipt was the end already.
+
+        Where nothing was answered yet, the end is the receipt.
+        """
         if self.ended is not None:
             return
         self.ended = reply
+        if self.receipt is None:
+            self._receive(reply)
+            return
         self._tell(reply)
         if self._waits and self.receipt is not None and self.receipt.ok:
             self._send(reply)

@@ -53,11 +53,14 @@ class BatteryReport(msgspec.Struct, frozen=True):
 
 
 class GpsReport(msgspec.Struct, frozen=True):
-    """A satellite fix; not sent without one. ``heading`` is degrees clockwise from north."""
+    """A satellite fix. ``heading`` is degrees clockwise from north.
+
+    A receiver without a fix says so: ``fix_type`` none, and no ``point``. The cloud is not sent that.
+    """
 
     channel: ClassVar[str] = "gps"
     stamp: float
-    point: GeoPoint
+    point: GeoPoint | None
     fix_type: str
     satellites: int | None = None
     heading: float | None = None

@@ -145,13 +145,13 @@ class _Imu(msgspec.Struct, frozen=True):
 
 
 class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
-    """``gps``: degrees and metres, with the names of the MQTT topic."""
+    """``gps``: degrees and metres, with the names of the MQTT topic; no place without a fix."""
 
     ts: float
-    latitude: float
-    longitude: float
-    altitude: float
     fix_type: str
+    latitude: float | None = None
+    longitude: float | None = None
+    altitude: float | None = None
     satellite_count: int | None = None
     compass_heading: float | None = None
     horizontal_accuracy: float | None = None
@@ -162,10 +162,10 @@ class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
         point = report.point
         return cls(
             report.stamp,
-            point.latitude,
-            point.longitude,
-            point.altitude,
             report.fix_type,
+            point.latitude if point else None,
+            point.longitude if point else None,
+            point.altitude if point else None,
             report.satellites,
             report.heading,
             report.horizontal_accuracy,
@@ -173,9 +173,12 @@ class _Gps(msgspec.Struct, frozen=True, omit_defaults=True):
         )
 
     def report(self) -> GpsReport:
+        point = None
+        if self.latitude is not None and self.longitude is not None:
+            point = GeoPoint(self.latitude, self.longitude, self.altitude or 0.0)
         return GpsReport(
             self.ts,
-            GeoPoint(self.latitude, self.longitude, self.altitude),
+            point,
             self.fix_type,
             self.satellite_count,
             self.compass_heading,

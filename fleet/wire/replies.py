@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
+
 from fleet.model.command import Reply
 from fleet.wire.encoding import encode_finite
 
@@ -11,7 +13,8 @@ from fleet.wire.encoding import encode_finite
 def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float) -> bytes:
     """Return a reply as ``twin.command_response.v1``; ``source_type`` is edge or sim.
 
-    What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known.
+    What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known, and
+    ``data`` what was asked for.
     """
     message: dict[str, Any] = {
         "contract": "twin.command_response.v1",
@@ -41,7 +44,13 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
 
 
 def _details(reply: Reply) -> dict[str, Any]:
-    """Return why, in the host's and in the robot's own words, as far as there is anything to say."""
+    """Return why, in the host's and the robot's own words, and what was asked for."""
     reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
-    details = {"reason": reason, "device_result": reply.device_result, "messages": reply.messages}
-    return {name: value for name, value in details.items() if value}
+    details: dict[str, Any] = {
+        "reason": reason,
+        "device_result": reply.device_result,
+        "messages": reply.messages,
+    }
+    if reply.data is not None:  # what an adapter gives may have not-a-number in it: JSON says null
+        details["data"] = msgspec.json.decode(msgspec.json.encode(reply.data))
+    return {name: value for name, value in details.items() if value or name == "data"}

@@ -110,7 +110,7 @@ def _battery(report: BatteryReport) -> Leaves:
 
 def _gps(report: GpsReport) -> Leaves:
     """Nothing without a fix."""
-    if report.fix_type == "none":
+    if report.fix_type == "none" or report.point is None:
         return []
     body = {
         **_place(report.point),

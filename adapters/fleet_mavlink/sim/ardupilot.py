@@ -9,12 +9,13 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
 from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
-from fleet_mavlink.sim.ardupilot_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
 from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
@@ -39,16 +40,21 @@ class ArduPilot(Autopilot):
     commands: ClassVar[Mapping[int, Handler]] = COMMANDS
     default_rates: ClassVar[Mapping[int, float]] = {mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     real_ready: ClassVar[float] = 42.6
-    gps_grace: ClassVar[float] = 10.0
+    gps_grace: ClassVar[float] = 8.1
+    loss: ClassVar[Loss] = ARDUPILOT_LOSS
+    gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_DISABLE", 1.0)
     fix_type: ClassVar[int] = 6
     speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    first_mode: ClassVar[str] = "STABILIZE"  # until the mode switch of the remote control is read
+    switched_mode: ClassVar[str] = "STABILIZE"  # what that switch says
     without_gimbal: ClassVar[int | None] = FAILED
     obeys_other_components: ClassVar[bool] = True
     obeys_broadcast: ClassVar[bool] = True
 
     def __init__(self, boot: Boot) -> None:
-        super().__init__(boot, MODES["STABILIZE"])
+        super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
         self._prearm_told_at = boot.at
         self.failsafes = Failsafes(self)
@@ -113,7 +119,7 @@ class ArduPilot(Autopilot):
 
     def change_mode(self, number: int) -> bool:
         """Enter the mode of a number and show it at once in a heartbeat; False when it is refused."""
-        mode = MODES_BY_NUMBER.get(number)
+        mode = next((mode for mode in self.modes.values() if mode.custom == number), None)
         if mode is None:
             self.say(WARNING, f"No such mode {number}")
             return False
@@ -179,14 +185,19 @@ class ArduPilot(Autopilot):
             self.failsafe = ""
             self.say(WARNING, "GCS Failsafe Cleared")
 
+    def drain(self, dt: float) -> None:
+        """Drain the battery; SIM_BATT_VOLTAGE is the most that it has."""
+        super().drain(dt)
+        self.battery.at_most(volts=self.params["SIM_BATT_VOLTAGE"])
+
     def supervise(self) -> None:
         """Start up, tell why it is not ready, disarm by itself, watch the fail-safes."""
         self._start_up()
         if self.armed:
-            self._auto_disarm()
+            self.watch_idle()
         self.failsafes.watch()
         if self.runs_mission and getattr(self.manoeuvre, "returns", False):
-            self.enter(MODES["RTL"])
+            self.enter(self.modes["RTL"])
             self.out.append(heartbeat(self))
 
     def _start_up(self) -> None:
@@ -196,7 +207,7 @@ class ArduPilot(Autopilot):
         self.say_once(INFO, "ArduPilot Ready")
         if not self._switch_read and self.age(2.6):
             self._switch_read = True
-            self.enter(MODES["STABILIZE"])
+            self.enter(self.modes[self.switched_mode])
         if self.home is None and self.age(20.0) and self.gps_fix:
             self.say_once(INFO, "EKF3 IMU0 origin set")
             self.set_home()
@@ -207,7 +218,7 @@ class ArduPilot(Autopilot):
             for refusal in self.refusals(force=False):
                 self.say(CRITICAL, f"PreArm: {refusal}")
 
-    def _auto_disarm(self) -> None:
+    def watch_idle(self) -> None:
         """Disarm 2 s after a landing, and DISARM_DELAY after arming without a take-off."""
         landed = self.touched_at is not None and self.time - self.touched_at > _LANDED_DISARM
         ends = self.manoeuvre.done or self.mode.name in {"LAND", "RTL"}

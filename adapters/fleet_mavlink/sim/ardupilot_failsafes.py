@@ -100,10 +100,22 @@ class Failsafes:
             self._fail("battery", text, mode)
 
     def _watch_position(self) -> None:
-        """Land when the position is lost in a mode that needs it."""
+        """Land when the position is lost in a mode that needs it; it stays there when it is back.
+
+        The heartbeat that shows it comes before the words.
+        """
         pilot = self._pilot
         if pilot.mode.position and not pilot.has_position and pilot.failsafe != "ekf":
-            self._fail("ekf", "EKF variance", "LAND")
+            pilot.failsafe = "ekf"
+            pilot.say(CRITICAL, "EKF3 lane switch 1")
+            pilot.say(WARNING, "EKF primary changed:1")
+            pilot.enter(MODES["LAND"])
+            pilot.out.append(heartbeat(pilot))
+            pilot.say(CRITICAL, "EKF variance")
+            pilot.say(CRITICAL, "EKF Failsafe: changed to LAND Mode")
+        elif pilot.failsafe == "ekf" and pilot.has_position:
+            pilot.failsafe = ""
+            pilot.say(CRITICAL, "EKF Failsafe Cleared")
 
     def _broke_fence(self) -> None:
         """FENCE_ACTION 0: only say it; 1: RTL."""

@@ -36,4 +36,3 @@ _ALL = (
     Mode("SMART_RTL", 21, _home, GUIDED_BASE, armable=False),
 )
 MODES = {mode.name: mode for mode in _ALL}
-MODES_BY_NUMBER = {mode.custom: mode for mode in _ALL}

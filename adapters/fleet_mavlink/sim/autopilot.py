@@ -23,6 +23,7 @@ from fleet_mavlink.sim.missions import Missions
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
+from fleet_mavlink.sim.satellites import Drift, Loss
 from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speaker import Speaker
 from fleet_mavlink.sim.speeds import Speeds
@@ -54,12 +55,16 @@ class Autopilot(Speaker, ABC):
     """One autopilot from boot to reboot. Times are seconds of the simulation."""
 
     autopilot_id: ClassVar[int]
+    vehicle_type: ClassVar[int] = 2  # MAV_TYPE
+    modes: ClassVar[Mapping[str, Mode]]
     capabilities: ClassVar[int]
     version: ClassVar[int]
     commands: ClassVar[Mapping[int, Handler]]
     default_rates: ClassVar[Mapping[int, float]]
     real_ready: ClassVar[float]  # seconds from boot to a usable position
     gps_grace: ClassVar[float]  # seconds without GPS after which the position is no longer usable
+    loss: ClassVar[Loss]
+    gps_switch: ClassVar[tuple[str, float]]  # the parameter, and its value without satellites
     fix_type: ClassVar[int]
     speeds_type: ClassVar[type[Speeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
@@ -95,6 +100,7 @@ class Autopilot(Speaker, ABC):
         self.terminated = False
         self.gcs_heard_at: float | None = None
         self.gps_lost_at: float | None = None
+        self.drift = Drift(self.loss)
         self.fence_broken = False
         self.reboot_asked = False
 
@@ -125,9 +131,10 @@ class Autopilot(Speaker, ABC):
 
     # position
 
-    def geo(self) -> Geo:
-        """Return where the vehicle is."""
-        point = geo_from_world(self._origin, Vector3(self.body.east, self.body.north, -self.body.down))
+    def geo(self, off_east: float = 0.0) -> Geo:
+        """Return where the vehicle is, or a place so many metres east of it."""
+        place = Vector3(self.body.east + off_east, self.body.north, -self.body.down)
+        point = geo_from_world(self._origin, place)
         return point.latitude, point.longitude, point.altitude
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
@@ -155,7 +162,12 @@ class Autopilot(Speaker, ABC):
 
     @property
     def _gps_off(self) -> bool:
-        return "gps_loss" in self.faults
+        return "gps_loss" in self.faults or self.params[self.gps_switch[0]] == self.gps_switch[1]
+
+    @property
+    def without_gps(self) -> float | None:
+        """Seconds since the satellites were lost, None while there are some."""
+        return None if self.gps_lost_at is None else self.time - self.gps_lost_at
 
     @property
     def remote_control(self) -> bool:
@@ -263,6 +275,10 @@ class Autopilot(Speaker, ABC):
         """True while the vehicle is off the ground."""
         return not self.body.grounded
 
+    def vtol_state(self) -> int:
+        """Return MAV_VTOL_STATE; 0 for what is no VTOL."""
+        return 0
+
     def landed_state(self) -> int:
         """Return MAV_LANDED_STATE."""
         if self.body.grounded:
@@ -282,8 +298,9 @@ class Autopilot(Speaker, ABC):
         aim = self.manoeuvre.aim(self)
         if self.body.down < 0.0 or aim.thrust:
             self.body.advance(aim, self.agility, drift if self.flying else (0.0, 0.0), dt)
-        self.battery.drain(self.armed and self.flying, dt)
+        self.drain(dt)
         self._watch_gps()
+        self.drift.tick(self.without_gps, dt)
         self._watch_ground()
         self.supervise()
         self.say_what_is_due()
@@ -292,6 +309,10 @@ class Autopilot(Speaker, ABC):
         self.out.extend(self.equipment.tick(self, dt))
         if self.age(1.0):
             self.out.extend(self.streams.due(self, now))
+
+    def drain(self, dt: float) -> None:
+        """Drain the battery."""
+        self.battery.drain(self.armed and self.flying, dt)
 
     @abstractmethod
     def supervise(self) -> None:

@@ -28,6 +28,11 @@ class Battery:
         """Voltage of the whole pack."""
         return self._empty + (self._full - self._empty) * self.percent / 100.0
 
+    def at_most(self, *, volts: float) -> None:
+        """Take out what is above a voltage."""
+        if self.volts > volts:
+            self.percent = max(0.0, 100.0 * (volts - self._empty) / (self._full - self._empty))
+
     @property
     def whole_percent(self) -> int:
         """What is left, as SYS_STATUS and BATTERY_STATUS say it."""

@@ -52,6 +52,7 @@ def ardupilot_params(system_id: int) -> Values:
         "PILOT_SPEED_DN": (INT16, 0),
         "RTL_ALT": (INT32, 1500),
         "RTL_LOIT_TIME": (INT32, 5000),
+        "SIM_BATT_VOLTAGE": (REAL32, 12.6),
         "SIM_GPS_DISABLE": (INT8, 0),
         "SIM_WIND_SPD": (REAL32, 0.0),
         "SYSID_ENFORCE": (INT8, 0),
@@ -61,6 +62,7 @@ def ardupilot_params(system_id: int) -> Values:
         "WPNAV_SPEED": (REAL32, 1000.0),
         "WPNAV_SPEED_DN": (REAL32, 150.0),
         "WPNAV_SPEED_UP": (REAL32, 250.0),
+        "WP_SPEED": (REAL32, 3.0),
         "WP_YAW_BEHAVIOR": (INT8, 2),
     }
 
@@ -96,6 +98,9 @@ def px4_params(system_id: int) -> Values:
         "NAV_DLL_ACT": (INT32, 0),
         "NAV_RCL_ACT": (INT32, 2),
         "RTL_RETURN_ALT": (REAL32, 30.0),
+        "SIM_BAT_DRAIN": (REAL32, 600.0),
+        "SIM_BAT_MIN_PCT": (REAL32, 50.0),
+        "SIM_GPS_USED": (INT32, 10),
         "SYS_AUTOSTART": (INT32, 10040),
         "SYS_HAS_GPS": (INT32, 1),
     }

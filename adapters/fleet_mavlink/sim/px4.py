@@ -15,6 +15,7 @@ from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.satellites import PX4_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
@@ -27,6 +28,7 @@ _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GCS_GONE = 3.0
 _TEXTS_KEPT = 20
+_UNSET_PERCENT = 50.0  # SIM_BAT_MIN_PCT as it is delivered
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 _HAS_RECEIVER = frozenset({0, 2, 3})  # COM_RC_IN_MODE; the simulated one's own, 1, is without
 _NOT_CHOSEN = frozenset({"TAKEOFF", "LAND", "PRECLAND", "RTL"})
@@ -54,10 +56,13 @@ class Px4(Autopilot):
         mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     }
     real_ready: ClassVar[float] = 4.6
-    gps_grace: ClassVar[float] = 5.5
+    gps_grace: ClassVar[float] = 5.1
+    loss: ClassVar[Loss] = PX4_LOSS
+    gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_USED", 0.0)
     fix_type: ClassVar[int] = 3
     speeds_type: ClassVar[type[Speeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
+    modes: ClassVar[Mapping[str, Mode]] = MODES
     without_gimbal: ClassVar[int | None] = None
     ends_text: ClassVar[str] = "\t"
     text_id_always: ClassVar[bool] = True
@@ -264,6 +269,14 @@ class Px4(Autopilot):
         return self.ned_of(x, y, z + base)
 
     # by itself
+
+    def drain(self, dt: float) -> None:
+        """Drain the battery; where SIM_BAT_MIN_PCT is set, down to that, all of it in SIM_BAT_DRAIN s."""
+        before, lowest = self.battery.percent, self.params["SIM_BAT_MIN_PCT"]
+        super().drain(dt)
+        if self.armed and lowest < _UNSET_PERCENT:
+            drained = before - 100.0 * dt / max(self.params["SIM_BAT_DRAIN"], 0.1)
+            self.battery.percent = max(min(lowest, before), drained)
 
     def supervise(self) -> None:
         """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""

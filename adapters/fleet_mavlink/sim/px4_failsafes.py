@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from fleet_mavlink.sim.event_list import EventMessage, failsafe_event
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_modes import MODES
 from fleet_mavlink.sim.speaker import CRITICAL, WARNING
@@ -26,6 +27,8 @@ class Failsafes:
         self._pilot = pilot
         self._then: tuple[float, Mode] | None = None  # when it goes on, and with what
         self._battery_told: set[str] = set()
+        self._events = 0
+        self._cause = ""
         self._control_heard_at = -math.inf
         self._control_needed = False  # a remote control that was never there is not missed
 
@@ -53,19 +56,29 @@ class Failsafes:
         self._then = None
         return True
 
-    def _fail(self, why: str, mode: str, then: str = "") -> None:
+    def _tell(self, event: EventMessage) -> None:
+        """Tell an event, numbered."""
+        self._events = (self._events + 1) & 0xFFFF
+        event.sequence = self._events
+        self._pilot.out.append(event)
+
+    def _fail(self, why: str, mode: str, then: str = "", cause: str = "") -> None:
         """Begin a fail-safe in a mode; ``then`` follows after COM_FAIL_ACT_T seconds."""
         pilot = self._pilot
         pilot.failsafe = why
         pilot.say(CRITICAL, "Failsafe activated")
+        seconds = int(pilot.params["COM_FAIL_ACT_T"]) if then else None
+        self._tell(failsafe_event(then or mode, cause or why, seconds=seconds))
         pilot.enter(MODES[mode] if not MODES[mode].position or pilot.has_position else MODES["LAND"])
         self._then = (pilot.time + pilot.params["COM_FAIL_ACT_T"], MODES[then]) if then else None
+        self._cause = cause or why
 
     def _go_on(self) -> None:
         """Take the second step of a fail-safe."""
         if self._then is not None and self._pilot.time >= self._then[0]:
             _, mode = self._then
             self._then = None
+            self._tell(failsafe_event(mode.name, self._cause))
             self._pilot.enter(mode)
 
     def _watch_offboard(self) -> None:
@@ -75,8 +88,10 @@ class Failsafes:
             self._fail("offboard", _OFFBOARD_LOSS.get(int(pilot.params["COM_OBL_RC_ACT"]), "LOITER"))
 
     def _watch_position(self) -> None:
-        """Land without a position."""
+        """Come down without a position; with it again, go back to what was chosen last."""
         pilot = self._pilot
+        if pilot.failsafe == "position" and pilot.has_position and self.over("position"):
+            pilot.enter(pilot.chosen)
         if pilot.flying and pilot.mode.position and not pilot.has_position and pilot.failsafe != "position":
             self._fail("position", "LAND")
 
@@ -134,4 +149,4 @@ class Failsafes:
             if share < pilot.params[limit] and level not in self._battery_told and pilot.flying:
                 self._battery_told.add(level)
                 if pilot.params["COM_LOW_BAT_ACT"] > 0:
-                    self._fail("battery", "LOITER", then=then)
+                    self._fail("battery", "LOITER", then=then, cause=level)

@@ -31,6 +31,7 @@ class Station(asyncio.DatagramProtocol):
         self._stirring: asyncio.TimerHandle | None = None
         vehicle = SimVehicle(
             spec.flavour,
+            vehicle=spec.vehicle,
             system_id=spec.system_id,
             home=spec.home,
             ready_after=spec.ready,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Literal
 from urllib.parse import parse_qsl
 
@@ -13,14 +14,20 @@ from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 
 QUICK_READY = 3.0  # seconds until a vehicle of a ``sim:`` link can be armed, unless it says otherwise
+VehicleName = Literal["multirotor", "rover"]
+VEHICLES: Mapping[str, tuple[VehicleName, ...]] = {
+    "ardupilot": ("multirotor", "rover"),
+    "px4": ("multirotor",),
+}
 Home = tuple[float, float, float, float]
 ZURICH: Home = (47.397742, 8.545594, 488.0, 0.0)
-_KEYS = ("home", "ready", "speed", "fault", "seed", "with")
+_KEYS = ("vehicle", "home", "ready", "speed", "fault", "seed", "with")
 
 
 class SimSpec(msgspec.Struct, frozen=True):
     """One simulated vehicle.
 
+    ``vehicle``: what it is; ``VEHICLES`` has what there is of each flavour.
     ``home``: latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
     ``ready``: seconds of simulation until it can be armed; None: as the real one (42.6 s, 4.6 s).
     ``speed``: seconds of simulation in one second. ``faults``: from the start. ``accessories``: what
@@ -28,6 +35,7 @@ class SimSpec(msgspec.Struct, frozen=True):
     """
 
     flavour: Literal["ardupilot", "px4"]
+    vehicle: VehicleName = "multirotor"
     system_id: int = 1
     home: Home = ZURICH
     ready: float | None = QUICK_READY
@@ -38,6 +46,8 @@ class SimSpec(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         """Raise ValueError for values that no vehicle can have."""
+        if self.vehicle not in VEHICLES[self.flavour]:
+            raise ValueError(f"there is no simulated {self.vehicle} on {self.flavour}")
         if not 1 <= self.system_id <= 254:
             raise ValueError(f"system id {self.system_id} is not 1 to 254")
         if not 0.01 <= self.speed <= 100.0:
@@ -74,6 +84,8 @@ class SimSpec(msgspec.Struct, frozen=True):
 
 def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
     """Return the spec from the text of its options."""
+    if "vehicle" in given:
+        values["vehicle"] = given["vehicle"]
     if "home" in given:
         values["home"] = parse_home(given["home"])
     if "ready" in given:

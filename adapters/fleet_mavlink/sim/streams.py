@@ -24,7 +24,7 @@ def heartbeat(pilot: Autopilot) -> Any:
     """HEARTBEAT: mode, armed, and how the system is."""
     base = pilot.mode.base | (mav.MAV_MODE_FLAG_SAFETY_ARMED if pilot.armed else 0)
     return mav.MAVLink_heartbeat_message(
-        mav.MAV_TYPE_QUADROTOR, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
+        pilot.vehicle_type, pilot.autopilot_id, base, pilot.mode.custom, pilot.system_status(), 3
     )
 
 
@@ -46,7 +46,13 @@ def sys_status(pilot: Autopilot) -> Any:
 
 def gps_raw_int(pilot: Autopilot) -> Any:
     """GPS_RAW_INT: what the receiver measures, with noise."""
-    if not pilot.gps_fix:
+    lost, loss = pilot.without_gps, pilot.loss
+    if lost is not None and lost >= loss.shown:
+        place = tuple(int(each * scale) for each, scale in zip(pilot.geo(), (1e7, 1e7, 1e3), strict=True))
+        return mav.MAVLink_gps_raw_int_message(
+            pilot.boot_us, loss.fix, *place, loss.error, loss.error, 0, 65535, loss.count
+        )
+    if not pilot.gps_fix and lost is None:
         unknown = 65535
         return mav.MAVLink_gps_raw_int_message(
             pilot.boot_us, 1 if pilot.initialised else 0, 0, 0, 0, unknown, unknown, unknown, unknown, 0
@@ -77,7 +83,7 @@ def global_position_int(pilot: Autopilot) -> Any:
         return mav.MAVLink_global_position_int_message(
             pilot.boot_ms, 0, 0, 0, 0, 0, 0, 0, _heading_cdeg(pilot)
         )
-    latitude, longitude, altitude = pilot.geo()
+    latitude, longitude, altitude = pilot.geo(pilot.drift.east)
     body = pilot.body
     return mav.MAVLink_global_position_int_message(
         pilot.boot_ms,
@@ -86,19 +92,24 @@ def global_position_int(pilot: Autopilot) -> Any:
         int(altitude * 1000),
         int(pilot.height_over_home() * 1000),
         int(body.vn * 100),
-        int(body.ve * 100),
+        int((body.ve + pilot.drift.speed) * 100),
         int(body.vd * 100),
         _heading_cdeg(pilot),
     )
 
 
 def local_position_ned(pilot: Autopilot) -> Any:
-    """LOCAL_POSITION_NED: metres from the estimator's origin; nothing before there is one."""
-    if not pilot.origin_set:
+    """LOCAL_POSITION_NED: metres from the estimator's origin; nothing before there is one.
+
+    ArduPilot falls silent when its estimator gives up, PX4 runs away.
+    """
+    gave_up = pilot.autopilot_id == mav.MAV_AUTOPILOT_ARDUPILOTMEGA and pilot.drift.speed
+    if not pilot.origin_set or gave_up:
         return None
-    body = pilot.body
+    body, drift = pilot.body, pilot.drift
+    place = (body.north, body.east + drift.east, body.down)
     return mav.MAVLink_local_position_ned_message(
-        pilot.boot_ms, body.north, body.east, body.down, body.vn, body.ve, body.vd
+        pilot.boot_ms, *place, body.vn, body.ve + drift.speed, body.vd
     )
 
 
@@ -157,7 +168,7 @@ def battery_status(pilot: Autopilot) -> Any:
 
 def extended_sys_state(pilot: Autopilot) -> Any:
     """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
-    return mav.MAVLink_extended_sys_state_message(0, pilot.landed_state())
+    return mav.MAVLink_extended_sys_state_message(pilot.vtol_state(), pilot.landed_state())
 
 
 def home_position(pilot: Autopilot) -> Any:
@@ -193,8 +204,16 @@ def ekf_status_report(pilot: Autopilot) -> Any:
     """EKF_STATUS_REPORT (ArduPilot only): 0x33f with a position, 0xa7 without."""
     if pilot.autopilot_id != mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return None
-    flags = 0x33F if pilot.has_position else 0xA7
+    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
     return mav.MAVLink_ekf_status_report_message(flags, 0.01, 0.01, 0.01, 0.01, 0.0)
+
+
+def estimator_status(pilot: Autopilot) -> Any:
+    """ESTIMATOR_STATUS (PX4 only)."""
+    if pilot.autopilot_id != mav.MAV_AUTOPILOT_PX4:
+        return None
+    flags = pilot.drift.flags(pilot.without_gps, usable=pilot.has_position)
+    return mav.MAVLink_estimator_status_message(pilot.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3)
 
 
 def system_time(pilot: Autopilot) -> Any:
@@ -272,6 +291,7 @@ BUILDERS: Mapping[int, Builder] = {
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
     mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
     mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
+    mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_status,
     mav.MAVLINK_MSG_ID_HOME_POSITION: home_position,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
 }

@@ -11,20 +11,27 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet.sim.faults import check_fault
 from fleet_mavlink.sim.ardupilot import ArduPilot
-from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
 from fleet_mavlink.sim.ask import ask_of
 from fleet_mavlink.sim.autopilot import Autopilot, Boot
 from fleet_mavlink.sim.battery import Battery
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
+from fleet_mavlink.sim.files import FILES, answer
 from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, Missions
 from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
 from fleet_mavlink.sim.physics import Body
 from fleet_mavlink.sim.px4 import Px4
-from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
+from fleet_mavlink.sim.rover import ArduRover
+from fleet_mavlink.sim.rover_physics import WheeledBody
+from fleet_mavlink.sim.spec import VehicleName
 from fleet_mavlink.sim.streams import ALL_STREAMS, BUILDERS, DATA_STREAMS
 
 Flavour = Literal["ardupilot", "px4"]
+_VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot], type[Body]]] = {
+    ("ardupilot", "multirotor"): (ArduPilot, Body),
+    ("ardupilot", "rover"): (ArduRover, WheeledBody),
+    ("px4", "multirotor"): (Px4, Body),
+}
 ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
 _STEP = 0.05  # longest step of the physics, s
 _DARK = 1.0  # seconds without power of a reboot
@@ -36,6 +43,7 @@ _COMPONENT = 1
 class SimVehicle:
     """One vehicle with its autopilot, from being switched on.
 
+    ``vehicle`` is one that the ``flavour`` has in ``_VEHICLES``; KeyError for another.
     ``home`` is latitude, longitude (degrees), altitude (m above sea level), heading (degrees).
     ``ready_after``: seconds until it can be armed; None: as long as the real one takes.
     ``epoch`` is the Unix time at time 0. All times are seconds of the simulation and only grow.
@@ -45,6 +53,7 @@ class SimVehicle:
         self,
         flavour: Flavour,
         *,
+        vehicle: VehicleName = "multirotor",
         system_id: int = 1,
         home: tuple[float, float, float, float] = (47.397742, 8.545594, 488.0, 0.0),
         ready_after: float | None = None,
@@ -54,9 +63,10 @@ class SimVehicle:
         now: float = 0.0,
     ) -> None:
         self.flavour = flavour
+        self._made, body = _VEHICLES[flavour, vehicle]
         self.system_id = system_id
         self.faults: dict[str, float] = {}
-        self.body = Body(heading=math.radians(home[3]) % math.tau)
+        self.body = body(heading=math.radians(home[3]) % math.tau)
         self.time = now
         self._place = (home[0], home[1], home[2])
         self._ready_after = ready_after
@@ -90,7 +100,7 @@ class SimVehicle:
             epoch=self._epoch,
             at=now,
         )
-        return ArduPilot(boot) if self.flavour == "ardupilot" else Px4(boot)
+        return self._made(boot)
 
     def reboot(self, now: float) -> None:
         """Restart the autopilot: dark for a second, rates forgotten, parameters and mission kept."""
@@ -172,8 +182,8 @@ def _low_battery(vehicle: SimVehicle, value: float) -> None:
 
 
 def _take_over(vehicle: SimVehicle, _value: float) -> None:
-    ardupilot = vehicle.flavour == "ardupilot"
-    vehicle.pilot.pilot_takes_over(ARDUPILOT_MODES["LOITER"] if ardupilot else PX4_MODES["POSCTL"])
+    mode = "LOITER" if vehicle.flavour == "ardupilot" else "POSCTL"
+    vehicle.pilot.pilot_takes_over(vehicle.pilot.modes[mode])
 
 
 _ONCE: Mapping[str, Callable[[SimVehicle, float], None]] = {
@@ -222,15 +232,9 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
     return [BUILDERS[mav.MAVLINK_MSG_ID_MISSION_CURRENT](pilot)]
 
 
-def _no_files(_pilot: Autopilot, message: Any) -> Iterable[Any]:
-    """Answer any file transfer: there is no such file (NAK 128+1, error 10)."""
-    payload = bytes(message.payload)
-    sequence = (int.from_bytes(payload[:2], "little") + 1) & 0xFFFF
-    answer = bytearray(251)
-    answer[:2] = sequence.to_bytes(2, "little")
-    answer[3], answer[4], answer[5], answer[12] = 129, 1, payload[3], 10
-    asker = message.get_srcSystem(), message.get_srcComponent()
-    return [mav.MAVLink_file_transfer_protocol_message(0, *asker, list(answer))]
+def _files(pilot: Autopilot, message: Any) -> Iterable[Any]:
+    """Answer a file transfer: PX4 serves the list of its events."""
+    return answer(message, FILES if isinstance(pilot, Px4) else {})
 
 
 def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
@@ -244,7 +248,7 @@ def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:
 _HANDLERS: Mapping[str, Callable[[Any, Any], Iterable[Any] | None]] = {
     "COMMAND_INT": _command,
     "COMMAND_LONG": _command,
-    "FILE_TRANSFER_PROTOCOL": _no_files,
+    "FILE_TRANSFER_PROTOCOL": _files,
     "HEARTBEAT": _heartbeat,
     "LOG_REQUEST_DATA": lambda pilot, message: pilot.equipment.logs.asked_data(message),
     "LOG_REQUEST_END": lambda pilot, _message: pilot.equipment.logs.asked_end(),

@@ -44,6 +44,12 @@ def records(name):
         yield stamp, data[begin:at]
 
 
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """Keep what vehicles serve out of the user's folders."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
 @pytest.fixture
 def recording():
     return records
@@ -109,8 +115,8 @@ class JumpingLoop(asyncio.SelectorEventLoop):
 class Sky(Operator):
     """A simulated vehicle, and the adapter that flies it over a memory link."""
 
-    def __init__(self, flavour, *, ready=0.0, faults=None, accessories=(), **config):
-        self.sim = SimVehicle(flavour, ready_after=ready, faults=faults)
+    def __init__(self, flavour, *, vehicle="multirotor", ready=0.0, faults=None, accessories=(), **config):
+        self.sim = SimVehicle(flavour, vehicle=vehicle, ready_after=ready, faults=faults)
         self.wire = Wire(self.sim, accessories)
         self.commands = []  # every COMMAND_LONG and COMMAND_INT that was heard
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
@@ -164,6 +170,11 @@ class Sky(Operator):
             if frames and self.radio:
                 self._peer.say(b"".join(frames))
             await asyncio.sleep(0.02)
+
+    def hears(self, *messages):
+        """Let another station, 255/190, say something to the vehicle."""
+        for message in messages:
+            self._peer.say(b"".join(self.wire.receive(framed(message, system=255, component=190), self.now)))
 
     @property
     def mode(self):

@@ -174,17 +174,17 @@ def test_no_sequence_of_messages_gives_a_report_that_cannot_be_sent(said):
 
 def told(vehicle):
     """Make every report of a vehicle, and send it."""
-    state, flavour = vehicle.state, vehicle.flavour
-    if flavour is None:
+    state, kind = vehicle.state, vehicle.kind
+    if kind is None:
         return
     made = [
         reports.pose_report(state, GeoOrigin(47.0, 8.0, 400.0), 1.0),
-        reports.gps_report(state, 1.0),
+        reports.gps_report(state, vehicle.now(), 1.0),
         reports.battery_report(state, 1.0),
         reports.imu_report(state, vehicle.clock.monotonic(), 1.0),
-        reports.flight_state_report(state, flavour, 1.0),
-        reports.metrics_report(state, flavour, 1.0),
-        reports.vehicle_state_report(state, flavour, 1.0),
+        reports.flight_state_report(state, kind, 1.0),
+        reports.metrics_report(state, kind, 1.0),
+        reports.vehicle_state_report(state, kind, vehicle.now(), 1.0),
     ]
     for report in filter(None, made):
         assert encode_report(report, 0)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fleet import Goal, GoTo, NotReady, Vector3, Velocity
+from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
 from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
@@ -202,7 +202,9 @@ def test_a_pilot_who_takes_over_ends_our_motion_until_a_new_command(fly, sky, fl
             streamed = len(it.setpoints)
             with pytest.raises(NotReady, match="hover"):
                 it.adapter.drive(FORWARD)
-            await it.adapter.stop("stop")  # the end of an operator's burst
+            with pytest.raises(Refused, match="left to that"):
+                await it.adapter.stop("stop")  # the end of an operator's burst
+            await it.adapter.stop("the edge ends")
             await asyncio.sleep(1)
             assert it.mode == pilots
             assert len(it.setpoints) == streamed

@@ -14,3 +14,25 @@ def test_the_simulated_autopilots_fly_the_list(fly, sky, module_at, flavour):
     fly(main())
     assert all(line.startswith("ok") for line in lines)
     assert len(lines) == len(module_at("sitl/flight_list.py").STEPS)
+
+
+@pytest.mark.parametrize("loss", ["satellites", "battery"])
+@pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+def test_the_simulated_autopilots_tell_their_losses(fly, sky, module_at, flavour, loss):
+    async def main():
+        async with sky(flavour) as it:
+            for step in module_at("sitl/loss_list.py").LISTS[loss]:
+                await step(it)
+
+    fly(main())
+
+
+def test_the_simulated_rover_is_stopped(fly, sky, module_at):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            await it.met()
+            other = module_at("sitl/other_station.py").OtherStation(it)
+            for step in module_at("sitl/stop_list.py").steps_for(it):
+                await step(it, other)
+
+    fly(main())

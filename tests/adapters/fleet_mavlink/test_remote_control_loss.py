@@ -35,9 +35,10 @@ def test_a_velocity_ends_and_the_loss_is_told_in_the_autopilots_words(fly, sky, 
             with pytest.raises((Refused, NotReady), match="a pilot or a fail-safe has it"):
                 await it.drive(Velocity(Vector3(1.0, 0.0, 0.0)), 5.0)
             (reason,) = it.robot.losses
-            assert reason.endswith(f"not by us: its own fail-safe ({SAID[flavour]})")
+            assert f"not by us: its own fail-safe ({SAID[flavour]}" in reason
             assert it.robot.healths[-1].level is Level.DEGRADED
-            assert it.robot.healths[-1].cause == f"the autopilot is in a fail-safe: {SAID[flavour]}"
+            cause = it.robot.healths[-1].cause
+            assert cause.startswith(f"the autopilot is in a fail-safe: {SAID[flavour]}")
             streamed = len(it.setpoints)
             await it.until(lambda: it.mode == "RTL", within=10.0)
             await it.until(lambda: not it.armed, within=120.0)

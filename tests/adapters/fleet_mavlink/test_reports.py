@@ -23,7 +23,7 @@ NOTHING = VehicleState()
 
 def test_of_a_vehicle_of_which_nothing_is_known_nothing_is_told():
     assert reports.pose_report(NOTHING, HOME, 1.0) is None
-    assert reports.gps_report(NOTHING, 1.0) is None
+    assert reports.gps_report(NOTHING, 9.0, 1.0) is None
     assert reports.battery_report(NOTHING, 1.0) is None
     assert reports.flight_state_report(NOTHING, PX4, 1.0) is None
     assert reports.flight_controller_report(NOTHING, PX4, (), 1, connected=True, stamp=1.0) is None
@@ -63,9 +63,9 @@ def test_the_origin_is_home_at_the_height_of_home():
 def test_a_fix_and_a_battery_are_told_as_known():
     place = GeoPoint(47.0, 8.0, 500.0)
     state = VehicleState(
-        fix=Fix(place, "3d", 12, 0.9, None), battery=Battery(50.0, 15.3, None), heading=270.0
+        fix=Fix(place, "3d", 12, 0.9, None), fix_at=8.0, battery=Battery(50.0, 15.3, None), heading=270.0
     )
-    gps = reports.gps_report(state, 7.0)
+    gps = reports.gps_report(state, 9.0, 7.0)
     assert (gps.point, gps.fix_type, gps.satellites, gps.heading) == (place, "3d", 12, 270.0)
     battery = reports.battery_report(state, 7.0)
     assert (battery.stamp, battery.percent, battery.voltage, battery.current) == (7.0, 50.0, 15.3, None)

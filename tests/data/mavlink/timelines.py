@@ -15,7 +15,6 @@ from fleet_mavlink.hub import Hub
 HERE = Path(__file__).parent
 STATION = (255, 190)  # who made the recordings
 POSITION_EVERY = 5.0  # s
-AUTOPILOTS = {3: "ardupilot", 12: "px4"}
 
 
 class Silent:
@@ -44,7 +43,7 @@ class Watch:
         self._vehicle = vehicle
         self._lines = lines
         self._clock = clock
-        self._known = {}
+        self._known = {"fix": "yes", "estimate": ""}  # nothing is said of what was never told otherwise
         self._position_at = -POSITION_EVERY
         vehicle.on_heartbeat = self.beat
         vehicle.on_ack = lambda ack: self.note("ack", f"{ack.command} {ack.result}")
@@ -63,14 +62,15 @@ class Watch:
     def beat(self) -> None:
         """Look at mode and arming, and now and then at the place."""
         state = self._vehicle.state
-        flavour = self._vehicle.flavour
-        kind = AUTOPILOTS.get(state.heartbeat.autopilot, "other")
-        self.changed("vehicle", f"{kind} type {state.heartbeat.type}")
-        self.changed("mode", flavour.mode_of(state) if flavour else str(state.heartbeat.custom_mode))
+        kind, now = self._vehicle.kind, self._clock.monotonic()
+        self.changed("vehicle", f"{kind.name} type {state.heartbeat.type}")
+        self.changed("mode", kind.mode_of(state))
         self.changed("armed", "yes" if state.armed else "no")
         self.changed("failsafe", "yes" if state.failsafe else "no")
         self.changed("reboots", str(state.reboots))
-        now = self._clock.monotonic()
+        if state.had_fix:
+            self.changed("fix", "yes" if state.fix_now(now) else "lost")
+            self.changed("estimate", {True: "trusted", False: "lost"}.get(state.estimator_has_position, ""))
         if state.position is not None and now - self._position_at >= POSITION_EVERY:
             self._position_at = now
             place, height = state.position, state.relative_altitude

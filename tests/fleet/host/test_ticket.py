@@ -26,6 +26,30 @@ def test_who_waits_gets_the_receipt_and_one_end():
     assert [(answer.ok, answer.done) for answer in answers] == [(True, None), (False, False)]
 
 
+@pytest.mark.parametrize("waits", [False, True])
+def test_what_was_asked_for_is_in_the_one_answer(waits):
+    one, answers = ticket(waits=waits)
+    one.done({"ready": False})
+    assert [(answer.ok, answer.done, answer.data) for answer in answers] == [(True, True, {"ready": False})]
+
+
+def test_who_waits_gets_what_was_asked_for_at_the_end_of_what_took_long():
+    one, answers = ticket(waits=True)
+    one.accept()
+    one.done([1])
+    assert [(answer.done, answer.data) for answer in answers] == [(None, None), (True, [1])]
+
+
+def test_a_repeat_gets_what_was_asked_for_too():
+    first, _ = ticket()
+    again, answers = ticket()
+    again.follow(first)
+    first.done({"ready": True})
+    late, late_answers = ticket()
+    late.follow(first)
+    assert [answer.data for answer in answers + late_answers] == [{"ready": True}] * 2
+
+
 def test_a_refusal_is_receipt_and_end_in_one():
     one, answers = ticket(waits=True)
     one.reject("no", hint="later")

@@ -81,3 +81,26 @@ def test_our_own_status_is_never_taken_for_a_command(reply):
     assert decode_command(payload, way=Way.CLOUD, defaults=MotionDefaults(1, 1, 1, 1)) is None
     payload = command_response(reply, twin="t", source_type="edge", stamp=5.0)
     assert decode_command(payload, way=Way.CLOUD, defaults=MotionDefaults(1, 1, 1, 1)) is None
+
+
+def test_what_was_asked_for_is_brought_to_who_asked():
+    checks = [{"check": "home", "ok": None, "words": []}]
+    reply = Reply(
+        "check_ready",
+        ReplyStatus.ACCEPTED,
+        done=True,
+        data={"ready": False, "checks": checks, "x": float("nan")},
+    )
+    for message in (response(reply), status(reply)):
+        assert message["data"] == {"ready": False, "checks": checks, "x": None}
+    assert is_command_response(response(reply))
+    MODELS_BY_CONTRACT_ID["twin.command_response.v1"].model_validate(response(reply))
+
+
+@pytest.mark.parametrize("data", [0, False, "", [], {}])
+def test_a_result_that_is_empty_is_a_result(data):
+    assert response(Reply("list_logs", ReplyStatus.ACCEPTED, done=True, data=data))["data"] == data
+
+
+def test_without_a_result_nothing_stands_for_it():
+    assert "data" not in response(Reply("land", ReplyStatus.ACCEPTED, done=True))

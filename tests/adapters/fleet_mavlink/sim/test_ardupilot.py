@@ -381,14 +381,19 @@ def test_a_low_battery_returns_when_told_to(flying):
     assert flying.set_mode("GUIDED") == [ACCEPTED]
 
 
-def test_without_satellites_it_lands_after_10_seconds(flying):
+def test_without_satellites_it_lands_after_8_seconds(flying):
     flying.vehicle.set_fault("gps_loss", 1)
-    flying.run(9)
+    flying.run(7.8)
     assert flying.mode == "GUIDED"
-    flying.run(1.5)
+    flying.run(0.6)
     assert flying.mode == "LAND"
-    assert "EKF variance" in flying.texts
+    assert flying.texts[-2:] == ["EKF variance", "EKF Failsafe: changed to LAND Mode"]
     assert flying.set_mode("GUIDED") == [FAILED]
+    flying.vehicle.set_fault("gps_loss", None)
+    flying.run(1.0)
+    assert "EKF Failsafe Cleared" in flying.texts
+    assert flying.mode == "LAND"
+    assert flying.set_mode("GUIDED") == [ACCEPTED]
 
 
 def test_auto_without_a_mission_is_refused_in_flight(flying):

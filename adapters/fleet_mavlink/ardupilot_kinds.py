@@ -1,0 +1,157 @@
+"""ArduPilot's other vehicles: modes by number, as version 4.6 has them, and what brakes each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.messages import CommandLong, EkfStatusReport
+from fleet_mavlink.payload_messages import EscTelemetry1To4, RawImu
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import CUSTOM_MODE, VTOL_HOVERS, Cmd
+
+
+class ArduPilotKind(Kind):
+    """What all vehicles on ArduPilot have in common."""
+
+    name: ClassVar[str] = "ardupilot"
+    rates: ClassVar[Mapping[int, float]] = {EkfStatusReport.message_id: 1.0}
+    imu: ClassVar[int | None] = RawImu.message_id
+    motors: ClassVar[int | None] = EscTelemetry1To4.message_id
+    bytewise_parameters: ClassVar[bool] = False
+    data_streams: ClassVar[tuple[int, ...]] = (2, 6, 10, 12)  # status, position, attitude, the rest
+    braking: ClassVar[tuple[str, ...]]  # the modes that brake it, the best first
+
+    def mode_command(self, mode: str) -> CommandLong:
+        """Return DO_SET_MODE with the mode's number."""
+        return CommandLong(Cmd.DO_SET_MODE, param1=CUSTOM_MODE, param2=float(self.number_of(mode)))
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - a plane's depend on it
+        """Return the changes to the modes that brake it."""
+        return tuple(Brake(mode, self.mode_command(mode)) for mode in self.braking)
+
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:  # noqa: ARG002 - flags tell
+        """Return the estimator's own flags: home is known 20 s before the position is usable."""
+        return state.estimator_has_position
+
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return the arming check and a usable position: the check alone passes too early in STABILIZE."""
+        usable = self.position_usable(state, 0.0)
+        return None if state.prearm_ok is None or usable is None else state.prearm_ok and usable
+
+
+class ArduRover(ArduPilotKind):
+    """A rover: HOLD takes the drive away and needs no position; it coasts."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "MANUAL",
+        1: "ACRO",
+        3: "STEERING",
+        4: "HOLD",
+        5: "LOITER",
+        6: "FOLLOW",
+        7: "SIMPLE",
+        8: "DOCK",
+        9: "CIRCLE",
+        10: "AUTO",
+        11: "RTL",
+        12: "SMART_RTL",
+        15: "GUIDED",
+        16: "INITIALISING",
+    }
+    braking: ClassVar[tuple[str, ...]] = ("HOLD",)
+    may_be_disarmed: ClassVar[bool] = True
+
+
+class ArduBoat(ArduRover):
+    """A boat: in HOLD it would drift, so it keeps its place where it knows it."""
+
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "HOLD")
+
+
+class ArduPlane(ArduPilotKind):
+    """A plane circles. One that hovers keeps its place: LOITER would make it fly forward."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "MANUAL",
+        1: "CIRCLE",
+        2: "STABILIZE",
+        3: "TRAINING",
+        4: "ACRO",
+        5: "FBWA",
+        6: "FBWB",
+        7: "CRUISE",
+        8: "AUTOTUNE",
+        10: "AUTO",
+        11: "RTL",
+        12: "LOITER",
+        13: "TAKEOFF",
+        14: "AVOID_ADSB",
+        15: "GUIDED",
+        16: "INITIALISING",
+        17: "QSTABILIZE",
+        18: "QHOVER",
+        19: "QLOITER",
+        20: "QLAND",
+        21: "QRTL",
+        22: "QAUTOTUNE",
+        23: "QACRO",
+        24: "THERMAL",
+        25: "LOITER2QLAND",
+        26: "AUTOLAND",
+    }
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "CIRCLE")
+    hovering: ClassVar[tuple[str, ...]] = ("QLOITER", "QLAND")
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return what brakes it as it flies now."""
+        modes = self.hovering if self.stands(state) else self.braking
+        return tuple(Brake(mode, self.mode_command(mode)) for mode in modes)
+
+    def stands(self, state: VehicleState) -> bool:
+        """Return whether it hovers."""
+        return state.vtol_state in VTOL_HOVERS
+
+
+class ArduSub(ArduPilotKind):
+    """An underwater vehicle: at the place where it knows it, at the depth otherwise."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "STABILIZE",
+        1: "ACRO",
+        2: "ALT_HOLD",
+        3: "AUTO",
+        4: "GUIDED",
+        7: "CIRCLE",
+        9: "SURFACE",
+        16: "POSHOLD",
+        19: "MANUAL",
+        20: "MOTOR_DETECT",
+        21: "SURFTRAK",
+    }
+    braking: ClassVar[tuple[str, ...]] = ("POSHOLD", "ALT_HOLD")
+    may_be_disarmed: ClassVar[bool] = True
+
+
+class ArduTracker(ArduPilotKind):
+    """An antenna that turns after a vehicle."""
+
+    modes: ClassVar[Mapping[int, str]] = {
+        0: "MANUAL",
+        1: "STOP",
+        2: "SCAN",
+        3: "SERVO_TEST",
+        4: "GUIDED",
+        10: "AUTO",
+        16: "INITIALISING",
+    }
+    braking: ClassVar[tuple[str, ...]] = ("STOP",)
+    may_be_disarmed: ClassVar[bool] = True
+
+
+class ArduBlimp(ArduPilotKind):
+    """An airship; LOITER needs a position, MANUAL without a pilot leaves its fins alone."""
+
+    modes: ClassVar[Mapping[int, str]] = {0: "LAND", 1: "MANUAL", 2: "VELOCITY", 3: "LOITER", 4: "RTL"}
+    braking: ClassVar[tuple[str, ...]] = ("LOITER", "LAND")

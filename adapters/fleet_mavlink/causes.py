@@ -1,0 +1,83 @@
+"""Why an autopilot acts by itself, and what is wrong with its position, in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import WARNING, Sentence
+
+_BEFORE = 3.0  # s before a fail-safe, or a change of mode in it, in which its reason is said
+_AFTER = 0.8  # s after it: ArduPilot says why after it has shown the mode
+_MOST = 4  # sentences
+_OVER = re.compile(r"\b(cleared|recovered)\b", re.IGNORECASE)
+_ASIDE = re.compile(
+    r"lane switch|primary changed|not available|not possible|requires position", re.IGNORECASE
+)
+_NEEDED = (
+    (0x01, "attitude"),
+    (0x02, "horizontal velocity"),
+    (0x10, "position"),
+    (0x20, "height"),
+)
+"""Estimator flags that ArduPilot and PX4 share, and what is missing without them."""
+
+
+def cause(said: Iterable[Sentence], since: float, until: float) -> str:
+    """Return the words of trouble between two times as one reason, empty when there are none.
+
+    What is over, what follows from it, and what another says more fully is left out.
+    """
+    texts = [
+        each.text
+        for each in said
+        if each.severity <= WARNING
+        and since <= each.at <= until
+        and not _OVER.search(each.text)
+        and not _ASIDE.search(each.text)
+    ]
+    fullest = [text for text in dict.fromkeys(texts) if not _is_said_by_another(text, texts)]
+    return "; ".join(fullest[-_MOST:])
+
+
+def _is_said_by_another(text: str, texts: list[str]) -> bool:
+    """Return whether another text begins with this one, and goes on."""
+    return any(other != text and other.startswith(text) for other in texts)
+
+
+class FailsafeCause:
+    """The reason of a fail-safe; ``text`` is empty while the vehicle is in none, or gives none."""
+
+    def __init__(self) -> None:
+        self.text = ""
+        self._mode = ""
+        self._since: float | None = None
+
+    def see(self, state: VehicleState, mode: str, said: Iterable[Sentence], now: float) -> None:
+        """Look at the newest state, and at what was said."""
+        changed, self._mode = mode != self._mode, mode
+        if not state.failsafe:
+            self.text, self._since = "", None
+            return
+        if self._since is None or changed:
+            self._since = now
+        if now - self._since <= _AFTER:
+            self.text = cause(said, self._since - _BEFORE, now) or self.text
+
+    def settled(self, now: float) -> bool:
+        """Return whether nothing more is to be expected of the autopilot's words."""
+        return self._since is None or now - self._since > _AFTER
+
+
+def position_troubles(state: VehicleState, now: float) -> tuple[str, ...]:
+    """Return what is wrong with the position, in words; nothing of what it never had since it started."""
+    troubles = []
+    if state.had_fix and state.fix_now(now) is None:
+        satellites = "" if state.satellites is None else f" ({state.satellites} satellites)"
+        troubles.append(f"no satellite fix{satellites}")
+    if state.had_estimate and state.estimator_has_position is False:
+        flags = state.estimator_flags or 0
+        missing = ", ".join(word for bit, word in _NEEDED if not flags & bit)
+        troubles.append(f"its estimator lost {missing}: what it tells of its position is not to be trusted")
+    return tuple(troubles)

@@ -1,0 +1,69 @@
+"""EVENT, which pymavlink's dialects lack, and the file transfer by which a vehicle explains its events."""
+
+from __future__ import annotations
+
+import struct
+from typing import ClassVar
+
+from fleet_mavlink.messages import Message
+
+
+class EventWire:
+    """EVENT as pymavlink would describe it (``common``: message 410, wire order by size)."""
+
+    msgname = "EVENT"
+    crc_extra = 160
+    unpacker = struct.Struct("<IIHBBB40B")
+    fieldnames: ClassVar[list[str]] = [
+        "destination_component",
+        "destination_system",
+        "id",
+        "event_time_boot_ms",
+        "sequence",
+        "log_levels",
+        "arguments",
+    ]
+    fieldtypes: ClassVar[list[str]] = [
+        "uint8_t",
+        "uint8_t",
+        "uint32_t",
+        "uint32_t",
+        "uint16_t",
+        "uint8_t",
+        "uint8_t",
+    ]
+    ordered_fieldnames: ClassVar[list[str]] = [
+        "id",
+        "event_time_boot_ms",
+        "sequence",
+        "destination_component",
+        "destination_system",
+        "log_levels",
+        "arguments",
+    ]
+    array_lengths: ClassVar[list[int]] = [0, 0, 0, 0, 0, 0, 40]
+    lengths: ClassVar[list[int]] = [1, 1, 1, 1, 1, 1, 40]
+
+
+class Event(Message, frozen=True):
+    """EVENT: something happened; what it means stands in a file that the vehicle serves."""
+
+    message_id: ClassVar[int] = 410
+    id: int
+    sequence: int
+    log_levels: int
+    arguments: tuple[int, ...]
+
+
+class FileTransfer(Message, frozen=True):
+    """FILE_TRANSFER_PROTOCOL: one request or answer, 251 bytes (``files`` has their layout)."""
+
+    message_id: ClassVar[int] = 110
+    target_network: int
+    target_system: int
+    target_component: int
+    payload: tuple[int, ...]
+
+
+INCOMING: tuple[type[Message], ...] = (Event, FileTransfer)
+OUTGOING: tuple[type[Message], ...] = (FileTransfer,)

@@ -1,0 +1,120 @@
+"""What PX4's EVENT messages say: decoded with the file that the vehicle itself serves. No I/O."""
+
+from __future__ import annotations
+
+import json
+import lzma
+import re
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from fleet_mavlink.event_messages import Event
+
+PATH = "etc/extras/all_events.json.xz"
+_MOST_BYTES = 8 << 20  # unpacked
+_PROTOCOL = 8  # log level: from here on it is for programs
+_FOR_PEOPLE = "default"  # the group of what happens; the others are lists of checks, told for each mode
+_BASE = {
+    "uint8_t": "B",
+    "int8_t": "b",
+    "uint16_t": "H",
+    "int16_t": "h",
+    "uint32_t": "I",
+    "int32_t": "i",
+    "uint64_t": "Q",
+    "int64_t": "q",
+    "float": "f",
+}
+_PLACE = re.compile(r"\{(\d+)(?::\.(\d+))?([a-zA-Z/%_^0-9]*)\}")
+_UNITS = {"m_v": "m"}  # vertical metres
+_TAG = re.compile(r"<[^>]*>")
+
+
+class _Kind(msgspec.Struct, frozen=True):
+    """One event: its words, and the types of its arguments."""
+
+    message: str
+    arguments: tuple[str, ...]
+    group: str
+
+
+class _Enum(msgspec.Struct, frozen=True):
+    """An enumeration: its base type, and what its values are called."""
+
+    base: str
+    words: Mapping[int, str]
+
+
+class Said(msgspec.Struct, frozen=True):
+    """An event in words, with its severity 0 to 7."""
+
+    text: str
+    severity: int
+
+
+class Dictionary:
+    """What the events of one firmware mean. Raises ValueError for a file that is none."""
+
+    def __init__(self, packed: bytes) -> None:
+        self._kinds: dict[int, _Kind] = {}
+        self._enums: dict[str, _Enum] = {}
+        try:
+            unpacked = lzma.LZMADecompressor().decompress(packed, _MOST_BYTES)
+            components = json.loads(unpacked)["components"]
+            for number, component in components.items():
+                self._read(int(number), component)
+        except (lzma.LZMAError, KeyError, TypeError, AttributeError, ValueError) as error:
+            raise ValueError(f"this is no list of events: {error}") from None
+
+    def _read(self, component: int, told: Mapping[str, Any]) -> None:
+        """Take the events and enumerations of one component."""
+        space = told.get("namespace", "")
+        for name, enum in told.get("enums", {}).items():
+            words = {int(value): entry.get("description", "") for value, entry in enum["entries"].items()}
+            one = _Enum(enum["type"], words)
+            self._enums[name] = self._enums[f"{space}::{name}"] = one
+        for group, events in told.get("event_groups", {}).items():
+            for number, event in events["events"].items():
+                types = tuple(each["type"] for each in event.get("arguments", ()))
+                self._kinds[component << 24 | int(number)] = _Kind(event["message"], types, group)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+    def say(self, event: Event) -> Said | None:
+        """Return an event in words; None for one that is not known here, or not for people."""
+        kind, level = self._kinds.get(event.id), event.log_levels & 0x0F
+        if kind is None or level >= _PROTOCOL or kind.group != _FOR_PEOPLE:
+            return None
+        try:
+            values = self._values(kind.arguments, bytes(event.arguments))
+        except (struct.error, KeyError):
+            return None
+        return Said(_TAG.sub("", _PLACE.sub(lambda place: _put(place, values), kind.message)), level)
+
+    def _values(self, types: tuple[str, ...], data: bytes) -> list[Any]:
+        """Unpack arguments: little-endian, one behind the other; an enumeration's value as its word."""
+        values: list[Any] = []
+        at = 0
+        for name in types:
+            enum = self._enums.get(name)
+            packing = struct.Struct("<" + _BASE[enum.base if enum else name])
+            (value,) = packing.unpack_from(data, at)
+            at += packing.size
+            values.append(enum.words.get(value) or f"{value}" if enum else value)
+        return values
+
+
+def _put(place: re.Match[str], values: list[Any]) -> str:
+    """Return what stands in one place of a message: a value, its decimals, its unit."""
+    index = int(place[1]) - 1
+    if index >= len(values):
+        return "?"
+    value = values[index]
+    if isinstance(value, float):
+        value = f"{value:.{int(place[2] or 1)}f}"
+    unit = _UNITS.get(place[3], place[3])
+    return f"{value} {unit}" if unit else f"{value}"

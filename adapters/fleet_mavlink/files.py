@@ -1,0 +1,93 @@
+"""Reading a file that a vehicle serves, by MAVLink FTP; one request at a time."""
+
+from __future__ import annotations
+
+import struct
+
+import msgspec
+
+from fleet import Refused, TimedOut
+from fleet_mavlink.event_messages import FileTransfer
+from fleet_mavlink.heard import Heard
+from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.words import AUTOPILOT
+
+_TERMINATE, _OPEN, _READ, _CRC = 1, 4, 5, 14  # opcodes
+_ACK = 128
+_HEAD = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, of which request, burst, offset
+_PAYLOAD, _DATA = 251, 239
+_WITHIN, _TRIES = 1.0, 4
+MOST_BYTES = 1 << 20
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """What came back for one request."""
+
+    sequence: int
+    session: int
+    opcode: int
+    data: bytes
+
+    @classmethod
+    def of(cls, message: FileTransfer) -> Answer:
+        """Read the payload of a message."""
+        payload = bytes(message.payload)
+        sequence, session, opcode, size, _, _, _ = _HEAD.unpack_from(payload)
+        return cls(sequence, session, opcode, payload[_HEAD.size : _HEAD.size + min(size, _DATA)])
+
+
+class Files:
+    """The files of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._sequence = 0
+
+    async def checksum(self, path: str) -> int:
+        """Return the file's CRC32; raises Refused when there is none, TimedOut without an answer."""
+        with self._vehicle.hearing(FileTransfer) as heard:
+            data = (await self._ask(heard, _CRC, 0, 0, path.encode())).data
+        return int.from_bytes(data[:4], "little")
+
+    async def read(self, path: str) -> bytes:
+        """Return a whole file; raises Refused when there is none or it is too large, TimedOut."""
+        with self._vehicle.hearing(FileTransfer) as heard:
+            opened = await self._ask(heard, _OPEN, 0, 0, path.encode())
+            size = int.from_bytes(opened.data[:4], "little")
+            if size > MOST_BYTES:
+                raise Refused(f"{path} has {size} bytes, more than {MOST_BYTES}")
+            found = bytearray()
+            try:
+                while len(found) < size:
+                    piece = (await self._ask(heard, _READ, opened.session, len(found), b"")).data
+                    if not piece:
+                        raise Refused(f"{path} ended at {len(found)} of {size} bytes")
+                    found += piece
+            finally:
+                self._send(_TERMINATE, opened.session, 0, b"")
+        return bytes(found[:size])
+
+    def _send(self, opcode: int, session: int, offset: int, data: bytes) -> None:
+        """Write a request."""
+        size = _DATA if opcode == _READ else len(data)  # how much is to be read, or how much is said
+        head = _HEAD.pack(self._sequence, session, opcode, size, 0, 0, offset)
+        payload = tuple((head + data).ljust(_PAYLOAD, b"\0"))
+        self._vehicle.send(FileTransfer(0, self._vehicle.system, AUTOPILOT, payload))
+
+    async def _ask(
+        self, heard: Heard[FileTransfer], opcode: int, session: int, offset: int, data: bytes
+    ) -> Answer:
+        """Ask until it is answered; a repeat has the same number, so that it is not done twice."""
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        expected = (self._sequence + 1) & 0xFFFF
+        for _ in range(_TRIES):
+            self._send(opcode, session, offset, data)
+            said = await heard.first(lambda each: Answer.of(each).sequence == expected, _WITHIN)
+            if said is None:
+                continue
+            self._sequence = expected
+            answer = Answer.of(said)
+            if answer.opcode != _ACK:
+                raise Refused(f"it refused a file: error {answer.data[0] if answer.data else '?'}")
+            return answer
+        raise TimedOut(f"system {self._vehicle.system} serves no files")

@@ -1,0 +1,91 @@
+"""PX4's other vehicles. Their modes are those of its multirotors; so is the command that brakes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.messages import CommandLong, EstimatorStatus
+from fleet_mavlink.payload_messages import HighresImu
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import CUSTOM_MODE, NAN, VTOL_HOVERS, Cmd
+
+_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_HOLD = "AUTO.LOITER"
+
+
+class Px4Kind(Kind):
+    """What all vehicles on PX4 have in common; by itself one that moves over ground or water."""
+
+    name: ClassVar[str] = "px4"
+    modes: ClassVar[Mapping[int, str]] = {
+        0x00010000: "MANUAL",
+        0x00020000: "ALTCTL",
+        0x00030000: "POSCTL",
+        0x01030000: "ORBIT",
+        0x02030000: "POSCTL_SLOW",
+        0x00050000: "ACRO",
+        0x00060000: "OFFBOARD",
+        0x00070000: "STABILIZED",
+        0x000A0000: "TERMINATION",
+        0x01040000: "AUTO.READY",
+        0x02040000: "AUTO.TAKEOFF",
+        0x03040000: "AUTO.LOITER",
+        0x04040000: "AUTO.MISSION",
+        0x05040000: "AUTO.RTL",
+        0x06040000: "AUTO.LAND",
+        0x08040000: "AUTO.FOLLOW_TARGET",
+        0x09040000: "AUTO.PRECLAND",
+        0x0A040000: "AUTO.VTOL_TAKEOFF",
+    }
+    rates: ClassVar[Mapping[int, float]] = {EstimatorStatus.message_id: 1.0}
+    imu: ClassVar[int | None] = HighresImu.message_id
+    motors: ClassVar[int | None] = None  # what it says of them is no speed
+    bytewise_parameters: ClassVar[bool] = True
+    data_streams: ClassVar[tuple[int, ...]] = ()
+    may_be_disarmed: ClassVar[bool] = True
+
+    def mode_command(self, mode: str) -> CommandLong:
+        """Return DO_SET_MODE with the main mode and the sub mode."""
+        number = self.number_of(mode)
+        return CommandLong(
+            Cmd.DO_SET_MODE,
+            param1=CUSTOM_MODE,
+            param2=float(number >> 16 & 0xFF),
+            param3=float(number >> 24 & 0xFF),
+        )
+
+    def hold_command(self) -> CommandLong:
+        """Return DO_REPOSITION to nowhere: it also ends a flight to a place, which is the same mode."""
+        return CommandLong(
+            Cmd.DO_REPOSITION,
+            param1=-1.0,
+            param2=_CHANGE_MODE,
+            param4=NAN,
+            param5=NAN,
+            param6=NAN,
+            param7=NAN,
+        )
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
+        """Return the hold here."""
+        return (Brake(_HOLD, self.hold_command()),)
+
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:
+        """Return whether positions come that the estimator stands by: it tells lost ones, too."""
+        return state.knows_where(now)
+
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return the arming check, once home is known."""
+        return None if state.prearm_ok is None else state.prearm_ok and state.home is not None
+
+
+class Px4Plane(Px4Kind):
+    """A plane circles; a VTOL stands while it hovers."""
+
+    may_be_disarmed: ClassVar[bool] = False
+
+    def stands(self, state: VehicleState) -> bool:
+        """Return whether it hovers."""
+        return state.vtol_state in VTOL_HOVERS

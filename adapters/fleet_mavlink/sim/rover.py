@@ -1,0 +1,133 @@
+"""ArduRover 4.6.3 as it was recorded: how it drives, coasts and brakes, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ardupilot import ArduPilot
+from fleet_mavlink.sim.autopilot import Boot, Handler
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.physics import Agility
+from fleet_mavlink.sim.rover_commands import COMMANDS
+from fleet_mavlink.sim.rover_modes import MODES
+from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll
+from fleet_mavlink.sim.rover_physics import WheeledBody
+from fleet_mavlink.sim.setpoints import Setpoint, setpoint_of
+from fleet_mavlink.sim.speaker import INFO
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
+
+_BODY_FRAMES = frozenset({8, 9})
+_RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
+_STANDBY_MODES = frozenset({"HOLD"})
+
+
+class RoverSpeeds(ArduPilotSpeeds):
+    """WP_SPEED, m/s."""
+
+    @property
+    def cruise(self) -> float:
+        """WP_SPEED."""
+        return self.asked or self._params["WP_SPEED"]
+
+
+class ArduRover(ArduPilot):
+    """ArduRover. Its home keeps an altitude of 0.14 m until the first disarming."""
+
+    vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_GROUND_ROVER)
+    commands: ClassVar[Mapping[int, Handler]] = COMMANDS
+    modes: ClassVar[Mapping[str, Mode]] = MODES
+    first_mode: ClassVar[str] = "INITIALISING"
+    switched_mode: ClassVar[str] = "MANUAL"
+    speeds_type: ClassVar[type[Speeds]] = RoverSpeeds
+    agility: ClassVar[Agility] = Agility(1.15, 1.0, 1.05)
+    body: WheeledBody
+
+    def __init__(self, boot: Boot) -> None:
+        super().__init__(boot)
+        self._true_home = False
+        self._arrived_told = False
+
+    def system_status(self) -> int:
+        """Return what has nothing to do with arming: ACTIVE but for the start and HOLD."""
+        if self.mode.name == "INITIALISING":
+            return int(mav.MAV_STATE_CALIBRATING)
+        standby = self.mode.name in _STANDBY_MODES
+        return int(mav.MAV_STATE_STANDBY if standby else mav.MAV_STATE_ACTIVE)
+
+    def landed_state(self) -> int:
+        """Return UNDEFINED, always."""
+        return 0
+
+    def set_home(self) -> None:
+        """Take the place; the altitude only after the first disarming."""
+        super().set_home()
+        if self.home is not None and not self._true_home:
+            self.home = (self.home[0], self.home[1], 0.14)
+
+    def arm(self) -> None:
+        """Start the motor; home stays where it is."""
+        home = self.home
+        super().arm()
+        self.home = home
+
+    def disarm(self) -> None:
+        """Take the drive away: it coasts."""
+        was_armed = self.armed
+        super().disarm()
+        if was_armed:
+            self._true_home = True
+            self.set_home()
+        self.manoeuvre = Coast(DISARMED)
+
+    def enter(self, mode: Mode) -> None:
+        """Change to a mode; a disarmed one goes on coasting."""
+        super().enter(mode)
+        self._arrived_told = False
+        if isinstance(self.manoeuvre, Idle):
+            self.manoeuvre = Coast(DISARMED)
+
+    def refusal_of(self, mode: Mode) -> str:
+        """Return why a mode cannot be entered now, empty when it can."""
+        if mode.name == "AUTO" and self.armed and not self.missions.loaded:
+            return "init failed"
+        return "requires position" if self.armed and mode.position and not self.has_position else ""
+
+    def setpoint(self, message: Any) -> None:
+        """Obey a setpoint in GUIDED; ignore it silently otherwise."""
+        if self.mode.name == "GUIDED" and self.armed:
+            self.manoeuvre = self.fly_setpoint(setpoint_of(message))
+
+    def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
+        """Return the drive: a velocity that is not straight ahead turns the nose toward it."""
+        if setpoint.position is not None:
+            return self._to_place(setpoint)
+        vx, vy, _ = setpoint.velocity or (0.0, 0.0, 0.0)
+        speed = math.hypot(vx, vy)
+        if not setpoint.finite or speed == 0.0:
+            return Coast(BRAKED)
+        heading = math.atan2(vy, vx) + (self.body.heading if setpoint.frame in _BODY_FRAMES else 0.0)
+        rate = setpoint.turn_rate
+        until = self.time + self.params["GUID_TIMEOUT"]
+        return Roll(speed, None if rate else heading, rate or 0.0, until)
+
+    def _to_place(self, setpoint: Setpoint) -> Manoeuvre:
+        """Return the drive to a place: global above home, or local."""
+        x, y, z = setpoint.position or (0.0, 0.0, 0.0)
+        if setpoint.frame in _RELATIVE_FRAMES:
+            x, y, _ = self.ned_of(x, y, z)
+        return GoTo(x, y, 0.0)
+
+    def watch_idle(self) -> None:
+        """Stay armed; say once when a place was reached on the way home."""
+        if self.mode.name == "RTL" and self.manoeuvre.done and not self._arrived_told:
+            self._arrived_told = True
+            self.say(INFO, "Reached destination")
+
+    def pilot_takes_over(self, mode: Mode) -> None:
+        """Change to a mode by the switch of the remote control."""
+        self.enter(mode)

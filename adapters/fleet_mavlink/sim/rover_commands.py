@@ -1,0 +1,94 @@
+"""What ArduRover does with each command it knows; the rest, a take-off too, is UNSUPPORTED."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import all as mav
+
+from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
+from fleet_mavlink.sim.ask import ACCEPTED, DENIED, FAILED, Ask, whole
+from fleet_mavlink.sim.autopilot import Handler
+from fleet_mavlink.sim.common_commands import FORCE
+from fleet_mavlink.sim.manoeuvres import GoTo
+from fleet_mavlink.sim.speaker import CRITICAL, INFO
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.rover import ArduRover
+
+_UNSUPPORTED = frozenset(
+    {
+        mav.MAV_CMD_NAV_TAKEOFF,
+        mav.MAV_CMD_NAV_LAND,
+        mav.MAV_CMD_DO_PAUSE_CONTINUE,
+        mav.MAV_CMD_CONDITION_YAW,
+    }
+)
+
+
+def _arm(pilot: ArduRover, ask: Ask) -> int:
+    """Arm (1) or disarm (0), while it drives too."""
+    if ask.p1 == 0.0:
+        if pilot.armed:
+            pilot.say(INFO, "Throttle disarmed")
+        pilot.disarm()
+        return ACCEPTED
+    if pilot.armed:
+        return ACCEPTED
+    refusals = pilot.refusals(force=ask.p2 == FORCE)
+    for refusal in refusals:
+        pilot.say(CRITICAL, f"Arm: {refusal}")
+    if refusals:
+        return FAILED
+    pilot.arm()
+    pilot.say(INFO, "Throttle armed")
+    pilot.enter(pilot.mode)
+    return ACCEPTED
+
+
+def _set_mode(pilot: ArduRover, ask: Ask) -> int:
+    """Denied without the flag for a custom mode."""
+    if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+        return DENIED
+    return ACCEPTED if pilot.change_mode(whole(ask.p2)) else FAILED
+
+
+def _reposition(pilot: ArduRover, ask: Ask) -> int:
+    """Drive to a place: COMMAND_INT, in GUIDED or with the flag that changes to it."""
+    if ask.frame is None or not math.isfinite(ask.latitude + ask.longitude):
+        return DENIED
+    guided = pilot.modes["GUIDED"].custom
+    if pilot.mode.name != "GUIDED" and not (whole(ask.p2) & 1 and pilot.change_mode(guided)):
+        return DENIED
+    north, east, _ = pilot.ned_of(ask.latitude, ask.longitude, 0.0)
+    pilot.manoeuvre = GoTo(north, east, 0.0)
+    return ACCEPTED
+
+
+def _speed(pilot: ArduRover, ask: Ask) -> int:
+    """Fail for a speed of 0, and change nothing."""
+    if not ask.p2 > 0.0:
+        return FAILED
+    pilot.speeds.asked = ask.p2
+    return ACCEPTED
+
+
+def _return(pilot: ArduRover, _ask: Ask) -> int:
+    return ACCEPTED if pilot.change_mode(pilot.modes["RTL"].custom) else FAILED
+
+
+def _start_mission(pilot: ArduRover, _ask: Ask) -> int:
+    return ACCEPTED if pilot.armed and pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
+
+
+COMMANDS: Mapping[int, Handler] = {
+    **{command: handler for command, handler in COPTERS.items() if command not in _UNSUPPORTED},
+    mav.MAV_CMD_COMPONENT_ARM_DISARM: _arm,
+    mav.MAV_CMD_DO_SET_MODE: _set_mode,
+    mav.MAV_CMD_DO_REPOSITION: _reposition,
+    mav.MAV_CMD_DO_CHANGE_SPEED: _speed,
+    mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
+    mav.MAV_CMD_MISSION_START: _start_mission,
+}

@@ -1,0 +1,47 @@
+"""ArduRover's modes. HOLD needs no position and coasts; LOITER brakes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.manoeuvres import GoTo, Manoeuvre
+from fleet_mavlink.sim.mission_flight import FlyMission
+from fleet_mavlink.sim.modes import Mode
+from fleet_mavlink.sim.rover_moves import BRAKED, HELD, Coast
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+
+_HOLD, _GUIDED, _MANUAL = 0x01, 0x09, 0x41  # base_mode
+
+
+def _hold(_pilot: Autopilot) -> Manoeuvre:
+    return Coast(HELD)
+
+
+def _stay(_pilot: Autopilot) -> Manoeuvre:
+    return Coast(0.0)
+
+
+def _guided(pilot: Autopilot) -> Manoeuvre:
+    """Go on with what it does until a setpoint comes; GUIDED again is no stop."""
+    return pilot.manoeuvre if pilot.mode.name == "GUIDED" and pilot.armed else Coast(BRAKED)
+
+
+def _home(pilot: Autopilot) -> Manoeuvre:
+    """Drive home and stand there, armed."""
+    north, east, _ = pilot.home_ned()
+    return GoTo(north, east, 0.0)
+
+
+_ALL = (
+    Mode("MANUAL", 0, _hold, _MANUAL, position=False),
+    Mode("HOLD", 4, _hold, _HOLD, position=False),
+    Mode("LOITER", 5, _stay, _GUIDED),
+    Mode("CIRCLE", 9, _stay, _GUIDED),
+    Mode("AUTO", 10, FlyMission, _GUIDED),
+    Mode("RTL", 11, _home, _GUIDED),
+    Mode("GUIDED", 15, _guided, _GUIDED),
+    Mode("INITIALISING", 16, _hold, _HOLD, position=False, armable=False),
+)
+MODES = {mode.name: mode for mode in _ALL}

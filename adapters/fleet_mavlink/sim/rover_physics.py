@@ -1,0 +1,42 @@
+"""A wheeled vehicle on flat ground: it moves along its nose, and its speed dies away or is braked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fleet_mavlink.sim.physics import Agility, Aim, Body
+
+_TURN_SPEED = 0.3  # m/s; below it the wheels hardly turn the vehicle
+_TURN_GAIN = 2.0  # 1/s
+
+
+@dataclass(slots=True)
+class WheeledBody(Body):
+    """``easing``: seconds over which a speed that is not wanted dies away; 0: it is braked as it can be."""
+
+    easing: float = 0.0
+    along: float = 0.0  # m/s, forward
+
+    def advance(self, aim: Aim, agility: Agility, drift: tuple[float, float], dt: float) -> None:  # noqa: ARG002
+        """Move on by ``dt`` seconds: the wanted velocity is turned to, and driven along the nose."""
+        wanted = math.hypot(aim.vn, aim.ve)
+        self.turn_rate = self._turning(aim, wanted, agility)
+        self.heading = (self.heading + self.turn_rate * dt) % math.tau
+        if wanted == 0.0 and self.easing:
+            self.along *= math.exp(-dt / self.easing)
+        else:
+            most = agility.across * dt
+            self.along += max(-most, min(most, wanted - self.along))
+        self.vn, self.ve = self.along * math.cos(self.heading), self.along * math.sin(self.heading)
+        self.north += self.vn * dt
+        self.east += self.ve * dt
+
+    def _turning(self, aim: Aim, wanted: float, agility: Agility) -> float:
+        """Return the rate of turn, rad/s: it must move to turn."""
+        rate = aim.turn_rate
+        if wanted and not rate:
+            heading = math.atan2(aim.ve, aim.vn) if aim.heading is None else aim.heading
+            rate = _TURN_GAIN * math.remainder(heading - self.heading, math.tau)
+        most = agility.turn * min(1.0, max(self.along, wanted * 0.5) / _TURN_SPEED)
+        return max(-most, min(most, rate))

@@ -1,0 +1,54 @@
+"""What a simulated estimator does without satellites, as both autopilots were recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """How one autopilot loses its position. Times are seconds after the satellites are gone.
+
+    ``shown``: the receiver says so; ``fix``, ``count``, ``error``: what it then says (error in centimetres).
+    ``flags``: the estimator's flags from when on; ``drifts``: when the position begins to run away, with
+    ``pull`` m/s2 up to ``most`` m/s.
+    """
+
+    shown: float
+    fix: int
+    count: int
+    error: int
+    flags: tuple[tuple[float, int], ...]
+    drifts: float
+    pull: float
+    most: float
+
+
+ARDUPILOT_LOSS = Loss(0.9, 1, 3, 121, ((7.9, 0x0025), (15.2, 0x00A7)), 15.2, 0.5, 0.8)
+PX4_LOSS = Loss(0.4, 0, 0, 10000, ((5.5, 0x0365), (7.5, 0x0065)), 5.5, 0.6, 14.7)
+GOOD, STARTING = 0x033F, 0x00A7
+
+
+class Drift:
+    """How far the estimated position is east of the true one, m, and how fast it goes away."""
+
+    def __init__(self, loss: Loss) -> None:
+        self.loss = loss
+        self.east = 0.0
+        self.speed = 0.0
+
+    def tick(self, lost_for: float | None, dt: float) -> None:
+        """Move on; with satellites it is back at once."""
+        if lost_for is None:
+            self.east = self.speed = 0.0
+        elif lost_for > self.loss.drifts:
+            self.speed = min(self.loss.most, self.speed + self.loss.pull * dt)
+            self.east += self.speed * dt
+
+    def flags(self, lost_for: float | None, *, usable: bool) -> int:
+        """Return the estimator's flags."""
+        if lost_for is not None:
+            passed = [flags for after, flags in self.loss.flags if lost_for >= after]
+            if passed:
+                return passed[-1]
+        return GOOD if usable else STARTING

@@ -1,0 +1,35 @@
+"""A vehicle whose autopilot, or whose kind on it, is not known here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import Cmd
+
+
+class UnknownKind(Kind):
+    """Its modes have no names. It is asked to pause, and then seen to stand, or the stop fails."""
+
+    name: ClassVar[str] = "an unknown autopilot"
+    modes: ClassVar[Mapping[int, str]] = {}
+    rates: ClassVar[Mapping[int, float]] = {}
+    imu: ClassVar[int | None] = None
+    motors: ClassVar[int | None] = None
+    data_streams: ClassVar[tuple[int, ...]] = ()
+    bytewise_parameters: ClassVar[bool] = False
+
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:  # noqa: ARG002 - always the same
+        """Return DO_PAUSE_CONTINUE, which shows no mode: it must be seen to stand."""
+        return (Brake("", CommandLong(Cmd.DO_PAUSE_CONTINUE)),)
+
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:
+        """Return whether positions come."""
+        return state.knows_where(now)
+
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return the arming check."""
+        return state.prearm_ok

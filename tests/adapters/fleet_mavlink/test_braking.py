@@ -1,0 +1,343 @@
+"""A stop brakes whatever speaks MAVLink, whoever moves it, and is seen to, or fails aloud."""
+
+import asyncio
+import itertools
+import math
+
+import pytest
+from pymavlink.dialects.v20 import all as mav
+
+from fleet import NotReady, Refused, TimedOut, Unsupported, Vector3, Velocity
+from fleet.model.health import Level
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    GpsReport,
+    LogReport,
+    PoseReport,
+    TelemetryReport,
+)
+from fleet_mavlink.braking import Brakes
+from fleet_mavlink.commander import Commander, Superseded, Timing
+from fleet_mavlink.flavours import kind_of
+from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
+from fleet_mavlink.words import Cmd, Result, type_name
+
+HOLD, GUIDED = 4, 15
+ARDUPILOT, PX4, OTHER = 3, 12, 17
+LOITER_PX4 = 0x03040000
+NAN = math.nan
+
+
+async def other_station_drives(it, speed=5.0):
+    """Have another station arm the rover and drive it, as a person at another console would."""
+    await it.met()
+    it.hears(mav.MAVLink_command_long_message(1, 1, 176, 0, 1, GUIDED, 0, 0, 0, 0, 0))
+    it.hears(mav.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+
+    async def stream():
+        while True:
+            zeros = (0.0, 0.0, 0.0)
+            it.hears(
+                mav.MAVLink_set_position_target_local_ned_message(
+                    0, 1, 1, 8, 0x0DC7, *zeros, speed, 0.0, 0.0, *zeros, 0.0, 0.0
+                )
+            )
+            await asyncio.sleep(0.2)
+
+    driving = asyncio.ensure_future(stream())
+    await it.until(lambda: it.speed > speed)
+    return driving
+
+
+@pytest.mark.parametrize("reason", ["stop", "emergency_stop", "hover", "brake", "pause"])
+def test_a_rover_that_another_station_drives_is_braked_by_every_stop(fly, sky, reason):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            began = it.now
+            await it.adapter.stop(reason)
+            assert it.now - began < 4.8, "before the host gives it up"
+            assert it.mode == "HOLD"
+            assert it.speed < 3.6
+            await it.until(lambda: it.speed < 0.2, within=10.0)
+            driving.cancel()
+
+    fly(main())
+
+
+def test_a_halt_is_written_to_it_at_once(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            it.adapter.emergency_halt()
+            assert it.mode == "HOLD"
+            driving.cancel()
+
+    fly(main())
+
+
+def test_the_end_of_an_edge_leaves_a_rover_to_who_drives_it(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            await it.adapter.stop("the edge ends")
+            assert it.mode == "GUIDED"
+            driving.cancel()
+
+    fly(main())
+
+
+def test_a_rover_that_rolls_on_in_hold_is_not_called_stopped(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+
+            async def downhill():
+                while True:
+                    it.sim.body.along = 5.0
+                    await asyncio.sleep(0.02)
+
+            rolling = asyncio.ensure_future(downhill())
+            with pytest.raises(TimedOut, match=r"ground_rover on ardupilot took HOLD and still moves at 5"):
+                await it.adapter.stop("stop")
+            await it.until(lambda: "was not stopped" in it.robot.healths[-1].cause, within=1.0)
+            rolling.cancel()
+            await it.adapter.stop("stop")
+            await it.until(lambda: "was not stopped" not in it.robot.healths[-1].cause, within=1.0)
+            driving.cancel()
+
+    fly(main())
+
+
+def test_a_rover_that_takes_no_mode_is_disarmed(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            it.sim.pilot.refusal_of = lambda mode: "not today" if mode.name == "HOLD" else ""
+            await it.adapter.stop("emergency_stop")
+            assert not it.armed
+            await it.until(lambda: it.speed < 0.2, within=10.0)
+            driving.cancel()
+
+    fly(main())
+
+
+def test_a_stop_on_the_heels_of_another_does_not_disarm_it(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover", faults={"delay": 0.2}) as it:
+            driving = await other_station_drives(it)
+            first = asyncio.ensure_future(it.adapter.stop("stop"))
+            await asyncio.sleep(0.05)
+            await it.adapter.stop("emergency_stop")
+            with pytest.raises(Superseded):
+                await first
+            assert it.mode == "HOLD"
+            assert it.armed
+            driving.cancel()
+
+    fly(main())
+
+
+def test_what_is_not_heard_is_not_called_stopped(fly, sky):
+    async def main():
+        for vehicle in ("multirotor", "rover"):
+            async with sky("ardupilot", vehicle=vehicle) as it:
+                await it.met()
+                it.radio = False
+                await asyncio.sleep(3.2)
+                for reason in ("stop", "emergency_stop"):
+                    with pytest.raises(NotReady, match="no heartbeat"):
+                        await it.adapter.stop(reason)
+
+    fly(main())
+
+
+def test_a_rover_is_reported_with_its_type_and_without_a_height(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            it.robot.reports.clear()
+            await asyncio.sleep(6.0)
+            told = {type(report) for report in it.robot.reports}
+            assert {PoseReport, GpsReport, BatteryReport, FlightControllerReport} <= told
+            assert FlightStateReport not in told
+            controller = next(each for each in it.robot.reports if isinstance(each, FlightControllerReport))
+            assert (controller.vehicle, controller.mode) == ("ground_rover", "GUIDED")
+            assert controller.armed
+            state = [each for each in it.robot.reports if isinstance(each, TelemetryReport)][-1].fields
+            assert state["vehicle"] == "ground_rover"
+            assert "altitude_m" not in state
+            poses = [each for each in it.robot.reports if isinstance(each, PoseReport)]
+            assert abs(poses[-1].position.z) < 1.0
+            assert poses[-1].position.y > poses[0].position.y + 10.0
+            health = it.robot.healths[-1]
+            assert health.level is Level.DEGRADED
+            assert "ground_rover on ardupilot" in health.cause
+            driving.cancel()
+            await it.until(
+                lambda: any("target not" in said.message for said in it.robot.reports_of(LogReport))
+            )
+
+    fly(main())
+
+
+def test_a_rover_is_not_moved_by_us_not_even_by_one_setpoint(fly, sky):
+    async def main():
+        async with sky("ardupilot", vehicle="rover") as it:
+            driving = await other_station_drives(it)
+            driving.cancel()
+            with pytest.raises(Unsupported, match="not moved here"):
+                it.adapter.drive(Velocity(Vector3(1.0, 0.0, 0.0)))
+            for command in ("takeoff", "land", "return_to_home"):
+                with pytest.raises(Unsupported, match="ground_rover"):
+                    await it.do(command)
+            assert it.setpoints == []
+
+    fly(main())
+
+
+def first_brake(autopilot, vehicle_type, **state):
+    """Return the mode that brakes a vehicle, best first."""
+    return [brake.mode for brake in kind_of(Heartbeat(vehicle_type, autopilot)).brakes(StateOf(**state))]
+
+
+class StateOf:
+    """What kinds look at."""
+
+    def __init__(self, vtol_state=0):
+        self.vtol_state = vtol_state
+
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "modes"),
+    [
+        (1, ["LOITER", "CIRCLE"]),
+        (2, ["BRAKE"]),
+        (5, ["STOP"]),
+        (7, ["LOITER", "LAND"]),
+        (10, ["HOLD"]),
+        (11, ["LOITER", "HOLD"]),
+        (12, ["POSHOLD", "ALT_HOLD"]),
+        (20, ["LOITER", "CIRCLE"]),
+        (22, ["LOITER", "CIRCLE"]),
+    ],
+)
+def test_each_vehicle_on_ardupilot_has_its_brakes(vehicle_type, modes):
+    assert first_brake(ARDUPILOT, vehicle_type) == modes
+
+
+def test_a_hovering_vtol_on_ardupilot_is_not_sent_forward():
+    assert first_brake(ARDUPILOT, 22, vtol_state=3) == ["QLOITER", "QLAND"]
+
+
+def test_every_vehicle_on_px4_is_held_at_its_place():
+    for vehicle_type in range(46):
+        assert first_brake(PX4, vehicle_type) == ["AUTO.LOITER"]
+
+
+def test_everything_has_a_name_and_a_command_that_brakes_it():
+    for autopilot, vehicle_type in itertools.product(range(21), range(46)):
+        kind = kind_of(Heartbeat(vehicle_type, autopilot))
+        assert kind.brakes(StateOf())
+        assert all(brake.ask.command for brake in kind.brakes(StateOf()))
+        assert kind.name
+        assert type_name(vehicle_type)
+
+
+class Bench:
+    """Any vehicle, armed and moving; ``answers`` says what it makes of each command."""
+
+    def __init__(self, told, autopilot, vehicle_type, *, mode=0, vtol_state=0):
+        self.it = told("ardupilot")
+        self.autopilot, self.type, self.mode = autopilot, vehicle_type, mode
+        self.speed = 12.0
+        self.refuses = set()
+        self.slows = True
+        vehicle = self.it.vehicle
+        vehicle._send = self._sent
+        timing = Timing(answer=0.05, tries=2, patience=0.0, pause=0.0, words=0.0, heartbeat=0.1)
+        self.brakes = Brakes(vehicle, Commander(vehicle, timing))
+        self.asked = []
+        self.beat()
+        self.beat()
+        if vtol_state:
+            self.it.say(ExtendedSysState(0, vtol_state))
+        self.moves()
+
+    def beat(self):
+        self.it.vehicle.take(Heartbeat(self.type, self.autopilot, 0x81, self.mode, 4), None)
+
+    def moves(self):
+        place = (0, 470_000_000, 80_000_000, 500_000, 50_000)
+        self.it.say(GlobalPositionInt(*place, round(self.speed * 100), 0, 0, 0))
+
+    def _sent(self, message, _address):
+        self.asked.append(message)
+        result = Result.FAILED if message.command in self.refuses else Result.ACCEPTED
+        asyncio.get_running_loop().call_soon(self._answer, message, result)
+
+    def _answer(self, message, result):
+        self.it.clock.advance(0.2)
+        self.it.say(CommandAck(message.command, int(result)))
+        if result == Result.ACCEPTED and message.command == Cmd.DO_SET_MODE:
+            self.mode = int(message.param2)
+        elif result == Result.ACCEPTED and message.command == Cmd.DO_REPOSITION:
+            self.mode = LOITER_PX4
+        self.beat()
+        if self.slows and result == Result.ACCEPTED:
+            self.speed = 0.0
+        self.moves()
+
+
+async def test_a_px4_plane_that_circles_has_done_what_it_can(told):
+    it = Bench(told, PX4, 1)
+    it.slows = False
+    await it.brakes.brake()
+    assert [each.command for each in it.asked] == [Cmd.DO_REPOSITION]
+    assert math.isnan(it.asked[0].param5)
+
+
+async def test_a_px4_vtol_that_hovers_must_stand(told, monkeypatch):
+    monkeypatch.setattr("fleet_mavlink.braking._WITHIN", 0.05)
+    monkeypatch.setattr("fleet_mavlink.braking._AT_LEAST", 0.05)
+    it = Bench(told, PX4, 22, vtol_state=3)
+    it.slows = False
+    with pytest.raises(TimedOut, match="still moves at 12"):
+        await it.brakes.brake()
+
+
+async def test_a_sub_without_a_place_keeps_its_depth(told):
+    it = Bench(told, ARDUPILOT, 12)
+    modes = []
+    answer = it._answer
+
+    def without_a_place(message, result):
+        modes.append(int(message.param2))
+        answer(message, Result.FAILED if message.param2 == 16 else result)
+
+    it._answer = without_a_place
+    await it.brakes.brake()
+    assert modes == [16, 2]
+
+
+async def test_an_unknown_autopilot_is_asked_to_pause_and_must_stand(told):
+    it = Bench(told, OTHER, 10)
+    await it.brakes.brake()
+    assert [each.command for each in it.asked] == [Cmd.DO_PAUSE_CONTINUE]
+
+
+async def test_an_unknown_autopilot_that_refuses_is_told(told):
+    it = Bench(told, OTHER, 10)
+    it.refuses.add(Cmd.DO_PAUSE_CONTINUE)
+    with pytest.raises(Refused, match="was not stopped"):
+        await it.brakes.brake()
+
+
+async def test_a_plane_that_takes_no_mode_is_told_and_never_disarmed(told):
+    it = Bench(told, ARDUPILOT, 1)
+    it.refuses.add(Cmd.DO_SET_MODE)
+    with pytest.raises(Refused, match="fixed_wing on ardupilot was not stopped"):
+        await it.brakes.brake()
+    assert {each.command for each in it.asked} == {Cmd.DO_SET_MODE}
