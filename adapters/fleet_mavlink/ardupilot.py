@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar
 
 from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong, EkfStatusReport, Message
+from fleet_mavlink.messages import CommandLong, EkfStatusReport, Message, SetPositionTargetGlobalInt
 from fleet_mavlink.payload_messages import EscTelemetry1To4, MagCalProgress, MagCalReport, RawImu
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import CUSTOM_MODE, MAG_CAL_SUCCESS, NAN, Cmd, Frame
+from fleet_mavlink.words import AUTOPILOT, CUSTOM_MODE, MAG_CAL_SUCCESS, Cmd, Frame
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
-_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_PLACE_AND_YAW = 0x9F8  # type_mask: everything but the place and the yaw is ignored
 _POSITION_USABLE = 0x10  # estimator flag: absolute horizontal position
 _CONSTANT_POSITION = 0x80  # estimator flag: it has no position and assumes to stand still
 
@@ -90,28 +89,27 @@ class ArduCopter(Flavour):
         self,
         to: GeoPoint,
         home_altitude: float,
-        speed: float,  # noqa: ARG002 - it ignores the speed here: ``after_go``
-        heading: float | None,  # noqa: ARG002 - it ignores the heading here: ``turn_command``
-    ) -> CommandInt:
-        """Return DO_REPOSITION with the altitude above home; COMMAND_LONG is unsupported here."""
-        return CommandInt(
-            Cmd.DO_REPOSITION,
-            frame=Frame.GLOBAL_RELATIVE_ALT_INT,
-            param1=-1.0,
-            param2=_CHANGE_MODE,
-            param4=NAN,
-            x=round(to.latitude * 1e7),
-            y=round(to.longitude * 1e7),
-            z=to.altitude - home_altitude,
+        speed: float,  # noqa: ARG002 - it takes none here: ``after_go``
+        heading: float,
+    ) -> SetPositionTargetGlobalInt:
+        """Return the target with the altitude above home.
+
+        DO_REPOSITION takes no heading: the nose would turn as WP_YAW_BEHAVIOR says.
+        """
+        return SetPositionTargetGlobalInt(
+            target_system=0,
+            target_component=AUTOPILOT,
+            coordinate_frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            type_mask=_PLACE_AND_YAW,
+            lat_int=round(to.latitude * 1e7),
+            lon_int=round(to.longitude * 1e7),
+            alt=to.altitude - home_altitude,
+            yaw=heading,
         )
 
     def after_go(self, speed: float) -> CommandLong | None:
-        """Return DO_CHANGE_SPEED; before the go command it would be reset by it."""
+        """Return DO_CHANGE_SPEED; before the target it would be reset by it."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
-
-    def turn_command(self, heading: float) -> CommandLong | None:
-        """Return CONDITION_YAW to an absolute heading by the shorter way."""
-        return CommandLong(Cmd.CONDITION_YAW, param1=math.degrees(heading) % 360.0)
 
     def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
         """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, one for each compass."""

@@ -13,7 +13,7 @@ from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import Flavour, arm_command
-from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.require import home_unknown, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
@@ -186,13 +186,21 @@ class Flight:
             yield Progress(percent, f"at {height:.1f} m")
         yield Progress(100.0, "on the ground")
 
-    async def go(self, to: GeoPoint, speed: float, heading: float | None) -> None:
-        """Set out for a place; returns once the autopilot took it. Raises Refused above the ceiling."""
+    async def go(self, to: GeoPoint, speed: float, heading: float) -> None:
+        """Set out for a place with the nose at ``heading``; returns once the autopilot took it.
+
+        Raises Refused above the ceiling.
+        """
         self.require_altitude(to.altitude)
         flavour = self.flavour
         self._give_way(flavour, flavour.goto)
-        home_altitude = await self._home_altitude()
-        await self.enter(flavour.goto, flavour.go_command(to, home_altitude, speed, heading))
+        go = flavour.go_command(to, await self._home_altitude(), speed, heading)
+        if isinstance(go, SetPositionTargetGlobalInt):
+            if self.mode(self.vehicle.state) != flavour.goto:
+                await self.enter(flavour.goto)
+            await self.commander.send_to(go, to.altitude)
+        else:
+            await self.enter(flavour.goto, go)
         following = flavour.after_go(speed)
         if following is not None:
             await self.commander.ask(following)

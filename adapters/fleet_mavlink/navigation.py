@@ -28,7 +28,7 @@ from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_ang
 from fleet.model.navigation import Constraints
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
-from fleet_mavlink.require import known_position, require_flying
+from fleet_mavlink.require import known_heading, known_position, require_flying
 from fleet_mavlink.state import VehicleState
 
 TOLERANCE = 0.5  # m
@@ -44,7 +44,7 @@ Way = GoTo | FollowPath | RelativeMove
 
 
 class Target(msgspec.Struct, frozen=True):
-    """One goal made concrete: altitude AMSL, ``heading`` in radians from north, ``wait`` in seconds."""
+    """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s."""
 
     point: GeoPoint
     heading: float | None
@@ -154,9 +154,11 @@ class Navigator:
         for target in targets:
             self._require_reachable(target)
         course = _Course(here, targets)
+        nose = known_heading(self._vehicle)
         try:
             for leg, target in enumerate(targets):
-                async for progress in self._fly(target, leg, course, constraints):
+                nose = nose if target.heading is None else target.heading
+                async for progress in self._fly(target, nose, leg, course, constraints):
                     yield msgspec.structs.replace(progress, reached=leg)
         except CommandError:
             await self._flight.hold_if_ours()
@@ -174,20 +176,17 @@ class Navigator:
         return max(_SLOWEST, min(limit, constraints.max_speed or limit))
 
     async def _fly(
-        self, target: Target, leg: int, course: _Course, constraints: Constraints
+        self, target: Target, nose: float, leg: int, course: _Course, constraints: Constraints
     ) -> AsyncIterator[Progress]:
-        """Fly to one target, and wait there."""
+        """Fly to one target with the nose at ``nose``, radians from north, and wait there."""
         flight = self._flight
         goto = flight.flavour.goto
         tolerance = constraints.tolerance or TOLERANCE
-        await flight.go(target.point, self._speed(constraints), target.heading)
+        await flight.go(target.point, self._speed(constraints), nose)
         yield Progress(course.percent(leg, self._left(target)), "on the way")
         async for blocked in self._until(target, tolerance, turned=False):
             yield Progress(course.percent(leg, self._left(target)), "on the way", blocked=blocked)
         if target.heading is not None:
-            turn = flight.flavour.turn_command(target.heading)
-            if turn is not None:
-                await flight.commander.ask(turn)
             async for blocked in self._until(target, math.inf, turned=True):
                 yield Progress(course.percent(leg, 0.0), "turning", blocked=blocked)
         yield Progress(course.percent(leg, 0.0), "there")

@@ -98,25 +98,24 @@ class Px4(Flavour):
         to: GeoPoint,
         home_altitude: float,  # noqa: ARG002 - it wants altitudes above mean sea level
         speed: float,
-        heading: float | None,
+        heading: float,
     ) -> CommandInt:
-        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre."""
+        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre.
+
+        Without a heading the nose would turn as MPC_YAW_MODE says.
+        """
         return CommandInt(
             Cmd.DO_REPOSITION,
             frame=Frame.GLOBAL_INT,
             param1=speed,
             param2=_CHANGE_MODE,
-            param4=NAN if heading is None else heading,
+            param4=heading,
             x=round(to.latitude * 1e7),
             y=round(to.longitude * 1e7),
             z=to.altitude,
         )
 
     def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
-        """Return nothing."""
-        return None
-
-    def turn_command(self, heading: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
         """Return nothing."""
         return None
 

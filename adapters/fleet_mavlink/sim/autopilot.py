@@ -17,7 +17,7 @@ from fleet.model.geometry import Vector3
 from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask
 from fleet_mavlink.sim.battery import Battery
 from fleet_mavlink.sim.equipment import Equipment
-from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, Idle, Manoeuvre, hold
+from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, GoTo, Idle, Manoeuvre, hold, place_of
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import Missions
 from fleet_mavlink.sim.modes import Mode
@@ -127,13 +127,23 @@ class Autopilot(Speaker, ABC):
 
     def geo(self) -> Geo:
         """Return where the vehicle is."""
-        point = geo_from_world(self._origin, Vector3(self.body.east, self.body.north, -self.body.down))
-        return point.latitude, point.longitude, point.altitude
+        return self.geo_of(place_of(self.body))
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
         """Return the local position of a place on Earth (altitude above mean sea level)."""
         enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude))
         return enu.y, enu.x, -enu.z
+
+    def geo_of(self, place: tuple[float, float, float]) -> Geo:
+        """Return a local position as a place on Earth."""
+        north, east, down = place
+        point = geo_from_world(self._origin, Vector3(east, north, -down))
+        return point.latitude, point.longitude, point.altitude
+
+    def target(self) -> Geo | None:
+        """Return the place that the vehicle flies to or holds, None while there is none."""
+        flown = self.manoeuvre
+        return self.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
 
     def home_ned(self) -> tuple[float, float, float]:
         """Return home as a local position; where the vehicle was put down while home is unknown."""

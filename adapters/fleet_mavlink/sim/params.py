@@ -91,6 +91,7 @@ def px4_params(system_id: int) -> Values:
         "MPC_TKO_SPEED": (REAL32, 1.5),
         "MPC_XY_CRUISE": (REAL32, 5.0),
         "MPC_XY_VEL_MAX": (REAL32, 12.0),
+        "MPC_YAW_MODE": (INT32, 0),
         "MPC_Z_VEL_MAX_DN": (REAL32, 1.5),
         "MPC_Z_VEL_MAX_UP": (REAL32, 3.0),
         "NAV_DLL_ACT": (INT32, 0),

@@ -153,8 +153,8 @@ def _go(pilot: Px4, place: Geo, *, heading: float, speed: float) -> int:
         return result
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
     north, east, down = pilot.ned_of(*wanted)
-    keep = heading if math.isfinite(heading) else pilot.body.heading
-    pilot.manoeuvre = GoTo(north, east, down, heading=keep, speed=speed if speed > 0.0 else None)
+    turned = heading if math.isfinite(heading) else None
+    pilot.manoeuvre = GoTo(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
     return ACCEPTED
 
 
