@@ -71,8 +71,8 @@ class Flight:
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
-        self.authority.expect(mode)
-        await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
+        with self.authority.asking(mode):
+            await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
 
     async def enter_external(self) -> None:
         """Change to the mode that obeys setpoints."""
@@ -83,9 +83,16 @@ class Flight:
         await self.enter(self.flavour.hold, self.flavour.hold_command())
 
     async def hold_if_ours(self) -> None:
-        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached."""
-        if self.vehicle.connected and self.vehicle.state.armed and not self.authority.lost_to:
+        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
+
+        What failed first is what is told: a hold that fails, too, is only logged.
+        """
+        if not self.vehicle.connected or not self.vehicle.state.armed or self.authority.lost_to:
+            return
+        try:
             await self.hold()
+        except CommandError as error:
+            self.vehicle.log.warning("it does not hold: %s", error)
 
     async def arm(self, *, force: bool = False) -> None:
         """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
