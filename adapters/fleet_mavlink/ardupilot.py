@@ -58,6 +58,8 @@ class ArduCopter(Flavour):
     return_home: ClassVar[str] = "RTL"
     arming: ClassVar[str] = "GUIDED"
     takeoff: ClassVar[str] = "GUIDED"
+    takes_off_in_air: ClassVar[bool] = False
+    takeoff_tolerance: ClassVar[str | None] = None
     mission: ClassVar[str] = "AUTO"
     home_is_first: ClassVar[bool] = True
     rewind: ClassVar[CommandLong | None] = CommandLong(Cmd.DO_SET_MISSION_CURRENT)

@@ -50,6 +50,10 @@ class Flavour(ABC):
     return_home: ClassVar[str]
     arming: ClassVar[str]  # can be armed in, and taken off from
     takeoff: ClassVar[str]  # shown while it takes off
+    takes_off_in_air: ClassVar[bool]  # obeys a take-off in the air, too
+    takeoff_tolerance: ClassVar[
+        str | None
+    ]  # parameter: m below its height at which it ends a take-off by itself
     mission: ClassVar[str]  # flies the mission in its memory
     home_is_first: ClassVar[bool]  # item 0 of a mission is home
     rewind: ClassVar[CommandLong | None]  # before a start, where that goes on at the item that was left last

@@ -20,7 +20,6 @@ from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import Cmd, Frame
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
-_OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between looks at something that takes long
 _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
@@ -49,7 +48,7 @@ class Flight:
         self.authority = authority
         self.ceiling = limits.altitude or math.inf
         self._farthest = limits.distance or FARTHEST
-        self._give_way = give_way
+        self.give_way = give_way
 
     @property
     def flavour(self) -> Flavour:
@@ -127,50 +126,7 @@ class Flight:
         if not await self.vehicle.until(shown, _ARMED_WITHIN):
             raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
 
-    async def take_off(self, altitude: float) -> AsyncIterator[Progress]:
-        """Arm if need be and climb to ``altitude`` m above home; yields once the autopilot took it."""
-        require_connection(self.vehicle)
-        flavour = self.flavour
-        await self._home_altitude()
-        was_armed = self.vehicle.state.armed
-        if was_armed and self.mode(self.vehicle.state) != flavour.arming:
-            await self.enter(flavour.arming)
-        await self.arm()
-        self.authority.expect(flavour.arming, flavour.takeoff, flavour.hold)
-        try:
-            ask = flavour.takeoff_command(altitude, await self._home_altitude())
-            await self.commander.ask(ask, seen=_climbs)
-        except CommandError:
-            if not was_armed:
-                await self._disarm_quietly()
-            raise
-        yield Progress(0.0, "taking off")
-        async for progress in self._climb(altitude, was_armed=was_armed):
-            yield progress
-
-    async def _climb(self, altitude: float, *, was_armed: bool) -> AsyncIterator[Progress]:
-        """Watch a take-off until its altitude is reached."""
-        close = max(0.5, 0.05 * altitude)
-        by = self.vehicle.now() + _OFF_GROUND_WITHIN
-        percent = 0.0
-        climbing = False
-        while not await self.vehicle.until(
-            lambda state: _height(state) >= altitude - close and is_standing(state), _POLL
-        ):
-            state = self.vehicle.state
-            self.check(self.flavour.arming, self.flavour.takeoff)
-            climbing = climbing or self.mode(state) == self.flavour.takeoff
-            if climbing and self.mode(state) == self.flavour.hold and is_standing(state):
-                raise Refused(f"the take-off ended at {_height(state):.1f} m")
-            percent = max(percent, min(99.0, 100 * _height(state) / altitude))
-            yield Progress(percent, f"at {_height(state):.1f} m of {altitude:g} m")
-            if self.vehicle.now() > by and not state.in_air:
-                if not was_armed:
-                    await self._disarm_quietly()
-                raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
-        yield Progress(100.0, f"at {altitude:g} m")
-
-    async def _disarm_quietly(self) -> None:
+    async def disarm_quietly(self) -> None:
         """Undo an arming after a take-off that did not happen."""
         if self.vehicle.state.in_air is False:
             with suppress(CommandError):
@@ -179,15 +135,15 @@ class Flight:
     async def come_down(self, mode: str) -> AsyncIterator[Progress]:
         """Land or return home by a mode of the autopilot; ends on the ground with the motors off."""
         require_connection(self.vehicle)
-        start = _height(self.vehicle.state)
+        start = height_of(self.vehicle.state)
         if not self.vehicle.state.armed:
             yield Progress(100.0, "on the ground")
             return
-        self._give_way(self.flavour, mode)
+        self.give_way(self.flavour, mode)
         await self.enter(mode)
         percent = 0.0
         while not await self.vehicle.until(lambda state: not state.armed, _POLL):
-            height = _height(self.vehicle.state)
+            height = height_of(self.vehicle.state)
             self.check(mode)
             percent = max(percent, min(99.0, 100 * (1 - height / max(start, 1.0))))
             yield Progress(percent, f"at {height:.1f} m")
@@ -200,8 +156,8 @@ class Flight:
         """
         self.require_altitude(to.altitude)
         flavour = self.flavour
-        self._give_way(flavour, flavour.goto)
-        go = flavour.go_command(to, await self._home_altitude(), speed, heading)
+        self.give_way(flavour, flavour.goto)
+        go = flavour.go_command(to, await self.home_altitude(), speed, heading)
         if isinstance(go, SetPositionTargetGlobalInt):
             if self.mode(self.vehicle.state) != flavour.goto:
                 await self.enter(flavour.goto)
@@ -234,7 +190,7 @@ class Flight:
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
-    async def _home_altitude(self) -> float:
+    async def home_altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
         if self.vehicle.state.home_altitude is None:
             await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
@@ -268,7 +224,7 @@ class Flight:
 
     async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Send a home, and wait until it is told."""
-        home = GeoPoint(latitude, longitude, await self._home_altitude() if altitude is None else altitude)
+        home = GeoPoint(latitude, longitude, await self.home_altitude() if altitude is None else altitude)
 
         def shown(state: VehicleState) -> bool:
             return state.home is not None and _are_one(state.home, home)
@@ -333,14 +289,9 @@ def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
     return away.norm() <= _SAME_HOME
 
 
-def _height(state: VehicleState) -> float:
+def height_of(state: VehicleState) -> float:
     """Return metres above home, 0 while unknown."""
     return state.relative_altitude or 0.0
-
-
-def _climbs(state: VehicleState) -> bool:
-    """Return whether a vehicle that was on the ground is on its way up."""
-    return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_SLOW)
 
 
 def is_standing(state: VehicleState) -> bool:

@@ -30,6 +30,7 @@ from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
 from fleet_mavlink.require import known_heading, known_position, require_flying
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.takeoff import TakeOff
 
 TOLERANCE = 0.5  # m
 _YAW_TOLERANCE = 0.2  # rad
@@ -127,14 +128,16 @@ class _Watch:
 class Navigator:
     """Carries out tasks with one vehicle."""
 
-    def __init__(self, flight: Flight, limits: Limits) -> None:
+    def __init__(self, flight: Flight, takeoff: TakeOff, limits: Limits) -> None:
         self._flight = flight
+        self._takeoff = takeoff
         self._limits = limits
         self._vehicle = flight.vehicle
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
         require_flying(self._vehicle, self._flight.authority)
+        self._require_no_takeoff()
         here = known_position(self._vehicle)
         targets = targets_of(task, self._vehicle.state, origin)
         async for progress in self._fly_all(targets, here, task.constraints):
@@ -164,6 +167,13 @@ class Navigator:
             await self._flight.hold_if_ours()
             raise
         yield Progress(100.0, "there", reached=len(targets))
+
+    def _require_no_takeoff(self) -> None:
+        """Raise NotReady while the vehicle takes off: a goal would end that near the ground."""
+        flavour = self._flight.flavour
+        shown = flavour.takeoff != flavour.arming and flavour.mode_of(self._vehicle.state) == flavour.takeoff
+        if self._takeoff.under_way or shown:
+            raise NotReady("busy: it takes off", hint="wait for its end, or send hover")
 
     def _require_reachable(self, target: Target) -> None:
         """Raise Refused for a target beyond the limits."""

@@ -50,6 +50,8 @@ class Px4(Flavour):
     return_home: ClassVar[str] = "AUTO.RTL"
     arming: ClassVar[str] = "AUTO.LOITER"
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
+    takes_off_in_air: ClassVar[bool] = True
+    takeoff_tolerance: ClassVar[str | None] = "NAV_MC_ALT_RAD"
     mission: ClassVar[str] = "AUTO.MISSION"
     home_is_first: ClassVar[bool] = False
     rewind: ClassVar[CommandLong | None] = None

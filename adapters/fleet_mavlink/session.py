@@ -30,6 +30,7 @@ from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.require import require_connection
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
+from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence, alarm
 from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
@@ -67,10 +68,11 @@ class Session:
             spawn=self._spawn,
             busy=self.commander.turn.locked,
         )
-        self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.takeoff = TakeOff(self.flight, self.parameters)
+        self.navigator = Navigator(self.flight, self.takeoff, limits)
         self.plans = Plans(vehicle)
-        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
+        self.missions = Missions(self.flight, self.takeoff, self.plans, limits)
         self.fence = config.fence and FenceKeeper(
             vehicle,
             self.plans,

@@ -190,7 +190,7 @@ class Vehicle:
             async with asyncio.timeout(seconds):
                 await waiter[1]
         except TimeoutError:
-            return False
+            return condition(self.state)  # it may have come in the very moment
         finally:
             self._waiting.remove(waiter)
         return True

@@ -91,6 +91,7 @@ class Autopilot(Speaker, ABC):
         self.left_ground = False  # since it was armed
         self.touched_at: float | None = None
         self.home: Geo | None = None
+        self.altitude_error = 0.0  # m by which its own estimate is too high
         self.failsafe = ""
         self.terminated = False
         self.gcs_heard_at: float | None = None
@@ -131,19 +132,23 @@ class Autopilot(Speaker, ABC):
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
         """Return the local position of a place on Earth (altitude above mean sea level)."""
-        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude))
+        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude - self.altitude_error))
         return enu.y, enu.x, -enu.z
 
     def geo_of(self, place: tuple[float, float, float]) -> Geo:
         """Return a local position as a place on Earth."""
         north, east, down = place
         point = geo_from_world(self._origin, Vector3(east, north, -down))
-        return point.latitude, point.longitude, point.altitude
+        return point.latitude, point.longitude, point.altitude + self.altitude_error
 
     def target(self) -> Geo | None:
         """Return the place that the vehicle flies to or holds, None while there is none."""
         flown = self.manoeuvre
         return self.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
+
+    def down_of(self, altitude: float) -> float:
+        """Return an altitude (m AMSL, as it is estimated) as a local position."""
+        return self.place[2] + self.altitude_error - altitude
 
     def home_ned(self) -> tuple[float, float, float]:
         """Return home as a local position; where the vehicle was put down while home is unknown."""
@@ -273,9 +278,14 @@ class Autopilot(Speaker, ABC):
         """True while the vehicle is off the ground."""
         return not self.body.grounded
 
+    @property
+    def landed(self) -> bool:
+        """True while the autopilot thinks that it stands on the ground."""
+        return self.body.grounded
+
     def landed_state(self) -> int:
         """Return MAV_LANDED_STATE."""
-        if self.body.grounded:
+        if self.landed:
             return ON_GROUND
         return self.manoeuvre.in_air_state if self.armed else LANDING
 
@@ -316,7 +326,7 @@ class Autopilot(Speaker, ABC):
 
     def _watch_ground(self) -> None:
         """Remember leaving and touching the ground."""
-        if self.flying:
+        if not self.landed:
             self.left_ground = self.left_ground or self.armed
             self.touched_at = None
         elif self.left_ground and self.touched_at is None:

@@ -107,11 +107,11 @@ class Takeoff(Manoeuvre):
         self.east = pilot.body.east
         self.down = down
         self.heading = pilot.body.heading
-        self._lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
+        self.lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the aim: nothing while the motors spin up, then upwards."""
-        if pilot.time < self._lift_at:
+        if pilot.time < self.lift_at:
             return Aim(thrust=False)
         wanted = aim_at(pilot, self, pilot.speeds.cruise, self.heading)
         self.done = abs(self.down - pilot.body.down) < 0.2

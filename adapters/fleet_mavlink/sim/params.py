@@ -95,6 +95,7 @@ def px4_params(system_id: int) -> Values:
         "MPC_Z_VEL_MAX_DN": (REAL32, 1.5),
         "MPC_Z_VEL_MAX_UP": (REAL32, 3.0),
         "NAV_DLL_ACT": (INT32, 0),
+        "NAV_MC_ALT_RAD": (REAL32, 0.8),
         "NAV_RCL_ACT": (INT32, 2),
         "RTL_RETURN_ALT": (REAL32, 30.0),
         "SYS_AUTOSTART": (INT32, 10040),

@@ -10,11 +10,12 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
-from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
+from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.px4_takeoff import Px4Takeoff, wander, watch
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
@@ -204,7 +205,23 @@ class Px4(Autopilot):
         """Fly the take-off that was asked for; its waiting time counts from here."""
         asked, self.takeoff = self.takeoff, None
         if asked is not None:
-            self.manoeuvre = Takeoff(self, asked.down) if isinstance(asked, Takeoff) else asked
+            self.manoeuvre = Px4Takeoff(self, asked.altitude) if isinstance(asked, Px4Takeoff) else asked
+
+    def takeoff_detected(self) -> None:
+        """Say so, and set home again."""
+        self.say(INFO, "Takeoff detected")
+        self.set_home()
+
+    def takeoff_ended(self, hold: GoTo) -> None:
+        """Go over into LOITER, which climbs on to the height."""
+        self.enter(MODES["LOITER"])
+        self.manoeuvre = hold
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground, until a take-off is detected."""
+        begun = isinstance(self.manoeuvre, Px4Takeoff) and self.manoeuvre.detected
+        return self.body.grounded and not begun
 
     def arm(self) -> None:
         """Start the motors; the mode that is set begins."""
@@ -267,6 +284,8 @@ class Px4(Autopilot):
 
     def supervise(self) -> None:
         """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""
+        if self.landed:
+            self.altitude_error = wander(self.faults.get("wander", 0.0), self.time)
         if self.armed:
             self._end_manoeuvre()
             self._auto_disarm()
@@ -276,12 +295,8 @@ class Px4(Autopilot):
 
     def _end_manoeuvre(self) -> None:
         """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
-        reached = self.manoeuvre
-        if self.mode.name == "TAKEOFF" and reached.done:
-            self.enter(MODES["LOITER"])
-            if isinstance(reached, Takeoff):
-                self.manoeuvre = GoTo(reached.north, reached.east, reached.down, heading=reached.heading)
-        elif self.runs_mission and getattr(self.manoeuvre, "returns", False):
+        watch(self)
+        if self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
         elif self.runs_mission and self.manoeuvre.done and self.flying:
             self.enter(MODES["LOITER"])
@@ -292,7 +307,7 @@ class Px4(Autopilot):
 
     def _auto_disarm(self) -> None:
         """Disarm after a landing, or when no take-off follows the arming."""
-        if self.flying or self.terminated:
+        if not self.landed or self.terminated:
             return
         if self.touched_at is not None:
             if self.time - self.touched_at > self.params["COM_DISARM_LAND"] > 0:
