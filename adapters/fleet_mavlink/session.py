@@ -255,7 +255,7 @@ class Session:
         """Say what is not heard, and what is heard instead."""
         system = self.vehicle.system
         where = f"system {system} on {self._hub.link.url}"
-        others = [str(each) for each in self._hub.heard if each != system]
+        others = [str(each) for each in self._hub.unclaimed]
         hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
         if self.vehicle.state.heartbeat is not None:
             return f"no heartbeat from {where} for {SILENCE:g} s{hint}"
