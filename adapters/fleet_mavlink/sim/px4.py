@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
@@ -27,6 +29,7 @@ _AMSL_FRAMES = frozenset({0, 5})
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GCS_GONE = 3.0
+_PREFLIGHT = 1.1  # s on top of COM_DISARM_PRFLT
 _TEXTS_KEPT = 20
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
 _HAS_RECEIVER = frozenset({0, 2, 3})  # COM_RC_IN_MODE; the simulated one's own, 1, is without
@@ -247,6 +250,8 @@ class Px4(Autopilot):
     def setpoint(self, message: Any) -> None:
         """Take a setpoint: it keeps the stream alive, and is obeyed in OFFBOARD."""
         setpoint = setpoint_of(message)
+        if setpoint.heading is not None and math.isnan(setpoint.heading):
+            setpoint = replace(setpoint, heading=None)
         refusal = _refusal(setpoint, local=message.get_type() == "SET_POSITION_TARGET_LOCAL_NED")
         if refusal:
             self.say(CRITICAL, refusal)
@@ -266,7 +271,8 @@ class Px4(Autopilot):
         if heading is None and setpoint.turn_rate is None:
             heading = self.body.heading
         if setpoint.position is not None and setpoint.frame != _BODY_NED:
-            return GoTo(*self._place(setpoint.frame, setpoint.position), heading=heading)
+            place = self._place(setpoint.frame, setpoint.position)
+            return GoTo(*place, heading=self.body.heading if heading is None else heading)
         velocity = setpoint.velocity or (0.0, 0.0, 0.0)
         if setpoint.frame == _BODY_NED:
             velocity = turned(velocity, self.body.heading)
@@ -313,7 +319,10 @@ class Px4(Autopilot):
             if self.time - self.touched_at > self.params["COM_DISARM_LAND"] > 0:
                 self.say(INFO, "Disarmed by landing")
                 self.disarm()
-        elif not self.taking_off and self.time - self.armed_at > self.params["COM_DISARM_PRFLT"] > 0:
+        elif (
+            not self.taking_off
+            and self.time - self.armed_at - _PREFLIGHT > self.params["COM_DISARM_PRFLT"] > 0
+        ):
             self.say(INFO, "Disarmed by auto preflight disarming")
             self.disarm()
 
