@@ -25,7 +25,7 @@ _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
 FARTHEST = 100_000.0  # m; a goal beyond is a mistake, such as a wrong unit or a latitude for a longitude
 _SAME_HOME = 2.0  # m
-_LOWEST = 1.0  # m above home; below it only landing goes
+LOWEST = 1.0  # m above home; below it only landing goes
 _SLOW = 0.5  # m/s that counts as standing
 
 
@@ -176,9 +176,9 @@ class Flight:
         height = altitude - home
         if not height <= self.ceiling:
             raise Refused(f"{height:.1f} m above home is over the limit of {self.ceiling:g} m")
-        if height < _LOWEST:
+        if height < LOWEST:
             raise Refused(
-                f"{height:.1f} m above home is below {_LOWEST:g} m", hint="use land, or check the origin"
+                f"{height:.1f} m above home is below {LOWEST:g} m", hint="use land, or check the origin"
             )
 
     def require_distance(self, point: GeoPoint) -> None:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 
 from fleet import Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet.errors import CommandError
-from fleet_mavlink.flight import Flight, height_of, is_standing
+from fleet_mavlink.flight import LOWEST, Flight, height_of, is_standing
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.require import known_heading, known_position, require_control
 from fleet_mavlink.state import VehicleState
@@ -17,6 +17,8 @@ _BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
 _OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between looks
 _CLOSE = 0.3  # m that the height may be off, seen by the autopilot itself
+_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, that it may be off where it gets no nearer
+_WITHIN = 0.1  # m from a limit, since home itself is told to the centimetre
 _SETTLES_WITHIN = 4.0  # s after its own end, in which it climbs on to the height that it was given
 _CORRECTED_WITHIN = 15.0  # s
 _CORRECTS_AT = 1.0  # m/s
@@ -104,9 +106,7 @@ class _Attempt:
         flight, flavour, vehicle = self._flight, self._flight.flavour, self._vehicle
         self._by_place = bool(vehicle.state.in_air) and not flavour.takes_off_in_air
         if self._by_place:
-            here = known_position(vehicle)
-            above = GeoPoint(here.latitude, here.longitude, self._target)
-            await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
+            await self._go()
             return
         ask = flavour.takeoff_command(self._altitude, self._target - self._altitude)
         with flight.authority.asking(flavour.arming, flavour.takeoff, flavour.hold):
@@ -156,7 +156,12 @@ class _Attempt:
             return False
         if flavour.takeoff != flavour.arming:
             return self._flight.mode(state) == flavour.hold and state.landed is Landed.IN_AIR
-        return height_of(state) >= self._altitude - _CLOSE and is_standing(state)
+        return height_of(state) >= self._altitude - self._near and is_standing(state)
+
+    @property
+    def _near(self) -> float:
+        """How far off its height it may stay in wind, metres."""
+        return max(_NEAR, _NEAR_SHARE * self._altitude)
 
     async def _give_up(self) -> None:
         """Undo what was begun, and raise TimedOut."""
@@ -189,14 +194,23 @@ class _Attempt:
         vehicle, flavour = self._vehicle, self._flight.flavour
         if await vehicle.until(self._at_height, _SETTLES_WITHIN):
             return
-        here = known_position(vehicle)
-        target = GeoPoint(here.latitude, here.longitude, await self._flight.home_altitude() + self._altitude)
-        await self._flight.go(target, _CORRECTS_AT, known_heading(vehicle))
+        await self._go()
         by = vehicle.now() + _CORRECTED_WITHIN
         while not await vehicle.until(self._at_height, _POLL):
             self._flight.check(flavour.goto)
-            if vehicle.now() > by:
+            if vehicle.now() <= by:
+                continue
+            if abs(height_of(vehicle.state) - self._altitude) > self._near:
                 raise TimedOut(f"it stays at {height_of(vehicle.state):.1f} m of {self._altitude:g} m")
+            return
+
+    async def _go(self) -> None:
+        """Fly to the height above this place; a height at a limit stays a little within it."""
+        vehicle, flight = self._vehicle, self._flight
+        here = known_position(vehicle)
+        height = min(max(self._altitude, LOWEST + _WITHIN), flight.ceiling - _WITHIN)
+        above = GeoPoint(here.latitude, here.longitude, await flight.home_altitude() + height)
+        await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
 
     def _at_height(self, state: VehicleState) -> bool:
         """Return whether it stands at its height."""

@@ -54,6 +54,31 @@ def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(fly, sky, altitude
     fly(main())
 
 
+@both
+@pytest.mark.parametrize("altitude", [1.0, 5.0])
+def test_a_takeoff_to_a_limit_is_not_refused_by_it(fly, sky, flavour, altitude):
+    async def main():
+        async with sky(flavour, limits={"altitude": 5.0}, faults={"wander": 1.0}) as it:
+            await it.met()
+            for _ in range(3):
+                await it.do("takeoff", altitude=altitude)
+                assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
+                await it.do("land")
+
+    fly(main())
+
+
+@both
+def test_it_takes_off_in_wind(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"wind": 9.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=6.0)
+            assert it.state.relative_altitude == pytest.approx(6.0, abs=0.5)
+
+    fly(main())
+
+
 @pytest.mark.parametrize("radius", [0.3, 0.8, 2.5])
 def test_the_autopilots_own_end_of_a_takeoff_counts_however_early(fly, sky, radius):
     async def main():
