@@ -35,8 +35,9 @@ class CommandSpec(msgspec.Struct, frozen=True):
 
     ``timeout``: seconds until the host gives up on it. ``safe``: allowed while an emergency stop is
     latched (it can only make things safer). ``moves``: the robot may move because of it, so the control
-    lease applies and it ends a running action. ``streams``: the method is an async generator whose first
-    yield means that the robot took the command.
+    lease applies and it ends a running action; but ``interrupts`` False: it ends none, and is refused as busy
+    while there is one. ``streams``: the method is an async generator whose first yield means that the robot
+    took the command.
     """
 
     name: str
@@ -47,10 +48,11 @@ class CommandSpec(msgspec.Struct, frozen=True):
     streams: bool
     parameters: type[msgspec.Struct]
     summary: str
+    interrupts: bool = True
 
 
 def command(
-    *names: str, timeout: float = 10.0, safe: bool = False, moves: bool = True
+    *names: str, timeout: float = 10.0, safe: bool = False, moves: bool = True, interrupts: bool = True
 ) -> Callable[[MethodT], MethodT]:
     """Declare a method as the command ``names`` (the first is its name, the rest aliases).
 
@@ -63,7 +65,7 @@ def command(
     """
 
     def mark(method: MethodT) -> MethodT:
-        setattr(method, _MARK, (names, timeout, safe, moves))
+        setattr(method, _MARK, (names, timeout, safe, moves, interrupts))
         return method
 
     return mark
@@ -76,7 +78,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
         marked = getattr(method, _MARK, None)
         if marked is None:
             continue
-        names, timeout, safe, moves = marked
+        names, timeout, safe, moves, interrupts = marked
         for name in names:
             found[name] = CommandSpec(
                 name=name,
@@ -87,6 +89,7 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
                 streams=inspect.isasyncgenfunction(method),
                 parameters=_parameters_of(method),
                 summary=(inspect.getdoc(method) or "").partition("\n")[0],
+                interrupts=interrupts,
             )
     return found
 

@@ -29,6 +29,7 @@ from fleet_mavlink.session import GENTLE, Session
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
 from fleet_mavlink.upkeep import UpkeepCommands
+from fleet_mavlink.words import Landed
 
 _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
@@ -130,10 +131,11 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         if not _LOWEST_TAKEOFF <= wanted <= flight.ceiling:
             raise Refused(f"{wanted:g} m is not {_LOWEST_TAKEOFF:g} to {flight.ceiling:g} m above home")
         height = state.relative_altitude
-        if state.in_air and (altitude is None or (height is not None and height >= wanted)):
+        flies = state.in_air and state.landed is not Landed.TAKEOFF and not session.comes_down
+        if flies and (altitude is None or (height is not None and height >= wanted)):
             yield Progress(100.0, "in the air already; a take-off never descends")
             return
-        climb = self._to_height(session, wanted) if state.in_air else flight.take_off(wanted)
+        climb = self._to_height(session, wanted) if flies else session.takeoff.climb(wanted)
         async for progress in climb:
             yield progress
 
@@ -170,7 +172,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         async for progress in self._climb_by(-abs(distance)):
             yield progress
 
-    @command("arm")
+    @command("arm", interrupts=False)
     async def arm(self, *, force: bool = False) -> None:
         """Start the motors, in a mode that can be taken off from."""
         await self._open().flight.arm(force=force)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -10,13 +9,13 @@ from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.ardupilot_kinds import ArduPilotKind
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong, Message
+from fleet_mavlink.messages import CommandLong, Message, SetPositionTargetGlobalInt
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import MAG_CAL_SUCCESS, NAN, Cmd, Frame
+from fleet_mavlink.words import AUTOPILOT, MAG_CAL_SUCCESS, Cmd, Frame
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
-_CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
+_PLACE_AND_YAW = 0x9F8  # type_mask: everything but the place and the yaw is ignored
 
 
 class ArduCopter(ArduPilotKind, Flavour):
@@ -56,6 +55,8 @@ class ArduCopter(ArduPilotKind, Flavour):
     return_home: ClassVar[str] = "RTL"
     arming: ClassVar[str] = "GUIDED"
     takeoff: ClassVar[str] = "GUIDED"
+    takes_off_in_air: ClassVar[bool] = False
+    takeoff_tolerance: ClassVar[str | None] = None
     mission: ClassVar[str] = "AUTO"
     home_is_first: ClassVar[bool] = True
     rewind: ClassVar[CommandLong | None] = CommandLong(Cmd.DO_SET_MISSION_CURRENT)
@@ -79,28 +80,27 @@ class ArduCopter(ArduPilotKind, Flavour):
         self,
         to: GeoPoint,
         home_altitude: float,
-        speed: float,  # noqa: ARG002 - it ignores the speed here: ``after_go``
-        heading: float | None,  # noqa: ARG002 - it ignores the heading here: ``turn_command``
-    ) -> CommandInt:
-        """Return DO_REPOSITION with the altitude above home; COMMAND_LONG is unsupported here."""
-        return CommandInt(
-            Cmd.DO_REPOSITION,
-            frame=Frame.GLOBAL_RELATIVE_ALT_INT,
-            param1=-1.0,
-            param2=_CHANGE_MODE,
-            param4=NAN,
-            x=round(to.latitude * 1e7),
-            y=round(to.longitude * 1e7),
-            z=to.altitude - home_altitude,
+        speed: float,  # noqa: ARG002 - it takes none here: ``after_go``
+        heading: float,
+    ) -> SetPositionTargetGlobalInt:
+        """Return the target with the altitude above home.
+
+        DO_REPOSITION takes no heading: the nose would turn as WP_YAW_BEHAVIOR says.
+        """
+        return SetPositionTargetGlobalInt(
+            target_system=0,
+            target_component=AUTOPILOT,
+            coordinate_frame=Frame.GLOBAL_RELATIVE_ALT_INT,
+            type_mask=_PLACE_AND_YAW,
+            lat_int=round(to.latitude * 1e7),
+            lon_int=round(to.longitude * 1e7),
+            alt=to.altitude - home_altitude,
+            yaw=heading,
         )
 
     def after_go(self, speed: float) -> CommandLong | None:
-        """Return DO_CHANGE_SPEED; before the go command it would be reset by it."""
+        """Return DO_CHANGE_SPEED; before the target it would be reset by it."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
-
-    def turn_command(self, heading: float) -> CommandLong | None:
-        """Return CONDITION_YAW to an absolute heading by the shorter way."""
-        return CommandLong(Cmd.CONDITION_YAW, param1=math.degrees(heading) % 360.0)
 
     def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
         """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, one for each compass."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
 
+from fleet.errors import CommandError
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.state import VehicleState
 
@@ -11,8 +13,8 @@ from fleet_mavlink.state import VehicleState
 class Authority:
     """Watches the mode. What we did not ask for, while the vehicle is armed, takes it from us.
 
-    ``lost`` is called with the reason. It is ours again by the next command that asks for a mode, or once
-    it is disarmed.
+    ``lost`` is called with the reason. It is ours again once a change of mode that we asked for was carried
+    out, or once it is disarmed.
     """
 
     def __init__(self, lost: Callable[[str], None]) -> None:
@@ -28,11 +30,27 @@ class Authority:
         """Who has it, in words: the mode, and why where a fail-safe took it."""
         return f"{self.lost_to}: {self.cause}" if self.cause else self.lost_to
 
+    @contextlib.contextmanager
+    def asking(self, *modes: str) -> Iterator[None]:
+        """Take the vehicle by what is asked of it meanwhile, if that is carried out.
+
+        What the autopilot itself refused gives nothing back, and is not expected any more. What was left
+        unanswered, or broken off, may still be obeyed.
+        """
+        before = self._earlier, self._expected
+        self.expect(*modes)
+        try:
+            yield
+        except CommandError as error:
+            if error.device_result is not None and self._expected == frozenset(modes):
+                self._earlier, self._expected = before
+            raise
+        self.lost_to = ""
+
     def expect(self, *modes: str) -> None:
-        """Take the vehicle for a command that leads to one of these modes."""
+        """Expect a command to lead to one of these modes; a vehicle that is not ours stays so."""
         self._earlier |= self._expected
         self._expected = frozenset(modes)
-        self.lost_to = ""
 
     def expect_also(self, *modes: str) -> None:
         """Expect that the command under way ends in one of these modes; a vehicle that is not ours is not."""

@@ -1,4 +1,4 @@
-"""What is known of the things a vehicle carries: a frozen value, and how each message changes it."""
+"""What is known of the things a vehicle carries, and of where it is bound: a value, and its changes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 import msgspec
 
+from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import Message, PositionTargetGlobalInt
 from fleet_mavlink.payload_messages import (
     EscTelemetry1To4,
     GimbalDeviceAttitudeStatus,
@@ -38,7 +39,7 @@ class Aim(msgspec.Struct, frozen=True):
 class Carried(msgspec.Struct, frozen=True):
     """Everything known; times are monotonic seconds of arrival; None and empty where nothing was heard.
 
-    ``motors``: rad/s, in the autopilot's order.
+    ``motors``: rad/s, in the autopilot's order. ``bound_for``: the place that it flies to, altitude AMSL.
     """
 
     imu: Imu | None = None
@@ -46,6 +47,8 @@ class Carried(msgspec.Struct, frozen=True):
     aim: Aim | None = None
     motors: tuple[float, ...] = ()
     motors_at: float = -math.inf
+    bound_for: GeoPoint | None = None
+    bound_at: float = -math.inf
 
 
 def reduce_carried(carried: Carried, message: Message, now: float) -> Carried:
@@ -88,9 +91,16 @@ def _motors(carried: Carried, message: EscTelemetry1To4, now: float) -> Carried:
     return msgspec.structs.replace(carried, motors=speeds, motors_at=now)
 
 
+def _bound_for(carried: Carried, message: PositionTargetGlobalInt, now: float) -> Carried:
+    """Take where it is bound for."""
+    place = GeoPoint(message.lat_int / 1e7, message.lon_int / 1e7, message.alt)
+    return msgspec.structs.replace(carried, bound_for=place, bound_at=now)
+
+
 CHANGES: Mapping[type[Message], Callable[[Carried, Any, float], Carried]] = {
     EscTelemetry1To4: _motors,
     GimbalDeviceAttitudeStatus: _gimbal,
     HighresImu: _highres_imu,
+    PositionTargetGlobalInt: _bound_for,
     RawImu: _raw_imu,
 }

@@ -14,8 +14,15 @@ from typing import Self
 
 import msgspec
 
-from fleet import NotReady, Refused, TimedOut, Unsupported
-from fleet_mavlink.messages import Ask, CommandAck, CommandLong
+from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported
+from fleet.model.geodesy import world_from_geo
+from fleet_mavlink.messages import (
+    Ask,
+    CommandAck,
+    CommandLong,
+    PositionTargetGlobalInt,
+    SetPositionTargetGlobalInt,
+)
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 from fleet_mavlink.vehicle import Condition, Vehicle
@@ -36,6 +43,7 @@ class Timing(msgspec.Struct, frozen=True):
 
 NEVER_SENT = "answers to commands that were never sent"
 _LATE = 2.0  # s in which a command that was left unanswered may still be answered
+_SAME_PLACE = 0.5  # m; what comes back is rounded, and counted from another height
 _CROSSING = 0.1  # s in which a heartbeat and an answer may cross
 _UNSUPPORTED = {
     Result.UNSUPPORTED,
@@ -205,6 +213,33 @@ class Commander:
                 messages=self._words_since(exchange.began),
             )
 
+    async def send_to(self, target: SetPositionTargetGlobalInt, altitude: float) -> None:
+        """Send a place (``altitude`` m AMSL) until the vehicle tells it as its own; it is not acknowledged.
+
+        Raises Refused when the vehicle keeps another, or when something more urgent took over.
+        """
+        look = CommandLong(Cmd.REQUEST_MESSAGE, param1=float(PositionTargetGlobalInt.message_id))
+        addressed = msgspec.structs.replace(target, target_system=self.vehicle.system)
+        place = GeoPoint(target.lat_int / 1e7, target.lon_int / 1e7, altitude)
+        async with _Exchange(self, look) as exchange:
+            for attempt in range(self.timing.tries):
+                began = self.vehicle.now()
+                self.vehicle.send(addressed)
+                self._send(look, attempt)
+
+                def settled(state: VehicleState, began: float = began) -> bool:
+                    return bool(exchange.superseded) or _is_bound_for(state, place, began)
+
+                await self.vehicle.until(settled, self.timing.answer)
+                exchange.require_wanted()
+                if _is_bound_for(self.vehicle.state, place, began):
+                    return
+            raise Refused(
+                "the autopilot does not take the place",
+                hint="is it inside its own fence?",
+                messages=self._words_since(exchange.began),
+            )
+
     @staticmethod
     def _is_refused(exchange: _Exchange, state: VehicleState) -> bool:
         """Return whether a heartbeat after a refusal still shows another mode.
@@ -273,6 +308,15 @@ class Commander:
         """Return what the autopilot said since then: its warnings, or anything when there are none."""
         said = [sentence for sentence in self.vehicle.sentences if sentence.at >= began]
         return _texts([sentence for sentence in said if sentence.severity <= WARNING] or said)
+
+
+def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:
+    """Return whether the vehicle told since then that it flies to a place (altitude AMSL)."""
+    told = state.carried.bound_for
+    if told is None or state.carried.bound_at < since:
+        return False
+    anchor = GeoOrigin(place.latitude, place.longitude, place.altitude)
+    return world_from_geo(anchor, told).norm() <= _SAME_PLACE
 
 
 def _texts(sentences: list[Sentence]) -> tuple[str, ...]:

@@ -17,7 +17,13 @@ from fleet.model.geometry import (
     rotate_to_world,
 )
 from fleet_mavlink.kind import Kind
-from fleet_mavlink.messages import Ask, CommandLong, Message, SetPositionTargetLocalNed
+from fleet_mavlink.messages import (
+    CommandInt,
+    CommandLong,
+    Message,
+    SetPositionTargetGlobalInt,
+    SetPositionTargetLocalNed,
+)
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import AUTOPILOT, FORCE, Cmd, Frame
 
@@ -42,6 +48,10 @@ class Flavour(Kind):
     return_home: ClassVar[str]
     arming: ClassVar[str]  # can be armed in, and taken off from
     takeoff: ClassVar[str]  # shown while it takes off
+    takes_off_in_air: ClassVar[bool]  # obeys a take-off in the air, too
+    takeoff_tolerance: ClassVar[
+        str | None
+    ]  # parameter: m below its height at which it ends a take-off by itself
     mission: ClassVar[str]  # flies the mission in its memory
     home_is_first: ClassVar[bool]  # item 0 of a mission is home
     rewind: ClassVar[CommandLong | None]  # before a start, where that goes on at the item that was left last
@@ -70,16 +80,17 @@ class Flavour(Kind):
         """Return the command that climbs to ``altitude`` m above home (at ``home_altitude`` m AMSL)."""
 
     @abstractmethod
-    def go_command(self, to: GeoPoint, home_altitude: float, speed: float, heading: float | None) -> Ask:
-        """Return the command that flies to a place (altitude AMSL); ``heading`` in radians from north."""
+    def go_command(
+        self, to: GeoPoint, home_altitude: float, speed: float, heading: float
+    ) -> CommandInt | SetPositionTargetGlobalInt:
+        """Return what flies to a place (altitude AMSL) with the nose at ``heading``, radians from north.
+
+        A command is acknowledged and changes the mode; a target is taken in the ``goto`` mode only, and told.
+        """
 
     @abstractmethod
     def after_go(self, speed: float) -> CommandLong | None:
         """Return what must follow a go command to make its speed count, if anything must."""
-
-    @abstractmethod
-    def turn_command(self, heading: float) -> CommandLong | None:
-        """Return what turns the vehicle once it arrived; None where the go command did it."""
 
     @abstractmethod
     def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:

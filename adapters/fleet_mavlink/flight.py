@@ -13,20 +13,19 @@ from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
 from fleet_mavlink.flavour import Flavour, arm_command
-from fleet_mavlink.messages import Ask, CommandInt, CommandLong
+from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
 from fleet_mavlink.require import home_unknown, not_moved, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.words import Cmd, Frame
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
-_OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
 _POLL = 0.5  # s between looks at something that takes long
 _HOME_WITHIN = 4.0  # s; HOME_POSITION comes once a second
 _DEEPEST, _HIGHEST = -500.0, 9000.0  # m AMSL at which anything takes off
 FARTHEST = 100_000.0  # m; a goal beyond is a mistake, such as a wrong unit or a latitude for a longitude
 _SAME_HOME = 2.0  # m
-_LOWEST = 1.0  # m above home; below it only landing goes
+LOWEST = 1.0  # m above home; below it only landing goes
 _SLOW = 0.5  # m/s that counts as standing
 
 
@@ -49,7 +48,7 @@ class Flight:
         self.authority = authority
         self.ceiling = limits.altitude or math.inf
         self._farthest = limits.distance or FARTHEST
-        self._give_way = give_way
+        self.give_way = give_way
 
     @property
     def flavour(self) -> Flavour:
@@ -71,8 +70,8 @@ class Flight:
         """
         require_heartbeat(self.vehicle)
         flavour = self.flavour
-        self.authority.expect(mode)
-        await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
+        with self.authority.asking(mode):
+            await self.commander.enter(mode, flavour.mode_of, ask or flavour.mode_command(mode))
 
     async def enter_external(self) -> None:
         """Change to the mode that obeys setpoints."""
@@ -83,9 +82,16 @@ class Flight:
         await self.enter(self.flavour.hold, self.flavour.hold_command())
 
     async def hold_if_ours(self) -> None:
-        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached."""
-        if self.vehicle.connected and self.vehicle.state.armed and not self.authority.lost_to:
+        """Hold after a failure, unless somebody else has the vehicle or it cannot be reached.
+
+        What failed first is what is told: a hold that fails, too, is only logged.
+        """
+        if not self.vehicle.connected or not self.vehicle.state.armed or self.authority.lost_to:
+            return
+        try:
             await self.hold()
+        except CommandError as error:
+            self.vehicle.log.warning("it does not hold: %s", error)
 
     async def arm(self, *, force: bool = False) -> None:
         """Arm, in a mode that can be taken off from; raises Refused or NotReady in the autopilot's words."""
@@ -120,50 +126,7 @@ class Flight:
         if not await self.vehicle.until(shown, _ARMED_WITHIN):
             raise TimedOut(f"it took the command but is not {'armed' if arm else 'disarmed'}")
 
-    async def take_off(self, altitude: float) -> AsyncIterator[Progress]:
-        """Arm if need be and climb to ``altitude`` m above home; yields once the autopilot took it."""
-        require_connection(self.vehicle)
-        flavour = self.flavour
-        await self._home_altitude()
-        was_armed = self.vehicle.state.armed
-        if was_armed and self.mode(self.vehicle.state) != flavour.arming:
-            await self.enter(flavour.arming)
-        await self.arm()
-        self.authority.expect(flavour.arming, flavour.takeoff, flavour.hold)
-        try:
-            ask = flavour.takeoff_command(altitude, await self._home_altitude())
-            await self.commander.ask(ask, seen=_climbs)
-        except CommandError:
-            if not was_armed:
-                await self._disarm_quietly()
-            raise
-        yield Progress(0.0, "taking off")
-        async for progress in self._climb(altitude, was_armed=was_armed):
-            yield progress
-
-    async def _climb(self, altitude: float, *, was_armed: bool) -> AsyncIterator[Progress]:
-        """Watch a take-off until its altitude is reached."""
-        close = max(0.5, 0.05 * altitude)
-        by = self.vehicle.now() + _OFF_GROUND_WITHIN
-        percent = 0.0
-        climbing = False
-        while not await self.vehicle.until(
-            lambda state: _height(state) >= altitude - close and is_standing(state), _POLL
-        ):
-            state = self.vehicle.state
-            self.check(self.flavour.arming, self.flavour.takeoff)
-            climbing = climbing or self.mode(state) == self.flavour.takeoff
-            if climbing and self.mode(state) == self.flavour.hold and is_standing(state):
-                raise Refused(f"the take-off ended at {_height(state):.1f} m")
-            percent = max(percent, min(99.0, 100 * _height(state) / altitude))
-            yield Progress(percent, f"at {_height(state):.1f} m of {altitude:g} m")
-            if self.vehicle.now() > by and not state.in_air:
-                if not was_armed:
-                    await self._disarm_quietly()
-                raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
-        yield Progress(100.0, f"at {altitude:g} m")
-
-    async def _disarm_quietly(self) -> None:
+    async def disarm_quietly(self) -> None:
         """Undo an arming after a take-off that did not happen."""
         if self.vehicle.state.in_air is False:
             with suppress(CommandError):
@@ -172,27 +135,35 @@ class Flight:
     async def come_down(self, mode: str) -> AsyncIterator[Progress]:
         """Land or return home by a mode of the autopilot; ends on the ground with the motors off."""
         require_connection(self.vehicle)
-        start = _height(self.vehicle.state)
+        start = height_of(self.vehicle.state)
         if not self.vehicle.state.armed:
             yield Progress(100.0, "on the ground")
             return
-        self._give_way(self.flavour, mode)
+        self.give_way(self.flavour, mode)
         await self.enter(mode)
         percent = 0.0
         while not await self.vehicle.until(lambda state: not state.armed, _POLL):
-            height = _height(self.vehicle.state)
+            height = height_of(self.vehicle.state)
             self.check(mode)
             percent = max(percent, min(99.0, 100 * (1 - height / max(start, 1.0))))
             yield Progress(percent, f"at {height:.1f} m")
         yield Progress(100.0, "on the ground")
 
-    async def go(self, to: GeoPoint, speed: float, heading: float | None) -> None:
-        """Set out for a place; returns once the autopilot took it. Raises Refused above the ceiling."""
+    async def go(self, to: GeoPoint, speed: float, heading: float) -> None:
+        """Set out for a place with the nose at ``heading``; returns once the autopilot took it.
+
+        Raises Refused above the ceiling.
+        """
         self.require_altitude(to.altitude)
         flavour = self.flavour
-        self._give_way(flavour, flavour.goto)
-        home_altitude = await self._home_altitude()
-        await self.enter(flavour.goto, flavour.go_command(to, home_altitude, speed, heading))
+        self.give_way(flavour, flavour.goto)
+        go = flavour.go_command(to, await self.home_altitude(), speed, heading)
+        if isinstance(go, SetPositionTargetGlobalInt):
+            if self.mode(self.vehicle.state) != flavour.goto:
+                await self.enter(flavour.goto)
+            await self.commander.send_to(go, to.altitude)
+        else:
+            await self.enter(flavour.goto, go)
         following = flavour.after_go(speed)
         if following is not None:
             await self.commander.ask(following)
@@ -205,9 +176,9 @@ class Flight:
         height = altitude - home
         if not height <= self.ceiling:
             raise Refused(f"{height:.1f} m above home is over the limit of {self.ceiling:g} m")
-        if height < _LOWEST:
+        if height < LOWEST:
             raise Refused(
-                f"{height:.1f} m above home is below {_LOWEST:g} m", hint="use land, or check the origin"
+                f"{height:.1f} m above home is below {LOWEST:g} m", hint="use land, or check the origin"
             )
 
     def require_distance(self, point: GeoPoint) -> None:
@@ -219,7 +190,7 @@ class Flight:
         if away > self._farthest:
             raise Refused(f"{away:.0f} m from home is beyond the limit of {self._farthest:g} m")
 
-    async def _home_altitude(self) -> float:
+    async def home_altitude(self) -> float:
         """Return the altitude of home, m AMSL, waiting a moment for it; raises NotReady."""
         if self.vehicle.state.home_altitude is None:
             await self.vehicle.until(lambda state: state.home_altitude is not None, _ARMED_WITHIN)
@@ -253,7 +224,7 @@ class Flight:
 
     async def _tell_home(self, latitude: float, longitude: float, altitude: float | None) -> None:
         """Send a home, and wait until it is told."""
-        home = GeoPoint(latitude, longitude, await self._home_altitude() if altitude is None else altitude)
+        home = GeoPoint(latitude, longitude, await self.home_altitude() if altitude is None else altitude)
 
         def shown(state: VehicleState) -> bool:
             return state.home is not None and _are_one(state.home, home)
@@ -318,14 +289,9 @@ def _are_one(one: GeoPoint, other: GeoPoint) -> bool:
     return away.norm() <= _SAME_HOME
 
 
-def _height(state: VehicleState) -> float:
+def height_of(state: VehicleState) -> float:
     """Return metres above home, 0 while unknown."""
     return state.relative_altitude or 0.0
-
-
-def _climbs(state: VehicleState) -> bool:
-    """Return whether a vehicle that was on the ground is on its way up."""
-    return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_SLOW)
 
 
 def is_standing(state: VehicleState) -> bool:

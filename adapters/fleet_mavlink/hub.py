@@ -17,6 +17,7 @@ from fleet_mavlink.codec import PLAIN, Frame, Packer, Parser, Way, pack
 from fleet_mavlink.messages import CommandAck, Heartbeat, Message
 from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
 from fleet_mavlink.signing import Signer
+from fleet_mavlink.state import SILENCE
 from fleet_mavlink.trust import Trust
 from fleet_mavlink.vehicle import Vehicle
 from fleet_mavlink.ways import Ways, open_ways
@@ -41,13 +42,19 @@ class Hub:
         self._packer = Packer(system, component)
         self._parsers: OrderedDict[Address, Parser] = OrderedDict()
         self._vehicles: dict[int, Vehicle] = {}
-        self._heard: set[int] = set()
+        self._heard: dict[int, float] = {}  # when each autopilot was heard last
         self.broken = 0  # frames whose checksum was wrong
 
     @property
     def heard(self) -> tuple[int, ...]:
-        """The system ids of all autopilots that were heard on this link."""
-        return tuple(sorted(self._heard))
+        """The system ids of the autopilots that are heard on this link, within 3 s."""
+        now = self._clock.monotonic()
+        return tuple(sorted(system for system, at in self._heard.items() if now - at <= SILENCE))
+
+    @property
+    def unclaimed(self) -> tuple[int, ...]:
+        """Those of them that no robot here has."""
+        return tuple(system for system in self.heard if system not in self._vehicles)
 
     @contextlib.contextmanager
     def vehicle(
@@ -100,7 +107,7 @@ class Hub:
         if frame.system == 0:
             return
         if flies and isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
-            self._heard.add(frame.system)
+            self._heard[frame.system] = self._clock.monotonic()
         vehicle = self._vehicles.get(frame.system)
         if vehicle is None or not vehicle.trust.admits(frame):
             return

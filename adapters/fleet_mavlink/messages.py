@@ -176,6 +176,29 @@ class SetPositionTargetLocalNed(Message, frozen=True):
     time_boot_ms: int = 0
 
 
+class SetPositionTargetGlobalInt(Message, frozen=True):
+    """SET_POSITION_TARGET_GLOBAL_INT: a place to fly to; degrees times 1e7, m, yaw in radians from north."""
+
+    message_id: ClassVar[int] = 86
+    target_system: int
+    target_component: int
+    coordinate_frame: int
+    type_mask: int
+    lat_int: int
+    lon_int: int
+    alt: float
+    yaw: float
+
+
+class PositionTargetGlobalInt(Message, frozen=True):
+    """POSITION_TARGET_GLOBAL_INT: the place that the autopilot flies to; degrees times 1e7, m AMSL."""
+
+    message_id: ClassVar[int] = 87
+    lat_int: int
+    lon_int: int
+    alt: float
+
+
 class BatteryStatus(Message, frozen=True):
     """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown."""
 
@@ -241,6 +264,7 @@ INCOMING: tuple[type[Message], ...] = (
     HomePosition,
     MissionCurrent,
     MissionItemReached,
+    PositionTargetGlobalInt,
     StatusText,
     SysStatus,
     SystemTime,
@@ -250,6 +274,7 @@ OUTGOING: tuple[type[Message], ...] = (
     CommandLong,
     Heartbeat,
     RequestDataStream,
+    SetPositionTargetGlobalInt,
     SetPositionTargetLocalNed,
 )
 Ask = CommandLong | CommandInt

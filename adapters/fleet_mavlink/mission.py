@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 
 import msgspec
 
@@ -17,6 +17,7 @@ from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReach
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.plans import Kind, Plans
 from fleet_mavlink.require import home_unknown, require_control
+from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.words import Cmd, Frame
 
 _LOOK = 0.5  # s
@@ -113,15 +114,13 @@ def is_same(sent: Sequence[MissionItemInt], kept: Sequence[MissionItemInt], *, s
 
 
 class Missions:
-    """Flies missions with one vehicle. ``give_way(flavour, mode)`` ends the stream of setpoints before."""
+    """Flies missions with one vehicle."""
 
-    def __init__(
-        self, flight: Flight, plans: Plans, limits: Limits, give_way: Callable[[Flavour, str], None]
-    ) -> None:
+    def __init__(self, flight: Flight, takeoff: TakeOff, plans: Plans, limits: Limits) -> None:
         self._flight = flight
+        self._takeoff = takeoff
         self._plans = plans
         self._limits = limits
-        self._give_way = give_way
         self._vehicle = flight.vehicle
 
     async def fly(self, mission: FlyMission) -> AsyncIterator[Progress]:
@@ -134,14 +133,14 @@ class Missions:
             self._require_reachable(item, mission, home)
         if self._vehicle.state.in_air and not mission.resumed:
             # What it flies to until now is not wanted any more, and a mission is not replaced under its feet.
-            self._give_way(flavour, flavour.hold)
+            self._flight.give_way(flavour, flavour.hold)
             await self._flight.hold()
         await self._load(plan, flavour, resumed=mission.resumed)
         yield Progress(0.0, "the autopilot has it")
         if not self._vehicle.state.in_air:
             height = next(item.point.altitude for item in mission.items if item.point)
             height -= home.altitude if mission.above_sea else 0.0
-            async for progress in self._flight.take_off(max(_LOWEST_TAKEOFF, height)):
+            async for progress in self._takeoff.climb(max(_LOWEST_TAKEOFF, height)):
                 yield Progress(0.0, progress.message)
         try:
             async for progress in self._watch(mission, plan):
@@ -173,7 +172,7 @@ class Missions:
         flight, flavour = self._flight, self._flight.flavour
         returns = mission.items[-1].kind == "return_to_launch"
         ends = (flavour.return_home,) if returns else (flavour.hold,)
-        self._give_way(flavour, flavour.mission)
+        self._flight.give_way(flavour, flavour.mission)
         if flavour.rewind is not None and not mission.resumed:
             await flight.commander.ask(flavour.rewind)
         before = self._vehicle.state.mission_reached if flavour.repeats_reached else None

@@ -28,8 +28,9 @@ from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_ang
 from fleet.model.navigation import Constraints
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
-from fleet_mavlink.require import known_position, require_flying
+from fleet_mavlink.require import known_heading, known_position, require_flying
 from fleet_mavlink.state import VehicleState
+from fleet_mavlink.takeoff import TakeOff
 
 TOLERANCE = 0.5  # m
 _YAW_TOLERANCE = 0.2  # rad
@@ -44,7 +45,7 @@ Way = GoTo | FollowPath | RelativeMove
 
 
 class Target(msgspec.Struct, frozen=True):
-    """One goal made concrete: altitude AMSL, ``heading`` in radians from north, ``wait`` in seconds."""
+    """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s."""
 
     point: GeoPoint
     heading: float | None
@@ -127,14 +128,16 @@ class _Watch:
 class Navigator:
     """Carries out tasks with one vehicle."""
 
-    def __init__(self, flight: Flight, limits: Limits) -> None:
+    def __init__(self, flight: Flight, takeoff: TakeOff, limits: Limits) -> None:
         self._flight = flight
+        self._takeoff = takeoff
         self._limits = limits
         self._vehicle = flight.vehicle
 
     async def carry_out(self, task: Way, origin: GeoOrigin) -> AsyncIterator[Progress]:
         """Fly a task; everything is checked before anything is sent. Raises when it cannot be done."""
         require_flying(self._vehicle, self._flight.authority)
+        self._require_no_takeoff()
         here = known_position(self._vehicle)
         targets = targets_of(task, self._vehicle.state, origin)
         async for progress in self._fly_all(targets, here, task.constraints):
@@ -154,14 +157,23 @@ class Navigator:
         for target in targets:
             self._require_reachable(target)
         course = _Course(here, targets)
+        nose = known_heading(self._vehicle)
         try:
             for leg, target in enumerate(targets):
-                async for progress in self._fly(target, leg, course, constraints):
+                nose = nose if target.heading is None else target.heading
+                async for progress in self._fly(target, nose, leg, course, constraints):
                     yield msgspec.structs.replace(progress, reached=leg)
         except CommandError:
             await self._flight.hold_if_ours()
             raise
         yield Progress(100.0, "there", reached=len(targets))
+
+    def _require_no_takeoff(self) -> None:
+        """Raise NotReady while the vehicle takes off: a goal would end that near the ground."""
+        flavour = self._flight.flavour
+        shown = flavour.takeoff != flavour.arming and flavour.mode_of(self._vehicle.state) == flavour.takeoff
+        if self._takeoff.under_way or shown:
+            raise NotReady("busy: it takes off", hint="wait for its end, or send hover")
 
     def _require_reachable(self, target: Target) -> None:
         """Raise Refused for a target beyond the limits."""
@@ -174,20 +186,17 @@ class Navigator:
         return max(_SLOWEST, min(limit, constraints.max_speed or limit))
 
     async def _fly(
-        self, target: Target, leg: int, course: _Course, constraints: Constraints
+        self, target: Target, nose: float, leg: int, course: _Course, constraints: Constraints
     ) -> AsyncIterator[Progress]:
-        """Fly to one target, and wait there."""
+        """Fly to one target with the nose at ``nose``, radians from north, and wait there."""
         flight = self._flight
         goto = flight.flavour.goto
         tolerance = constraints.tolerance or TOLERANCE
-        await flight.go(target.point, self._speed(constraints), target.heading)
+        await flight.go(target.point, self._speed(constraints), nose)
         yield Progress(course.percent(leg, self._left(target)), "on the way")
         async for blocked in self._until(target, tolerance, turned=False):
             yield Progress(course.percent(leg, self._left(target)), "on the way", blocked=blocked)
         if target.heading is not None:
-            turn = flight.flavour.turn_command(target.heading)
-            if turn is not None:
-                await flight.commander.ask(turn)
             async for blocked in self._until(target, math.inf, turned=True):
                 yield Progress(course.percent(leg, 0.0), "turning", blocked=blocked)
         yield Progress(course.percent(leg, 0.0), "there")

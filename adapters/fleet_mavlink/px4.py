@@ -29,6 +29,8 @@ class Px4(Px4Kind, Flavour):
     return_home: ClassVar[str] = "AUTO.RTL"
     arming: ClassVar[str] = "AUTO.LOITER"
     takeoff: ClassVar[str] = "AUTO.TAKEOFF"
+    takes_off_in_air: ClassVar[bool] = True
+    takeoff_tolerance: ClassVar[str | None] = "NAV_MC_ALT_RAD"
     mission: ClassVar[str] = "AUTO.MISSION"
     home_is_first: ClassVar[bool] = False
     rewind: ClassVar[CommandLong | None] = None
@@ -51,25 +53,24 @@ class Px4(Px4Kind, Flavour):
         to: GeoPoint,
         home_altitude: float,  # noqa: ARG002 - it wants altitudes above mean sea level
         speed: float,
-        heading: float | None,
+        heading: float,
     ) -> CommandInt:
-        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre."""
+        """Return DO_REPOSITION; as COMMAND_INT, because a float cannot hold a longitude to the metre.
+
+        Without a heading the nose would turn as MPC_YAW_MODE says.
+        """
         return CommandInt(
             Cmd.DO_REPOSITION,
             frame=Frame.GLOBAL_INT,
             param1=speed,
             param2=_CHANGE_MODE,
-            param4=NAN if heading is None else heading,
+            param4=heading,
             x=round(to.latitude * 1e7),
             y=round(to.longitude * 1e7),
             z=to.altitude,
         )
 
     def after_go(self, speed: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
-        """Return nothing."""
-        return None
-
-    def turn_command(self, heading: float) -> CommandLong | None:  # noqa: ARG002 - told by the go command
         """Return nothing."""
         return None
 

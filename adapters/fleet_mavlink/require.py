@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fleet import GeoPoint, NotReady, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.vehicle import Vehicle
@@ -62,6 +64,14 @@ def known_position(vehicle: Vehicle) -> GeoPoint:
     if position is None:
         raise NotReady("position is unknown")
     return position
+
+
+def known_heading(vehicle: Vehicle) -> float:
+    """Return where the nose points, radians from north; raises NotReady while it has not said so."""
+    attitude = vehicle.state.attitude
+    if attitude is None:
+        raise NotReady("attitude is unknown")
+    return attitude.yaw % math.tau
 
 
 def not_in_the_air() -> NotReady:

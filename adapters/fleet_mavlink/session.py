@@ -34,6 +34,7 @@ from fleet_mavlink.reporter import Reporter
 from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
+from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
@@ -73,10 +74,11 @@ class Session:
             busy=self.commander.turn.locked,
         )
         self.brakes = Brakes(vehicle, self.commander)
-        self.navigator = Navigator(self.flight, limits)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
+        self.takeoff = TakeOff(self.flight, self.parameters)
+        self.navigator = Navigator(self.flight, self.takeoff, limits)
         self.plans = Plans(vehicle)
-        self.missions = Missions(self.flight, self.plans, limits, self._give_way)
+        self.missions = Missions(self.flight, self.takeoff, self.plans, limits)
         self.fence = config.fence and FenceKeeper(
             vehicle,
             self.plans,
@@ -296,7 +298,7 @@ class Session:
         """Say what is not heard, and what is heard instead."""
         system = self.vehicle.system
         where = f"system {system} on {self._hub.link.url}"
-        others = [str(each) for each in self._hub.heard if each != system]
+        others = [str(each) for each in self._hub.unclaimed]
         hint = f"; systems {', '.join(others)} are heard: see system_id" if others else ""
         if self.vehicle.state.heartbeat is not None:
             return f"no heartbeat from {where} for {SILENCE:g} s{hint}"

@@ -66,6 +66,7 @@ class Vehicle:
         self._joiner = Joiner()
         self.switches = 0  # of the way to it
         self._ways: dict[int, tuple[Address, float]] = {}  # its address on each, and when it was heard
+        self._others: dict[int, deque[tuple[Address, float]]] = {}  # who else spoke since it did, and when
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
         self._hearing: list[Heard[Any]] = []
@@ -141,20 +142,22 @@ class Vehicle:
                 camera.take(message, None)
 
     def _is_ours(self, address: Address, now: float) -> bool:
-        """Learn the address; another one on the same way within 3 s is another vehicle with the same id.
+        """Learn the address; another one on the same way within 3 s is not believed.
 
-        Of several ways the first by which it is heard is believed and spoken to; the rest stand by.
+        If the known one goes on speaking beside it, it is another vehicle with the same id; if not, the
+        autopilot restarted and speaks from there now. Of several ways the first by which it is heard is
+        believed and spoken to; the rest stand by.
         """
         way = way_of(address)
         known, heard_at = self._ways.get(way, (address, -math.inf))
         if now - heard_at > SILENCE:
             known = address
         elif address != known:
-            if not self.clashing:
-                self.log.error("two vehicles use id %s: at %s and %s", self.system, self.address, address)
-            self._clash_at = now
-            self.trust.counts["messages of a second vehicle with this id"] += 1
+            self._others.setdefault(way, deque(maxlen=_REMEMBERED)).append((address, now))
             return False
+        elif way in self._others:
+            self._clash(self._others[way])
+        self._others.pop(way, None)
         self._ways[way] = known, now
         best = way
         if len(self._ways) > 1:
@@ -164,6 +167,14 @@ class Vehicle:
             self.switches += 1
         self.address = self._ways[best][0]
         return way == best
+
+    def _clash(self, others: deque[tuple[Address, float]]) -> None:
+        """Note that another vehicle with this id speaks, too: what it said, from where and when."""
+        other, at = others[-1]
+        if not self.clashing:
+            self.log.error("two vehicles use id %s: at %s and %s", self.system, self.address, other)
+        self._clash_at = at
+        self.trust.counts["messages of a second vehicle with this id"] += len(others)
 
     @contextlib.contextmanager
     def hearing(self, *kinds: type[SaidT]) -> Iterator[Heard[SaidT]]:
@@ -220,7 +231,7 @@ class Vehicle:
             async with asyncio.timeout(seconds):
                 await waiter[1]
         except TimeoutError:
-            return False
+            return condition(self.state)  # it may have come in the very moment
         finally:
             self._waiting.remove(waiter)
         return True

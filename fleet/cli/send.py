@@ -60,6 +60,10 @@ def send(
 ) -> ExitCode:
     """Send a command to ROBOT, or to every robot of a group, and show the answer.
 
+    While an emergency stop is set, a drone still obeys  land, return_to_home, cancel_takeoff, cancel_landing
+    and cancel_return_to_home,  wheeled robots and dogs obey nothing that moves them, until
+    release_emergency_stop.
+
     For example:  fleet send kestrel takeoff altitude=5 --wait
     """
     message = {"command": command, "data": _data(data)}

@@ -242,7 +242,7 @@ class Desk:
             return
         superseding = spec.moves and self.in_motion
         if spec.moves:
-            if not takes(spec, ask, ticket):
+            if not takes(spec, ask, ticket, self.activity):
                 return
             self.in_control = True
             ticket.watch(self.guard.obeyed)

@@ -173,8 +173,14 @@ async def _stepped(call: AsyncIterator[Any], ticket: Ticket) -> None:
             ticket.accept()
 
 
-def takes(spec: CommandSpec, ask: Command, ticket: Ticket) -> bool:
-    """Return whether a command takes its data, refused else: what the robot does is not broken off for it."""
+def takes(spec: CommandSpec, ask: Command, ticket: Ticket, doing: str) -> bool:
+    """Return whether a command takes its data, refused else: what the robot does is not broken off for it.
+
+    Nor for one that interrupts nothing, while the robot is ``doing`` something.
+    """
+    if doing and not spec.interrupts:
+        ticket.reject(f"busy with {doing}")
+        return False
     try:
         arguments(spec, ask.data)
     except Refused as error:

@@ -7,14 +7,27 @@ A step is a coroutine that takes ``it``: the adapter on a link (``do``, ``drive`
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import math
 
 import pytest
 
-from fleet import Goal, GoTo, TimedOut, Vector3, Velocity
+from fleet import Goal, GoTo, NotReady, RelativeMove, TimedOut, Vector3, Velocity
 from fleet.errors import CommandError
 from fleet.model.report import FlightControllerReport, GpsReport, ImuReport, PoseReport
 
 HEIGHT = 6.0  # m
+HEIGHTS = (2.0, 3.0, 5.0, 12.0)  # m
+EXACT = 0.6  # m; a real estimate wanders
+HABIT = {"ardupilot": ("WP_YAW_BEHAVIOR", (0, 1, 2)), "px4": ("MPC_YAW_MODE", (0, 1, 4))}
+THERE_AND_BACK = (
+    Vector3(-5.0, 0.0, 0.0),
+    Vector3(5.0, 0.0, 0.0),
+    Vector3(0.0, 5.0, 0.0),
+    Vector3(0.0, -5.0, 0.0),
+    Vector3(-3.0, -3.0, 1.0),
+    Vector3(3.0, 3.0, -1.0),
+)
 LONG = 240.0  # s
 OUR_PARAMETER = {"ardupilot": "RTL_LOIT_TIME", "px4": "MIS_TAKEOFF_ALT"}
 
@@ -54,10 +67,101 @@ async def refuses_what_does_not_exist(it):
         await it.do("get_parameters", names=["NO_SUCH_ONE"])
 
 
-async def takes_off(it):
-    """Climb to the height above home."""
-    await it.do("takeoff", altitude=HEIGHT)
-    assert abs(it.state.relative_altitude - HEIGHT) < 1.0
+def stands_at(it, height):
+    """Look whether it is at a height above home."""
+    off = it.state.relative_altitude - height
+    assert abs(off) < EXACT, f"it is {off:+.2f} m off {height:g} m"
+
+
+@contextlib.asynccontextmanager
+async def begun(doing):
+    """Run a command beside the step; the next one takes its place."""
+    task = asyncio.ensure_future(doing)
+    try:
+        yield task
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def takes_off_to_every_height_and_lands(it):
+    """Take off to 2, 3, 5 and 12 m, each again as soon as it has landed."""
+    for height in HEIGHTS:
+        await it.do("takeoff", altitude=height)
+        stands_at(it, height)
+        await asyncio.sleep(3.0)
+        stands_at(it, height)
+        await it.do("land")
+        assert not it.state.armed
+
+
+async def takes_off_out_of_a_landing(it):
+    """Take off while it comes down: high up, near the ground, on it, and as it switches its motors off."""
+    moments = (
+        lambda: it.state.relative_altitude < 3.0,
+        lambda: it.state.relative_altitude < 1.5,
+        lambda: it.state.in_air is False,
+    )
+    for later, moment in ((0.0, moments[0]), (0.0, moments[1]), (0.0, moments[2]), (1.2, moments[2])):
+        await it.do("takeoff", altitude=4.0)
+        async with begun(it.do("land")):
+            await it.until(moment, LONG)
+            await asyncio.sleep(later)
+        await it.do("takeoff", altitude=5.0)
+        stands_at(it, 5.0)
+        await asyncio.sleep(4.0)
+        assert it.state.armed
+        stands_at(it, 5.0)
+    await it.do("land")
+    await it.do("takeoff", altitude=3.0)
+    await it.do("land")
+
+
+async def takes_no_goal_while_it_takes_off(it):
+    """Ask for a goal, and to be armed, during a take-off: the goal is refused, the take-off goes on."""
+    async with begun(it.do("takeoff", altitude=HEIGHT)) as rising:
+        await it.until(lambda: it.state.armed and it.state.in_air, LONG)
+        await it.do("arm")
+        with pytest.raises(NotReady):
+            await anext(it.adapter.navigate(GoTo(goal=Goal(position=Vector3(5.0, 0.0, HEIGHT)))))
+        await rising
+    stands_at(it, HEIGHT)
+
+
+async def moves_there_and_back_without_turning(it):
+    """Move by distances along its own axes, whatever its habit of turning is; the nose stays."""
+    parameter, habits = HABIT[flavour(it)]
+    turned = Goal(position=Vector3(0.0, 0.0, HEIGHT), yaw=math.radians(30.0))
+    await flown(it, GoTo(goal=turned))
+    await asyncio.sleep(
+        3.0
+    )  # the turn is done within 0.2 rad, and swings past it: a nose that is to stay rests
+    before = (await it.do("get_parameters", names=[parameter]))[parameter]
+    try:
+        for habit in habits:
+            await it.do("set_parameter", name=parameter, value=habit, force=True)
+            nose, place = it.state.attitude.yaw, it.state.position
+            for step in THERE_AND_BACK:
+                most = await flown(it, RelativeMove(step), nose)
+                assert most < 0.2, f"{parameter} {habit}: it turned {most:.2f} rad on its way {step}"
+            away = math.hypot(
+                (it.state.position.latitude - place.latitude) * 111_000,
+                (it.state.position.longitude - place.longitude)
+                * 111_000
+                * math.cos(math.radians(place.latitude)),
+            )
+            assert away < 1.5, f"it came back {away:.1f} m beside"
+    finally:
+        await it.do("set_parameter", name=parameter, value=before, force=True)
+
+
+async def flown(it, task, nose=None):
+    """Fly a task; return how far the nose was from ``nose`` at the most."""
+    most = 0.0
+    async for _ in it.adapter.navigate(task):
+        if nose is not None:
+            most = max(most, abs(math.remainder(it.state.attitude.yaw - nose, math.tau)))
+    return most
 
 
 async def moves_and_holds(it):
@@ -128,7 +232,10 @@ STEPS = (
     becomes_ready,
     reads_and_writes_a_parameter,
     refuses_what_does_not_exist,
-    takes_off,
+    takes_off_to_every_height_and_lands,
+    takes_off_out_of_a_landing,
+    takes_no_goal_while_it_takes_off,
+    moves_there_and_back_without_turning,
     moves_and_holds,
     strafes_without_turning,
     goes_to_a_place,

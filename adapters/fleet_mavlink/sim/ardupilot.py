@@ -13,7 +13,7 @@ from fleet_mavlink.sim.ardupilot_modes import MODES
 from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import is_outside
-from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
+from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, place_of
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
@@ -140,8 +140,11 @@ class ArduPilot(Autopilot):
     def setpoint(self, message: Any) -> None:
         """Obey a setpoint in GUIDED flight; ignore it silently otherwise."""
         if self.mode.name == "GUIDED" and self.armed and (self.flying or self.taking_off):
+            manoeuvre = self.fly_setpoint(setpoint_of(message))
+            if isinstance(manoeuvre, GoTo) and self.outside_fence(place_of(manoeuvre)):
+                return  # without a word, or an answer
             self.paused = None
-            self.manoeuvre = self.fly_setpoint(setpoint_of(message))
+            self.manoeuvre = manoeuvre
 
     def fly_setpoint(self, setpoint: Setpoint) -> Manoeuvre:
         """Return the manoeuvre; what is not understood stops the vehicle."""
@@ -152,6 +155,8 @@ class ArduPilot(Autopilot):
             heading += self.body.heading
         if setpoint.position is not None:
             place = self._place(setpoint.frame, setpoint.position)
+            if heading is None and setpoint.turn_rate is not None:
+                heading = self.body.heading  # a rate of zero keeps the nose
             return GoTo(*place, heading=heading) if place is not None else Drive(_STOP)
         known = setpoint.frame in _OFFSET_FRAMES | _RELATIVE_FRAMES | _AMSL_FRAMES | {1}
         if setpoint.velocity is None or not known:

@@ -77,7 +77,7 @@ def _take_off(pilot: ArduPilot, ask: Ask) -> int:
     """Metres above home; COMMAND_INT only in GLOBAL_RELATIVE_ALT."""
     if ask.frame is not None and ask.frame != mav.MAV_FRAME_GLOBAL_RELATIVE_ALT:
         return DENIED
-    able = pilot.armed and pilot.mode.name == "GUIDED" and not pilot.flying and not pilot.taking_off
+    able = pilot.armed and pilot.mode.name == "GUIDED" and not pilot.flying
     if not able or not ask.altitude > 0.0:
         return FAILED
     pilot.manoeuvre = Takeoff(pilot, pilot.home_ned()[2] - ask.altitude)

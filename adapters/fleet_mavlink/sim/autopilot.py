@@ -17,7 +17,7 @@ from fleet.model.geometry import Vector3
 from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask
 from fleet_mavlink.sim.battery import Battery
 from fleet_mavlink.sim.equipment import Equipment
-from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, Idle, Manoeuvre, hold
+from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, GoTo, Idle, Manoeuvre, hold, place_of
 from fleet_mavlink.sim.mission_flight import leave_mission
 from fleet_mavlink.sim.missions import Missions
 from fleet_mavlink.sim.modes import Mode
@@ -96,6 +96,7 @@ class Autopilot(Speaker, ABC):
         self.left_ground = False  # since it was armed
         self.touched_at: float | None = None
         self.home: Geo | None = None
+        self.altitude_error = 0.0  # m by which its own estimate is too high
         self.failsafe = ""
         self.terminated = False
         self.gcs_heard_at: float | None = None
@@ -133,14 +134,28 @@ class Autopilot(Speaker, ABC):
 
     def geo(self, off_east: float = 0.0) -> Geo:
         """Return where the vehicle is, or a place so many metres east of it."""
-        place = Vector3(self.body.east + off_east, self.body.north, -self.body.down)
-        point = geo_from_world(self._origin, place)
-        return point.latitude, point.longitude, point.altitude
+        north, east, down = place_of(self.body)
+        return self.geo_of((north, east + off_east, down))
 
     def ned_of(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
         """Return the local position of a place on Earth (altitude above mean sea level)."""
-        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude))
+        enu = world_from_geo(self._origin, GeoPoint(latitude, longitude, altitude - self.altitude_error))
         return enu.y, enu.x, -enu.z
+
+    def geo_of(self, place: tuple[float, float, float]) -> Geo:
+        """Return a local position as a place on Earth."""
+        north, east, down = place
+        point = geo_from_world(self._origin, Vector3(east, north, -down))
+        return point.latitude, point.longitude, point.altitude + self.altitude_error
+
+    def target(self) -> Geo | None:
+        """Return the place that the vehicle flies to or holds, None while there is none."""
+        flown = self.manoeuvre
+        return self.geo_of(place_of(flown)) if isinstance(flown, GoTo) else None
+
+    def down_of(self, altitude: float) -> float:
+        """Return an altitude (m AMSL, as it is estimated) as a local position."""
+        return self.place[2] + self.altitude_error - altitude
 
     def home_ned(self) -> tuple[float, float, float]:
         """Return home as a local position; where the vehicle was put down while home is unknown."""
@@ -279,9 +294,14 @@ class Autopilot(Speaker, ABC):
         """Return MAV_VTOL_STATE; 0 for what is no VTOL."""
         return 0
 
+    @property
+    def landed(self) -> bool:
+        """True while the autopilot thinks that it stands on the ground."""
+        return self.body.grounded
+
     def landed_state(self) -> int:
         """Return MAV_LANDED_STATE."""
-        if self.body.grounded:
+        if self.landed:
             return ON_GROUND
         return self.manoeuvre.in_air_state if self.armed else LANDING
 
@@ -327,7 +347,7 @@ class Autopilot(Speaker, ABC):
 
     def _watch_ground(self) -> None:
         """Remember leaving and touching the ground."""
-        if self.flying:
+        if not self.landed:
             self.left_ground = self.left_ground or self.armed
             self.touched_at = None
         elif self.left_ground and self.touched_at is None:

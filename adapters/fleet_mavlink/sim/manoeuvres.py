@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
 
 _NOSE_RATE = 0.9  # rad/s at which the nose turns into the direction of travel
+_NOSE_BEYOND = 1.0  # m to a place from which on the nose turns to it
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4  # MAV_LANDED_STATE
 
 
@@ -71,9 +72,14 @@ class GoTo(Manoeuvre):
         flat = math.hypot(self.north - body.north, self.east - body.east)
         self.done = flat < 0.5 and abs(self.down - body.down) < 0.4
         heading = self.heading
-        if heading is None and flat > 2.0 and pilot.speeds.nose_follows:
+        if heading is None and flat > _NOSE_BEYOND and pilot.speeds.nose_follows:
             heading = math.atan2(self.east - body.east, self.north - body.north)
         return aim_at(pilot, self, self.speed or pilot.speeds.cruise, heading)
+
+
+def place_of(place: Place) -> tuple[float, float, float]:
+    """Return a position as north, east, down."""
+    return place.north, place.east, place.down
 
 
 def braked(pilot: Autopilot) -> GoTo:
@@ -101,11 +107,11 @@ class Takeoff(Manoeuvre):
         self.east = pilot.body.east
         self.down = down
         self.heading = pilot.body.heading
-        self._lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
+        self.lift_at = pilot.time + (pilot.spin_up if pilot.body.grounded else 0.0)
 
     def aim(self, pilot: Autopilot) -> Aim:
         """Return the aim: nothing while the motors spin up, then upwards."""
-        if pilot.time < self._lift_at:
+        if pilot.time < self.lift_at:
             return Aim(thrust=False)
         wanted = aim_at(pilot, self, pilot.speeds.cruise, self.heading)
         self.done = abs(self.down - pilot.body.down) < 0.2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
@@ -10,11 +12,12 @@ from pymavlink.dialects.v20 import all as mav
 from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
-from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, Takeoff
+from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
 from fleet_mavlink.sim.px4_failsafes import Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.px4_takeoff import Px4Takeoff, wander, watch
 from fleet_mavlink.sim.satellites import PX4_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
@@ -27,6 +30,7 @@ _AMSL_FRAMES = frozenset({0, 5})
 _BACK_TO_OFFBOARD = 0.3
 _COMMANDER = 0.008  # seconds after the MAVLink module at which the commander answers
 _GCS_GONE = 3.0
+_PREFLIGHT = 1.1  # s on top of COM_DISARM_PRFLT
 _TEXTS_KEPT = 20
 _UNSET_PERCENT = 50.0  # SIM_BAT_MIN_PCT as it is delivered
 _PREARM_BIT, _GPS_BIT, _RC_BIT = 0x10000000, 0x20, 0x10000
@@ -209,7 +213,23 @@ class Px4(Autopilot):
         """Fly the take-off that was asked for; its waiting time counts from here."""
         asked, self.takeoff = self.takeoff, None
         if asked is not None:
-            self.manoeuvre = Takeoff(self, asked.down) if isinstance(asked, Takeoff) else asked
+            self.manoeuvre = Px4Takeoff(self, asked.altitude) if isinstance(asked, Px4Takeoff) else asked
+
+    def takeoff_detected(self) -> None:
+        """Say so, and set home again."""
+        self.say(INFO, "Takeoff detected")
+        self.set_home()
+
+    def takeoff_ended(self, hold: GoTo) -> None:
+        """Go over into LOITER, which climbs on to the height."""
+        self.enter(MODES["LOITER"])
+        self.manoeuvre = hold
+
+    @property
+    def landed(self) -> bool:
+        """True on the ground, until a take-off is detected."""
+        begun = isinstance(self.manoeuvre, Px4Takeoff) and self.manoeuvre.detected
+        return self.body.grounded and not begun
 
     def arm(self) -> None:
         """Start the motors; the mode that is set begins."""
@@ -235,6 +255,8 @@ class Px4(Autopilot):
     def setpoint(self, message: Any) -> None:
         """Take a setpoint: it keeps the stream alive, and is obeyed in OFFBOARD."""
         setpoint = setpoint_of(message)
+        if setpoint.heading is not None and math.isnan(setpoint.heading):
+            setpoint = replace(setpoint, heading=None)
         refusal = _refusal(setpoint, local=message.get_type() == "SET_POSITION_TARGET_LOCAL_NED")
         if refusal:
             self.say(CRITICAL, refusal)
@@ -254,7 +276,8 @@ class Px4(Autopilot):
         if heading is None and setpoint.turn_rate is None:
             heading = self.body.heading
         if setpoint.position is not None and setpoint.frame != _BODY_NED:
-            return GoTo(*self._place(setpoint.frame, setpoint.position), heading=heading)
+            place = self._place(setpoint.frame, setpoint.position)
+            return GoTo(*place, heading=self.body.heading if heading is None else heading)
         velocity = setpoint.velocity or (0.0, 0.0, 0.0)
         if setpoint.frame == _BODY_NED:
             velocity = turned(velocity, self.body.heading)
@@ -280,6 +303,8 @@ class Px4(Autopilot):
 
     def supervise(self) -> None:
         """Keep home, end manoeuvres, disarm by itself, watch the fail-safes."""
+        if self.landed:
+            self.altitude_error = wander(self.faults.get("wander", 0.0), self.time)
         if self.armed:
             self._end_manoeuvre()
             self._auto_disarm()
@@ -289,12 +314,8 @@ class Px4(Autopilot):
 
     def _end_manoeuvre(self) -> None:
         """TAKEOFF goes over into LOITER, and so does a mission, or into RTL if it asks for it."""
-        reached = self.manoeuvre
-        if self.mode.name == "TAKEOFF" and reached.done:
-            self.enter(MODES["LOITER"])
-            if isinstance(reached, Takeoff):
-                self.manoeuvre = GoTo(reached.north, reached.east, reached.down, heading=reached.heading)
-        elif self.runs_mission and getattr(self.manoeuvre, "returns", False):
+        watch(self)
+        if self.runs_mission and getattr(self.manoeuvre, "returns", False):
             self.enter(MODES["RTL"])
         elif self.runs_mission and self.manoeuvre.done and self.flying:
             self.enter(MODES["LOITER"])
@@ -305,13 +326,16 @@ class Px4(Autopilot):
 
     def _auto_disarm(self) -> None:
         """Disarm after a landing, or when no take-off follows the arming."""
-        if self.flying or self.terminated:
+        if not self.landed or self.terminated:
             return
         if self.touched_at is not None:
             if self.time - self.touched_at > self.params["COM_DISARM_LAND"] > 0:
                 self.say(INFO, "Disarmed by landing")
                 self.disarm()
-        elif not self.taking_off and self.time - self.armed_at > self.params["COM_DISARM_PRFLT"] > 0:
+        elif (
+            not self.taking_off
+            and self.time - self.armed_at - _PREFLIGHT > self.params["COM_DISARM_PRFLT"] > 0
+        ):
             self.say(INFO, "Disarmed by auto preflight disarming")
             self.disarm()
 

@@ -27,8 +27,9 @@ from fleet_mavlink.sim.common_commands import (
     requested,
     turn_gimbal,
 )
-from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre, Takeoff
+from fleet_mavlink.sim.manoeuvres import GoTo, Idle, Manoeuvre
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
+from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
@@ -57,7 +58,7 @@ def _arm(pilot: Px4, ask: Ask) -> int:
 
 
 def _disarm(pilot: Px4, *, force: bool) -> int:
-    if pilot.armed and pilot.flying and not force:
+    if pilot.armed and not pilot.landed and not force:
         pilot.say(CRITICAL, "Disarming denied: not landed")
         return TEMPORARILY_REJECTED
     if pilot.armed:
@@ -77,14 +78,12 @@ def _take_off(pilot: Px4, ask: Ask) -> int:
 def _takeoff_manoeuvre(pilot: Px4, ask: Ask) -> Manoeuvre:
     if ask.latitude == 0.0 and ask.longitude == 0.0:
         return Idle()
-    here = pilot.body.down
-    down = here - pilot.params["MIS_TAKEOFF_ALT"]
-    if math.isfinite(ask.altitude):
-        down = pilot.place[2] - ask.altitude
-    if down >= here:
+    here = pilot.geo()[2]
+    altitude = ask.altitude if math.isfinite(ask.altitude) else here + pilot.params["MIS_TAKEOFF_ALT"]
+    if altitude <= here:
         pilot.say(CRITICAL, "Already higher than takeoff altitude")
-        down = here - (_HOP if pilot.body.grounded else 0.0)
-    return Takeoff(pilot, down)
+        altitude = here + (_HOP if pilot.body.grounded else 0.0)
+    return Px4Takeoff(pilot, altitude)
 
 
 def _set_mode(pilot: Px4, ask: Ask) -> None:
@@ -153,8 +152,8 @@ def _go(pilot: Px4, place: Geo, *, heading: float, speed: float) -> int:
         return result
     wanted = [new if math.isfinite(new) else now for new, now in zip(place, pilot.geo(), strict=True)]
     north, east, down = pilot.ned_of(*wanted)
-    keep = heading if math.isfinite(heading) else pilot.body.heading
-    pilot.manoeuvre = GoTo(north, east, down, heading=keep, speed=speed if speed > 0.0 else None)
+    turned = heading if math.isfinite(heading) else None
+    pilot.manoeuvre = GoTo(north, east, down, heading=turned, speed=speed if speed > 0.0 else None)
     return ACCEPTED
 
 

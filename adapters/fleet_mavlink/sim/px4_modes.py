@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fleet_mavlink.sim.manoeuvres import Idle, Land, Manoeuvre, Return, Sink, Takeoff, hold
+from fleet_mavlink.sim.manoeuvres import Idle, Land, Manoeuvre, Return, Sink, hold
 from fleet_mavlink.sim.mission_flight import FlyMission
 from fleet_mavlink.sim.modes import AUTO_BASE, MANUAL_BASE, Mode
+from fleet_mavlink.sim.px4_takeoff import Px4Takeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -33,7 +34,7 @@ def _home(pilot: Autopilot) -> Manoeuvre:
 
 def _take_off(pilot: Autopilot) -> Manoeuvre:
     """Climb MIS_TAKEOFF_ALT when no command said how far."""
-    return Takeoff(pilot, pilot.body.down - pilot.params["MIS_TAKEOFF_ALT"])
+    return Px4Takeoff(pilot, pilot.geo()[2] + pilot.params["MIS_TAKEOFF_ALT"])
 
 
 def _auto(sub: int) -> int:

@@ -90,7 +90,7 @@ class ArduPilotSpeeds(Speeds):
 
 
 class Px4Speeds(Speeds):
-    """MPC_*; the heading is kept."""
+    """MPC_*."""
 
     @property
     def cruise(self) -> float:
@@ -124,5 +124,5 @@ class Px4Speeds(Speeds):
 
     @property
     def nose_follows(self) -> bool:
-        """Never."""
-        return False
+        """MPC_YAW_MODE toward the target: 0, 4 (the nose first) and 3 (along the way)."""
+        return int(self._params["MPC_YAW_MODE"]) in {0, 3, 4}

@@ -273,7 +273,19 @@ def esc_telemetry(pilot: Autopilot) -> Any:
     )
 
 
+def position_target(pilot: Autopilot) -> Any:
+    """POSITION_TARGET_GLOBAL_INT: the place that the vehicle flies to, None while it flies to none."""
+    target = pilot.target()
+    if target is None:
+        return None
+    latitude, longitude, altitude = target
+    return mav.MAVLink_position_target_global_int_message(
+        pilot.boot_ms, 0, 0xFDF8, int(latitude * 1e7), int(longitude * 1e7), altitude, *([0.0] * 8)
+    )
+
+
 BUILDERS: Mapping[int, Builder] = {
+    mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: position_target,
     mav.MAVLINK_MSG_ID_RAW_IMU: raw_imu,
     mav.MAVLINK_MSG_ID_HIGHRES_IMU: highres_imu,
     mav.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: esc_telemetry,

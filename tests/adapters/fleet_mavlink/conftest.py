@@ -122,6 +122,8 @@ class Sky(Operator):
         self.setpoints = []  # (time, SET_POSITION_TARGET_LOCAL_NED)
         self.order = []  # the command, or 0 for a setpoint, of all that was heard
         self.radio = True
+        self.deaf_to = set()  # kinds of messages that do not arrive
+        self.ignored = []
         basics = {
             "failsafes": "ignore",
             "name": "kestrel",
@@ -161,6 +163,9 @@ class Sky(Operator):
             elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                 self.setpoints.append((self.now, message))
                 self.order.append(0)
+            if message.get_type() in self.deaf_to:
+                self.ignored.append(message)
+                return b""
         frames = self.wire.receive(data, self.now) if self.radio else []
         return b"".join(frames)
 

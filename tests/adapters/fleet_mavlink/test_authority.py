@@ -2,6 +2,7 @@
 
 import pytest
 
+from fleet import NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
@@ -50,13 +51,32 @@ def test_a_fail_safe_is_told_as_what_it_is(watched):
     assert watched.reasons[0].endswith("its own fail-safe")
 
 
-def test_it_is_ours_again_with_the_next_command(watched):
+def test_it_is_ours_again_once_a_command_of_ours_was_carried_out(watched):
     watched.see("AUTO.LOITER", "POSCTL")
-    watched.authority.expect("AUTO.LOITER")
-    watched.see("POSCTL")
+    with watched.authority.asking("AUTO.LOITER"):
+        assert watched.authority.lost_to == "POSCTL"
+        watched.see("POSCTL", "AUTO.LOITER")
     assert watched.authority.lost_to == ""
-    watched.see("AUTO.LOITER", "POSCTL")
+    watched.see("POSCTL")
     assert len(watched.reasons) == 2
+
+
+@pytest.mark.parametrize("error", [Refused, NotReady, Unsupported])
+def test_a_command_that_the_autopilot_refuses_gives_nothing_back_and_is_expected_no_more(watched, error):
+    watched.see("AUTO.LOITER", "POSCTL")
+    with pytest.raises(error), watched.authority.asking("AUTO.RTL"):
+        raise error("no position", device_result="TEMPORARILY_REJECTED")
+    assert watched.authority.lost_to == "POSCTL"
+    watched.see("AUTO.LOITER").see("AUTO.LOITER", armed=False).see("AUTO.LOITER", "AUTO.RTL")
+    assert watched.authority.lost_to == "AUTO.RTL"
+
+
+def test_a_command_without_an_answer_gives_nothing_back_and_may_still_be_obeyed(watched):
+    watched.see("AUTO.LOITER")
+    with pytest.raises(TimedOut), watched.authority.asking("AUTO.RTL"):
+        raise TimedOut("it does not change")
+    watched.see("AUTO.RTL")
+    assert watched.reasons == []
 
 
 def test_the_end_of_a_takeoff_is_no_surprise(watched):

@@ -208,4 +208,6 @@ def test_broken_frames_and_those_of_a_second_vehicle_are_counted():
     it.receive(bytes(spoiled), None)
     assert it.broken == 1
     it.receive(framed(0, b"\1\2\3\4\2\3\4\5\6"), ("10.0.0.9", 1))
+    assert not vehicle.clashing
+    it.receive(framed(0, b"\1\2\3\4\2\3\4\5\6"), None)
     assert vehicle.trust.counts["messages of a second vehicle with this id"] == 1

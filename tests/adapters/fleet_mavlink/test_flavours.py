@@ -10,7 +10,7 @@ from fleet import GeoPoint, Vector3, Velocity
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.flavour import arm_command, setpoint
 from fleet_mavlink.flavours import flavour_of
-from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat
+from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat, SetPositionTargetGlobalInt
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.words import Cmd
@@ -60,25 +60,24 @@ def test_takeoff_is_above_home_for_ardupilot_and_above_the_sea_for_px4():
 
 def test_a_place_is_above_home_for_ardupilot_and_above_the_sea_for_px4():
     ours, theirs = ARDUPILOT.go_command(PLACE, 488.0, 3.0, 1.0), PX4.go_command(PLACE, 488.0, 3.0, 1.0)
-    assert isinstance(ours, CommandInt)
+    assert isinstance(ours, SetPositionTargetGlobalInt)
     assert isinstance(theirs, CommandInt)
-    assert (ours.frame, ours.z) == (6, 15.0)
+    assert (ours.coordinate_frame, ours.alt) == (6, 15.0)
     assert (theirs.frame, theirs.z) == (5, 503.0)
-    assert (ours.x, ours.y) == (theirs.x, theirs.y) == (473977421, -85455941)
-    assert ours.param2 == theirs.param2 == 1.0
+    assert (ours.lat_int, ours.lon_int) == (theirs.x, theirs.y) == (473977421, -85455941)
+    assert theirs.param2 == 1.0
 
 
-def test_speed_and_heading_go_with_px4s_command_and_after_ardupilots():
-    command = PX4.go_command(PLACE, 488.0, 3.0, 1.0)
-    assert (command.param1, command.param4) == (3.0, 1.0)
+def test_speed_goes_with_px4s_command_and_after_ardupilots():
+    assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param1 == 3.0
     assert PX4.after_go(3.0) is None
-    assert PX4.turn_command(1.0) is None
     assert ARDUPILOT.after_go(3.0) == CommandLong(Cmd.DO_CHANGE_SPEED, param1=1.0, param2=3.0, param3=-1.0)
-    assert ARDUPILOT.turn_command(math.pi).param1 == pytest.approx(180.0)
 
 
-def test_px4_without_a_heading_keeps_its_own():
-    assert math.isnan(PX4.go_command(PLACE, 488.0, 3.0, None).param4)
+def test_both_are_told_where_the_nose_points_and_ardupilot_to_heed_it():
+    assert PX4.go_command(PLACE, 488.0, 3.0, 1.0).param4 == 1.0
+    target = ARDUPILOT.go_command(PLACE, 488.0, 3.0, 1.0)
+    assert (target.yaw, target.type_mask & 0x400, target.type_mask & 0x800) == (1.0, 0, 0x800)
 
 
 def test_forcing_skips_the_checks_of_what_is_asked_and_of_nothing_else():

@@ -108,9 +108,35 @@ def test_two_addresses_with_one_id_are_an_alarm_and_the_first_is_kept(hub, clock
         hub.receive(frame_of(COPTER), ONE)
         clock.advance(1.0)
         hub.receive(frame_of(mav.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3)), OTHER)
+        hub.receive(frame_of(COPTER), ONE)
         assert vehicle.clashing
         assert vehicle.address == ONE
         assert vehicle.flavour.name == "ardupilot"
+
+
+def test_an_autopilot_that_restarts_and_speaks_from_elsewhere_is_no_second_one(hub, clock, frame_of):
+    with hub.vehicle(1) as vehicle:
+        for _ in range(2):
+            hub.receive(frame_of(COPTER), ONE)
+            clock.advance(1.0)
+        for _ in range(5):
+            hub.receive(frame_of(COPTER), OTHER)
+            assert not vehicle.clashing
+            clock.advance(1.0)
+        assert vehicle.address == OTHER
+        assert vehicle.connected
+        assert not vehicle.trust.counts
+
+
+def test_only_those_that_are_heard_now_and_are_nobodys_are_told(hub, clock, frame_of):
+    with hub.vehicle(1):
+        for system in (1, 2, 3):
+            hub.receive(frame_of(COPTER, system=system), ONE)
+        with hub.vehicle(2):
+            assert hub.unclaimed == (3,)
+            clock.advance(3.5)
+            hub.receive(frame_of(COPTER, system=1), ONE)
+            assert (hub.heard, hub.unclaimed) == ((1,), ())
 
 
 def test_an_alarm_ends_three_seconds_after_the_second_fell_silent(hub, clock, frame_of):

@@ -5,7 +5,19 @@ import math
 
 import pytest
 
-from fleet import FollowPath, GeoPoint, Goal, GoTo, Refused, RelativeMove, TimedOut, Vector3, Velocity
+from fleet import (
+    FollowPath,
+    GeoPoint,
+    Goal,
+    GoTo,
+    NotReady,
+    Refused,
+    RelativeMove,
+    TimedOut,
+    Vector3,
+    Velocity,
+)
+from fleet.errors import CommandError
 from fleet.model.report import PoseReport
 from fleet_mavlink.words import Cmd
 
@@ -183,5 +195,41 @@ def test_a_takeover_ends_a_goal(fly, sky, flavour):
             with pytest.raises(Refused, match="taken over"):
                 await exhausted(going)
             assert it.mode in {"LOITER", "POSCTL"}
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("asked", ["hover", "emergency_stop"])
+def test_a_stop_that_is_refused_during_a_fail_safe_gives_no_control_back(fly, sky, flavour, asked):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=20.0)
+            it.sim.set_fault("gps_loss", 1.0)
+            await it.until(lambda: it.robot.losses, within=20.0)
+            with pytest.raises(CommandError):
+                await it.adapter.stop(asked)
+            assert it.mode == "LAND"
+            with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
+                it.adapter.drive(FORWARD)
+            with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
+                await exhausted(it.adapter.navigate(GoTo(Goal(position=Vector3(5.0, 0.0, 10.0)))))
+
+    fly(main())
+
+
+@both
+def test_a_hold_that_is_refused_does_not_hide_why_a_goal_failed(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            it.sim.set_fault("wind", 30.0)
+            going = it.adapter.navigate(GoTo(Goal(position=Vector3(-30.0, 0.0, 10.0))))
+            await anext(going)
+            it.deaf_to |= {"COMMAND_LONG", "COMMAND_INT"}
+            with pytest.raises(TimedOut, match="not got nearer"):
+                await exhausted(going)
 
     fly(main())

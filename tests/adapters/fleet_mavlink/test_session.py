@@ -96,7 +96,7 @@ def test_a_second_vehicle_with_the_same_id_ends_motion_but_not_the_hold(fly, sky
             it.adapter._session._hub.receive(
                 frame_of(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3)), ELSEWHERE
             )
-            assert vehicle.clashing
+            await it.until(lambda: vehicle.clashing, within=0.5)
             with pytest.raises(NotReady, match="two vehicles use system id 1"):
                 it.adapter.drive(Velocity(Vector3(1.0, 0.0, 0.0)))
             await asyncio.sleep(0.5)

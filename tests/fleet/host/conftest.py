@@ -91,6 +91,11 @@ class Puppet(Adapter[PuppetConfig]):
         await self.go.wait()
         self._maybe_raise()
 
+    @command("arm", interrupts=False)
+    async def arm(self):
+        """Start the motors."""
+        self.told.append("arm")
+
     @command("land", safe=True, timeout=5)
     async def land(self):
         """Land."""

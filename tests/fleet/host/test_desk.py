@@ -173,6 +173,35 @@ async def test_a_newer_moving_command_takes_the_place_of_the_older(bench, asks):
     assert older[-1].reason == "superseded by land"
 
 
+@pytest.mark.parametrize("doing", ["takeoff", "goto", "driving"])
+async def test_arming_takes_the_place_of_nothing_that_moves(bench, asks, doing):
+    ask = {"takeoff": asks.command("takeoff"), "goto": asks.goal(), "driving": asks.setpoint()}[doing]
+    older = bench.ask(ask, waits=True)
+    await asks.settle()
+    (answer,) = bench.ask(asks.command("arm"))
+    await asks.settle()
+    assert (answer.status, answer.reason.partition(" ")[0]) == (REJECTED, "busy")
+    assert older[-1].done is not False
+    assert bench.desk.in_motion
+
+
+async def test_a_goal_during_a_takeoff_is_refused_whatever_is_asked_in_between(bench, asks):
+    bench.ask(asks.command("takeoff"))
+    for between in ([], [asks.command("arm")], [asks.goal("one"), asks.command("arm")]):
+        for ask in between:
+            bench.ask(ask)
+            await asks.settle()
+        answers = bench.ask(asks.goal())
+        await asks.settle()
+        assert [answer.reason for answer in answers if answer.reason] == ["busy with takeoff"]
+
+
+async def test_arming_a_robot_that_does_nothing_is_carried_out(bench, asks):
+    answers = bench.ask(asks.command("arm"))
+    await asks.settle()
+    assert statuses(answers) == [ACCEPTED]
+
+
 async def test_a_setpoint_does_not_disturb_a_takeoff(bench, asks):
     bench.ask(asks.command("takeoff"))
     await asks.settle()

@@ -114,7 +114,7 @@ def test_takeoff_while_flying_climbs_on(flying):
 def test_motors_stop_by_themselves_without_a_takeoff(px4):
     px4.run(0.2)
     px4.asks(400, 1)
-    assert 9.5 < px4.until(lambda: not px4.pilot.armed) < 10.5
+    assert 10.6 < px4.until(lambda: not px4.pilot.armed) < 11.6
 
 
 def test_a_mode_is_acknowledged_twice(flying):

@@ -1,0 +1,51 @@
+"""PX4's take-off: told before the vehicle lifts, and over before its height is reached."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from fleet_mavlink.sim.manoeuvres import IN_AIR, GoTo, Takeoff
+
+if TYPE_CHECKING:
+    from fleet_mavlink.sim.autopilot import Autopilot
+    from fleet_mavlink.sim.px4 import Px4
+
+_DETECTED = 1.8  # s from arming to "Takeoff detected"
+_DETECTED_RUNNING = 0.5  # s, where the motors have been turning for a while
+_LIFTS_RUNNING = 3.0  # s to leaving the ground, then
+_WANDERS = 0.7  # rad/s at which the height of a vehicle on the ground is misjudged, up and down
+
+
+class Px4Takeoff(Takeoff):
+    """Climb to ``altitude``, m AMSL as the vehicle estimates it; ``detected`` once it says so."""
+
+    def __init__(self, pilot: Autopilot, altitude: float) -> None:
+        super().__init__(pilot, pilot.down_of(altitude))
+        self.altitude = altitude
+        grounded = pilot.body.grounded
+        running = pilot.armed and pilot.time - pilot.armed_at > pilot.spin_up
+        self.detected = not grounded
+        self.detected_at = pilot.time + (_DETECTED_RUNNING if running else _DETECTED)
+        if grounded and running:
+            self.lift_at = pilot.time + _LIFTS_RUNNING
+        if not grounded:
+            self.in_air_state = IN_AIR
+
+
+def watch(pilot: Px4) -> None:
+    """Detect a take-off, which sets home again, and end it NAV_MC_ALT_RAD below its height."""
+    flown = pilot.manoeuvre
+    if not isinstance(flown, Px4Takeoff):
+        return
+    if not flown.detected and pilot.time >= flown.detected_at:
+        flown.detected = True
+        pilot.takeoff_detected()
+        flown.down = pilot.down_of(flown.altitude)
+    if pilot.flying and pilot.body.down - flown.down <= pilot.params["NAV_MC_ALT_RAD"]:
+        pilot.takeoff_ended(GoTo(flown.north, flown.east, flown.down, heading=flown.heading))
+
+
+def wander(amplitude: float, now: float) -> float:
+    """Return how far off the estimated height of a vehicle on the ground is, metres."""
+    return amplitude * math.sin(_WANDERS * now)

@@ -1,0 +1,222 @@
+"""Taking off: from the ground, right after a landing or out of one, until the height is seen."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+
+from fleet import Fault, GeoPoint, Progress, Refused, TimedOut
+from fleet.errors import CommandError
+from fleet_mavlink.flight import LOWEST, Flight, height_of, is_standing
+from fleet_mavlink.parameters import Parameters
+from fleet_mavlink.require import known_heading, known_position, require_control
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.words import Landed
+
+_ATTEMPTS = 3  # the motors may be switched off under the first, when a landing ends meanwhile
+_BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
+_OFF_GROUND_WITHIN = 20.0  # s after the take-off was accepted
+_POLL = 0.5  # s between looks
+_CLOSE = 0.3  # m that the height may be off, seen by the autopilot itself
+_NEAR, _NEAR_SHARE = 0.5, 0.05  # m, and share of the height, that it may be off where it gets no nearer
+_WITHIN = 0.1  # m from a limit, since home itself is told to the centimetre
+_SETTLES_WITHIN = 4.0  # s after its own end, in which it climbs on to the height that it was given
+_CORRECTED_WITHIN = 15.0  # s
+_CORRECTS_AT = 1.0  # m/s
+_LATE = 0.5  # m that a take-off's end may be lower than the autopilot's own tolerance
+_TOLERANCE = 0.8  # m; what PX4 comes with
+
+
+class TakeOff:
+    """The take-offs of one vehicle; ``under_way`` while one is carried out."""
+
+    def __init__(self, flight: Flight, parameters: Parameters) -> None:
+        self.under_way = False
+        self._flight = flight
+        self._vehicle = flight.vehicle
+        self._parameters = parameters
+
+    async def climb(self, altitude: float) -> AsyncIterator[Progress]:
+        """Arm if need be and climb to ``altitude`` m above home; yields once the autopilot took it.
+
+        A vehicle that is higher (it lands, or returns home) holds instead. Raises what refuses it, Refused
+        when it ended too low, Fault when the motors stopped, TimedOut.
+        """
+        require_control(self._vehicle, self._flight.authority)
+        self.under_way = True
+        try:
+            if self._vehicle.state.in_air and height_of(self._vehicle.state) > altitude - _CLOSE:
+                await self._flight.hold()
+                yield Progress(100.0, "in the air already; a take-off never descends")
+                return
+            async for progress in self._try(altitude):
+                yield progress
+        finally:
+            self.under_way = False
+
+    async def _try(self, altitude: float) -> AsyncIterator[Progress]:
+        """Take off, and again when a landing that ends meanwhile has switched the motors off."""
+        for _ in range(_ATTEMPTS):
+            attempt = _Attempt(self._flight, self._parameters, altitude)
+            if not await attempt.begin():
+                continue
+            async for progress in attempt.watch():
+                yield progress
+            if not attempt.landed:
+                return
+        raise Fault("the motors stopped before it left the ground", hint="look at the vehicle")
+
+
+class _Attempt:
+    """One try; ``landed``: a landing ended before it, so that another is needed."""
+
+    def __init__(self, flight: Flight, parameters: Parameters, altitude: float) -> None:
+        self.landed = False
+        self._flight = flight
+        self._vehicle = flight.vehicle
+        self._parameters = parameters
+        self._altitude = altitude
+        self._armed_by_us = self._by_place = False
+        self._left = ""  # the mode that the take-off ended
+        self._target = 0.0  # m AMSL
+
+    async def begin(self) -> bool:
+        """Arm and ask; False when a landing turns out to have ended already."""
+        flight, flavour = self._flight, self._flight.flavour
+        self._target = await flight.home_altitude() + self._altitude
+        self._left = flight.mode(self._vehicle.state)
+        self._armed_by_us = not self._vehicle.state.armed
+        flight.give_way(flavour, flavour.takeoff)
+        if self._armed_by_us:
+            await flight.arm()
+        elif flavour.takeoff == flavour.arming != self._left:
+            await flight.enter(flavour.arming)
+        self._target = await flight.home_altitude() + self._altitude
+        try:
+            await self._ask()
+        except CommandError:
+            if self._armed_by_us:
+                await flight.disarm_quietly()
+            elif await self._vehicle.until(self._has_landed, flight.commander.timing.heartbeat):
+                return False
+            raise
+        return True
+
+    async def _ask(self) -> None:
+        """Ask for the climb: by a take-off, or where that is not taken in the air by a place."""
+        flight, flavour, vehicle = self._flight, self._flight.flavour, self._vehicle
+        self._by_place = bool(vehicle.state.in_air) and not flavour.takes_off_in_air
+        if self._by_place:
+            await self._go()
+            return
+        ask = flavour.takeoff_command(self._altitude, self._target - self._altitude)
+        with flight.authority.asking(flavour.arming, flavour.takeoff, flavour.hold):
+            await flight.commander.ask(ask, seen=self._obeyed)
+
+    def _obeyed(self, state: VehicleState) -> bool:
+        """Return whether a vehicle that did not answer takes off all the same."""
+        flavour = self._flight.flavour
+        shown = self._flight.mode(state) == flavour.takeoff
+        return shown and (flavour.takeoff != flavour.arming or _climbs(state))
+
+    async def watch(self) -> AsyncIterator[Progress]:
+        """Follow it to its height; ends early when it is disarmed on the ground."""
+        yield Progress(0.0, "taking off")
+        await self._vehicle.until(self._shows_it, _BEGUN_WITHIN)
+        by, percent, climbed = self._vehicle.now() + _OFF_GROUND_WITHIN, 0.0, False
+        while not await self._vehicle.until(self._is_up, _POLL):
+            state = self._vehicle.state
+            if not climbed and self._has_landed(state):
+                self.landed = True
+                return
+            climbed = climbed or height_of(state) > 1.0
+            self._flight.check(self._flight.flavour.arming, self._flight.flavour.takeoff)
+            if self._vehicle.now() > by and not state.in_air:
+                await self._give_up()
+            percent = max(percent, min(99.0, 100 * height_of(state) / self._altitude))
+            yield Progress(percent, f"at {height_of(state):.1f} m of {self._altitude:g} m")
+        await self._require_end()
+        await self._settle()
+        yield Progress(100.0, f"at {height_of(self._vehicle.state):.1f} m")
+
+    def _has_landed(self, state: VehicleState) -> bool:
+        """Return whether a landing that was under way has ended: by its motors, or below a place."""
+        if self._by_place and state.in_air is False:
+            return True
+        return not state.armed and not self._armed_by_us
+
+    def _shows_it(self, state: VehicleState) -> bool:
+        """Return whether the vehicle shows the take-off, or has ended it, or is off."""
+        flavour, mode = self._flight.flavour, self._flight.mode(state)
+        return mode == flavour.takeoff or not state.armed or mode == flavour.hold != self._left
+
+    def _is_up(self, state: VehicleState) -> bool:
+        """Return whether it stands at its height, or the autopilot has ended the take-off by itself."""
+        flavour = self._flight.flavour
+        if not state.armed:
+            return False
+        if flavour.takeoff != flavour.arming:
+            return self._flight.mode(state) == flavour.hold and state.landed is Landed.IN_AIR
+        return height_of(state) >= self._altitude - self._near and is_standing(state)
+
+    @property
+    def _near(self) -> float:
+        """How far off its height it may stay in wind, metres."""
+        return max(_NEAR, _NEAR_SHARE * self._altitude)
+
+    async def _give_up(self) -> None:
+        """Undo what was begun, and raise TimedOut."""
+        if self._armed_by_us:
+            await self._flight.disarm_quietly()
+        raise TimedOut(f"it did not leave the ground in {_OFF_GROUND_WITHIN:g} s")
+
+    async def _require_end(self) -> None:
+        """Raise Refused unless it is as high as the autopilot's own tolerance lets a take-off end."""
+        here = self._vehicle.state.position
+        short = self._target - here.altitude if here else 0.0
+        if short <= _TOLERANCE + _LATE:
+            return
+        if short > await self._tolerance() + _LATE:
+            raise Refused(f"the take-off ended at {height_of(self._vehicle.state):.1f} m")
+
+    async def _tolerance(self) -> float:
+        """Return how far below its height the autopilot ends a take-off, metres."""
+        name = self._flight.flavour.takeoff_tolerance
+        if name is None:
+            return _CLOSE
+        try:
+            (parameter,) = await self._parameters.read([name])
+        except CommandError:
+            return _TOLERANCE
+        return float(parameter.value)
+
+    async def _settle(self) -> None:
+        """Let it come to its height above the home that it has now; raises TimedOut when it does not."""
+        vehicle, flavour = self._vehicle, self._flight.flavour
+        if await vehicle.until(self._at_height, _SETTLES_WITHIN):
+            return
+        await self._go()
+        by = vehicle.now() + _CORRECTED_WITHIN
+        while not await vehicle.until(self._at_height, _POLL):
+            self._flight.check(flavour.goto)
+            if vehicle.now() <= by:
+                continue
+            if abs(height_of(vehicle.state) - self._altitude) > self._near:
+                raise TimedOut(f"it stays at {height_of(vehicle.state):.1f} m of {self._altitude:g} m")
+            return
+
+    async def _go(self) -> None:
+        """Fly to the height above this place; a height at a limit stays a little within it."""
+        vehicle, flight = self._vehicle, self._flight
+        here = known_position(vehicle)
+        height = min(max(self._altitude, LOWEST + _WITHIN), flight.ceiling - _WITHIN)
+        above = GeoPoint(here.latitude, here.longitude, await flight.home_altitude() + height)
+        await flight.go(above, _CORRECTS_AT, known_heading(vehicle))
+
+    def _at_height(self, state: VehicleState) -> bool:
+        """Return whether it stands at its height."""
+        return abs(height_of(state) - self._altitude) <= _CLOSE and is_standing(state)
+
+
+def _climbs(state: VehicleState) -> bool:
+    """Return whether a vehicle that was on the ground is on its way up."""
+    return bool(state.in_air) or (state.velocity is not None and state.velocity.z < -_LATE)

@@ -1,0 +1,202 @@
+"""Take-offs: to their height by whatever end the autopilot gives them, and out of a landing."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+from fleet import Goal, GoTo, NotReady, Refused, Vector3
+from fleet_mavlink.words import Cmd
+
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+HEIGHTS = [2.0, 3.0, 5.0, 12.0]
+EXACT = 0.4  # m
+
+
+@contextlib.asynccontextmanager
+async def ended(doing):
+    """Run something beside the test; the host ends it with the next command."""
+    task = asyncio.ensure_future(doing)
+    try:
+        yield task
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@both
+@pytest.mark.parametrize("altitude", HEIGHTS)
+def test_it_takes_off_to_any_height(fly, sky, flavour, altitude):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            percents = await it.do("takeoff", altitude=altitude)
+            assert percents[-1] == 100.0
+            assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
+            await asyncio.sleep(3.0)
+            assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
+            assert it.robot.losses == []
+
+    fly(main())
+
+
+@pytest.mark.parametrize("altitude", HEIGHTS)
+@pytest.mark.parametrize("wait", [0.0, 2.0, 4.0, 6.0])
+def test_a_home_that_is_set_again_at_the_takeoff_is_made_good(fly, sky, altitude, wait):
+    async def main():
+        async with sky("px4", faults={"wander": 1.0}) as it:
+            await it.met()
+            await asyncio.sleep(wait)
+            await it.do("takeoff", altitude=altitude)
+            assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
+            assert it.mode == "LOITER"
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("altitude", [1.0, 5.0])
+def test_a_takeoff_to_a_limit_is_not_refused_by_it(fly, sky, flavour, altitude):
+    async def main():
+        async with sky(flavour, limits={"altitude": 5.0}, faults={"wander": 1.0}) as it:
+            await it.met()
+            for _ in range(3):
+                await it.do("takeoff", altitude=altitude)
+                assert it.state.relative_altitude == pytest.approx(altitude, abs=EXACT)
+                await it.do("land")
+
+    fly(main())
+
+
+@both
+def test_it_takes_off_in_wind(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"wind": 9.0}) as it:
+            await it.met()
+            await it.do("takeoff", altitude=6.0)
+            assert it.state.relative_altitude == pytest.approx(6.0, abs=0.5)
+
+    fly(main())
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.8, 2.5])
+def test_the_autopilots_own_end_of_a_takeoff_counts_however_early(fly, sky, radius):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            await it.do("set_parameter", name="NAV_MC_ALT_RAD", value=radius)
+            await it.do("takeoff", altitude=6.0)
+            assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
+
+    fly(main())
+
+
+def test_a_takeoff_that_another_station_broke_off_is_not_flown_on(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=12.0)) as rising:
+                await it.until(lambda: it.height > 3.0)
+                it.sim.pilot.enter(it.sim.pilot.chosen)
+                with pytest.raises(Refused, match="the take-off ended at"):
+                    await rising
+            await asyncio.sleep(5.0)
+            assert it.height < 6.0
+
+    fly(main())
+
+
+MOMENTS = [
+    ("high", lambda it: it.height < 6.0),
+    ("low", lambda it: it.height < 1.5),
+    ("last", lambda it: it.height < 0.3),
+    ("touched", lambda it: it.sim.body.grounded),
+    ("off", lambda it: not it.armed),
+]
+
+
+@both
+@pytest.mark.parametrize("come", [come for _, come in MOMENTS], ids=[name for name, _ in MOMENTS])
+@pytest.mark.parametrize("later", [0.0, 0.6, 1.2, 1.8, 1.9, 2.1])
+def test_a_takeoff_out_of_a_landing_or_right_after_it_flies(fly, sky, flavour, come, later):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=8.0)
+            async with ended(it.do("land")):
+                await it.until(lambda: come(it))
+                await asyncio.sleep(later)
+            await it.do("takeoff", altitude=7.0)
+            assert it.armed
+            assert it.state.relative_altitude == pytest.approx(7.0, abs=EXACT)
+            await asyncio.sleep(15.0)
+            assert it.state.relative_altitude == pytest.approx(7.0, abs=EXACT)
+            assert it.robot.losses == []
+            await it.do("land")
+            assert not it.armed
+
+    fly(main())
+
+
+@both
+@pytest.mark.parametrize("data", [{}, {"altitude": 3.0}])
+def test_a_takeoff_during_a_landing_never_descends(fly, sky, flavour, data):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=10.0)
+            async with ended(it.do("land")):
+                await it.until(lambda: it.height < 8.0)
+            await it.do("takeoff", **data)
+            await asyncio.sleep(10.0)
+            assert it.height > 6.5
+
+    fly(main())
+
+
+@both
+def test_a_second_takeoff_goes_on_with_the_first(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            for moment in (1.0, 3.0, 6.0):
+                async with ended(it.do("takeoff", altitude=4.0)):
+                    await asyncio.sleep(moment)
+                await it.do("takeoff", altitude=6.0)
+                assert it.state.relative_altitude == pytest.approx(6.0, abs=EXACT)
+                await it.do("land")
+
+    fly(main())
+
+
+@both
+def test_a_takeoff_does_not_take_the_drone_from_its_pilot(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.do("takeoff", altitude=5.0)
+            it.sim.set_fault("pilot_takeover", 1.0)
+            await it.until(lambda: it.robot.losses, within=5.0)
+            asked = len(it.asked(Cmd.NAV_TAKEOFF))
+            with pytest.raises(NotReady, match="a pilot or a fail-safe has it"):
+                await it.do("takeoff", altitude=9.0)
+            assert len(it.asked(Cmd.NAV_TAKEOFF)) == asked
+
+    fly(main())
+
+
+@both
+def test_a_goal_during_a_takeoff_is_refused_as_busy(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            async with ended(it.do("takeoff", altitude=10.0)) as rising:
+                for height in (0.05, 1.0, 5.0):
+                    await it.until(lambda: it.height > height)  # noqa: B023 - awaited at once
+                    with pytest.raises(NotReady, match="busy"):
+                        await anext(it.adapter.navigate(GoTo(Goal(position=Vector3(5.0, 0.0, 5.0)))))
+                    await it.do("arm")
+                await rising
+            assert it.height == pytest.approx(10.0, abs=EXACT)
+
+    fly(main())
