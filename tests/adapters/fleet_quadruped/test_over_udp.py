@@ -69,7 +69,9 @@ async def _walk_and_kill(running, bus):
         async for _ in adapter.stand_up():
             pass
         adapter.drive(Velocity(Vector3(0.4)))
-        await robot.until(lambda: adapter._state.x > 0.1)
+        await robot.until(lambda: adapter._state.x > 0.1 or run.done() or adapter._state.mode == "damped")
+        if run.done() or adapter._state.mode == "damped":
+            raise Fault(adapter._state.fault)
         assert states(bus) == {State.ENABLED}
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
