@@ -24,6 +24,7 @@ from bench.common import line
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.control.loop import no_collector
+from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import EXAMPLE, Description, load_description
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
@@ -172,29 +173,36 @@ def stops(dog: Description) -> None:
 
 
 def cycles_until_damped(rig: Rig) -> int:
-    """Return the cycles from an order to the last joint without stiffness."""
+    """Return the cycles from an order until every joint damps, or is held and led down."""
     for number in range(1, 50):
         rig.cycle()
-        if all(motor.kp == 0 and motor.kd > 2.9 for motor in rig.sim.world.motors):
+        if rig.gives_way():
             return number - 1  # a frame that is written in one cycle is obeyed by the drives in the next
     return 50
 
 
+def stopped(rig: Rig) -> bool:
+    """Return True when all drives have stopped by themselves: braking (CiA 402) or limp."""
+    states = {getattr(drive, "state", State.QUICK_STOP) for drive in rig.sim.drives}
+    limp = all(motor.kp == 0 for motor in rig.sim.world.motors)
+    return limp or (rig.dog.drive.protocol == "cia402" and states == {State.QUICK_STOP})
+
+
 def dies(dog: Description) -> None:
     """Print what the drives do when the controller ends in mid-trot."""
-    stopped, nearest = [], math.inf
+    times, nearest = [], math.inf
     for phase in range(8):
         rig = standing(dog, seed=1 + phase)
         rig.go(1.5 + phase * dog.gait.period / 8, Twist(0.5))
         begun = rig.sim.time
-        while any(motor.kp > 0 for motor in rig.sim.world.motors) and rig.sim.time - begun < 1.0:
+        while not stopped(rig) and rig.sim.time - begun < 1.0:
             rig.sim.advance(0.002)
-        stopped.append(rig.sim.time - begun)
+        times.append(rig.sim.time - begun)
         for _ in range(500):
             rig.sim.advance(0.002)
             for joint, motor in zip(dog.all_joints, rig.sim.world.motors, strict=True):
                 nearest = min(nearest, motor.angle - joint.low, joint.high - motor.angle)
-    line(f"{dog.drive.protocol}: controller dies in mid-trot: drives stop", f"{1000 * max(stopped):.0f} ms")
+    line(f"{dog.drive.protocol}: controller dies in mid-trot: drives stop", f"{1000 * max(times):.0f} ms")
     line("  nearest that a joint came to a limit", f"{nearest:.3f} rad", "aim: none beyond")
 
 

@@ -32,7 +32,7 @@ from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Errand, Order, State
 from fleet_quadruped.process import BodyProcess
-from fleet_quadruped.reports import health_of, motion_reports, slow_reports
+from fleet_quadruped.reports import Motion, health_of, new_origin, slow_reports
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -64,6 +64,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._order = Order()
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
         self._state = State()
+        self._motion = Motion(config.trim)
+        self._origin = 0.0  # Unix s at which odometry began
         self._heard = 0.0  # monotonic s: the newest state, or the start
         self._news = asyncio.Event()
         self._one_errand = asyncio.Lock()
@@ -74,6 +76,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._robot = robot
         async with BodyProcess(self.config, self._dog.leave_time) as body:
             self._body, self._heard = body, self._now()
+            self._state, self._motion = State(), Motion(self.config.trim)
+            with self._ordering:  # what was asked of the body before is not asked of this one
+                self._order = Order(lamp=self._order.lamp)
+            self._origin = robot.clock.time()
+            robot.report(new_origin(self._origin))
             try:
                 self._send()
                 robot.every(_ALIVE, self._send)
@@ -165,7 +172,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             raise Unsupported("this dog's description has no battery")
         if self._state.battery_age is None or self._state.battery_age > timeout:
             raise NotReady("the battery says nothing", hint="check its CAN frames")
-        for report in slow_reports(self._state, robot.clock.time()):
+        for report in slow_reports(self._state, robot.clock.time(), self._origin):
             robot.report(report)
 
     @command("take_photo", timeout=10.0, moves=False, safe=True)
@@ -276,12 +283,13 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     def _report_motion(self) -> None:
         if self._robot is not None and self._state.stamp:
-            for report in motion_reports(self._state, self._robot.clock.time(), self.config.trim):
+            clock = self._robot.clock
+            for report in self._motion.reports(self._state, clock.time() - clock.monotonic()):
                 self._robot.report(report)
 
     def _report_slow(self) -> None:
         if self._robot is not None and self._state.stamp:
-            for report in slow_reports(self._state, self._robot.clock.time()):
+            for report in slow_reports(self._state, self._robot.clock.time(), self._origin):
                 self._robot.report(report)
 
 

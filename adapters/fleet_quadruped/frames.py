@@ -13,6 +13,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from fleet_quadruped.seals import Seal, Sealed
+
 Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 _CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
 _RANGES: Mapping[str, tuple[float, float]] = {"f32": (-3.4e38, 3.4e38)} | {
@@ -55,29 +57,49 @@ class FieldMap(Number):
         return struct.Struct((">" if self.endian == "big" else "<") + _CODES[self.type])
 
 
-class FrameMap(BaseModel):
-    """One frame and its values by name."""
+class FrameMap(Sealed):
+    """One frame and its values by name, with what else must be in it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
     fields: dict[str, FieldMap] = Field(min_length=1, description="The values in it.")
+    dlc: int | None = Field(
+        None, ge=1, le=8, description="Its bytes, where there are more than its values need."
+    )
+    data: str = Field(
+        "", pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Hex: what is in its bytes besides the values."
+    )
 
     @model_validator(mode="after")
     def _apart(self) -> FrameMap:
-        """Refuse two fields on the same byte."""
-        taken: dict[int, str] = {}
+        """Refuse two fields on the same byte, a constant under one, and what is beyond the frame's end."""
+        taken = dict(self.seal_bytes)
+        if len(taken) < sum(part is not None for part in (self.counter, self.checksum)):
+            raise ValueError("counter and checksum are in the same byte")
+        constants = bytes.fromhex(self.data)
         for name, field in self.fields.items():
             for place in range(field.at, field.at + field.layout.size):
                 if place in taken:
                     raise ValueError(f"byte {place} is in both {taken[place]!r} and {name!r}")
                 taken[place] = name
+        for place, name in taken.items():
+            if constants[place : place + 1].strip(b"\x00"):
+                raise ValueError(f"byte {place} is {constants[place]:02X}h in data, and {name!r} is there")
+        if self.dlc is not None and self.dlc < self.needed:
+            raise ValueError(f"dlc: {self.dlc} bytes, and {self.needed} are in it")
         return self
 
     @property
+    def needed(self) -> int:
+        """Bytes that its values, constants, counter and checksum take."""
+        ends = [field.at + field.layout.size for field in self.fields.values()]
+        return max([*ends, len(self.data) // 2, *(place + 1 for place in self.seal_bytes)])
+
+    @property
     def length(self) -> int:
-        """Bytes that the frame has at least."""
-        return max(field.at + field.layout.size for field in self.fields.values())
+        """Bytes of the frame."""
+        return self.dlc or self.needed
 
 
 def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
@@ -95,15 +117,23 @@ def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
 
 
 class Decoder:
-    """Reads values from the frames of a map."""
+    """Reads values from the frames of a map.
+
+    A frame with a wrong checksum, or a counter that stands still, does not count.
+    """
 
     def __init__(self, frames: Iterable[FrameMap]) -> None:
+        frames = tuple(frames)
         self._plans = {frame.id: (frame.length, _readings(frame)) for frame in frames}
+        self._seals = {frame.id: Seal(frame.id, frame) for frame in frames if frame.seal_bytes}
 
     def decode(self, identifier: int, data: bytes) -> dict[str, float] | None:
         """Return the known values of a frame; None for a frame that is not in the map or too short."""
         plan = self._plans.get(identifier)
         if plan is None or len(data) < plan[0]:
+            return None
+        seal = self._seals.get(identifier)
+        if seal is not None and not seal.take(data):
             return None
         found: dict[str, float] = {}
         for unpack_from, fields in plan[1]:
@@ -127,6 +157,7 @@ class Encoder:
 
     def __init__(self, frame: FrameMap) -> None:
         self._length = frame.length
+        self._constant = int.from_bytes(bytes.fromhex(frame.data).ljust(frame.length, b"\x00"), "big")
         fields = {
             name: (name, field.scale, field.offset, *_RANGES[field.type], field.type != "f32")
             for name, field in frame.fields.items()
@@ -138,7 +169,7 @@ class Encoder:
 
         Raises ValueError for what is no number.
         """
-        data = 0
+        data = self._constant
         for pack, fields in self._plan:
             numbers = []
             for name, scale, offset, low, high, whole in fields:

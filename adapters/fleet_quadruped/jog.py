@@ -140,7 +140,8 @@ class Jogger:
             self._bench.cycle(drives.quick_stop)
         for _ in range(math.ceil(_OFF / self._dt)):
             if self._bench.look()[0].power in {Power.DISABLED, Power.FAULT}:
-                break
+                return
+        log.warning("%s: its drive was not seen to be off; take its power off", self._jog.joint.name)
 
 
 def ramp(start: float, step: float, dt: float) -> Iterator[float]:

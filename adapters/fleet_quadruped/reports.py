@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from fleet import BatteryReport, Health, Level, PoseReport, Quaternion, Vector3
-from fleet.model.report import ImuReport, JointReport, MetricsReport
+from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport
 from fleet_quadruped.control.orders import State
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import EMERGENCY_STOP
@@ -13,23 +14,44 @@ from fleet_quadruped.safety.stages import EMERGENCY_STOP
 SLOW_RATE = 0.8  # of the wanted rate, below which the dog is not safe to walk fast
 
 
-def motion_reports(state: State, stamp: float, trim: float) -> Iterator[PoseReport | JointReport | ImuReport]:
-    """Yield what changes all the time; ``stamp`` is Unix seconds."""
-    if state.angles:
-        yield JointReport(
-            stamp,
-            dict(zip(JOINTS, state.angles, strict=True)),
-            dict(zip(JOINTS, state.speeds, strict=True)),
-            dict(zip(JOINTS, state.torques, strict=True)),
-        )
-    position = Vector3(state.x * trim, state.y * trim, state.height)
-    yield PoseReport(stamp, position, Quaternion(*state.rotation))
-    if state.gyro is not None and state.accel is not None:
-        yield ImuReport(stamp, Vector3(*state.gyro), Vector3(*state.accel))
+class Motion:
+    """What changes all the time, each measurement once and with its own time.
+
+    A drive or a sensor that is silent is not in what is told; a pose of which a part is old is not told.
+    """
+
+    def __init__(self, trim: float) -> None:
+        self._trim = trim
+        self._measured: tuple[float, ...] = ()
+        self._posed = self._felt = -math.inf
+
+    def reports(self, state: State, epoch: float) -> Iterator[PoseReport | JointReport | ImuReport]:
+        """Yield what is new in a state; ``epoch`` is Unix seconds at monotonic zero."""
+        before, self._measured = self._measured or (-math.inf,) * len(state.measured), state.measured
+        new = [number for number, at in enumerate(state.measured) if at > before[number]]
+        if new:
+            yield JointReport(
+                epoch + min(state.measured[number] for number in new),
+                {JOINTS[number]: state.angles[number] for number in new},
+                {JOINTS[number]: state.speeds[number] for number in new},
+                {JOINTS[number]: state.torques[number] for number in new},
+            )
+        if state.posed > self._posed:
+            self._posed = state.posed
+            position = Vector3(state.x * self._trim, state.y * self._trim, state.height)
+            yield PoseReport(epoch + state.posed, position, Quaternion(*state.rotation))
+        if state.felt > self._felt and state.gyro is not None and state.accel is not None:
+            self._felt = state.felt
+            yield ImuReport(epoch + state.felt, Vector3(*state.gyro), Vector3(*state.accel))
 
 
-def slow_reports(state: State, stamp: float) -> Iterator[BatteryReport | MetricsReport]:
-    """Yield what changes slowly."""
+def new_origin(stamp: float) -> LogReport:
+    """Return the word that odometry has begun anew: what was at (0, 0) before is somewhere else now."""
+    return LogReport(stamp, "WARNING", "odometry begins anew: position 0, 0 is where the dog is now")
+
+
+def slow_reports(state: State, stamp: float, origin: float = 0.0) -> Iterator[BatteryReport | MetricsReport]:
+    """Yield what changes slowly; ``origin``: Unix seconds at which odometry began at (0, 0)."""
     if state.battery and state.battery_age is not None and state.battery_age < 5.0:
         given = {
             name: state.battery[name] for name in ("percent", "voltage", "current") if name in state.battery
@@ -39,6 +61,7 @@ def slow_reports(state: State, stamp: float) -> Iterator[BatteryReport | Metrics
     navigation = {
         "mode": state.mode,
         "source": "leg_odometry",
+        "origin": round(origin, 3),
         "velocity": list(state.twist),
         "realtime": timing.realtime,
         "cycle_rate": round(timing.rate, 1),

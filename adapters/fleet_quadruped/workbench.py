@@ -8,13 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from fleet.clock import Clock
+from fleet.errors import LinkRefused
 from fleet_quadruped.can.alone import make_sure
 from fleet_quadruped.can.bus import Bus
 from fleet_quadruped.can.frame import CanBus, Frame
 from fleet_quadruped.drives import drives_of
-from fleet_quadruped.drives.base import JointFeedback
+from fleet_quadruped.drives.base import HOLDING, JointFeedback, Power
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SDO_REQUEST, SDO_RESPONSE, SYNC
-from fleet_quadruped.drives.mit.frames import DISABLE
+from fleet_quadruped.drives.mit.frames import Layout, MitCommand
+from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.frames import Decoder
 from fleet_quadruped.robot.description import Description, Joint
 from fleet_quadruped.robot.names import Twelve
@@ -22,6 +24,8 @@ from fleet_quadruped.selfwalk.controller import SelfWalkController
 from fleet_quadruped.selfwalk.description import SelfWalker
 
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
+_GIVE_WAY = Layout(PROFILES["damiao-8006"]).pack_command(MitCommand(kd=3.0))
+"""No stiffness, only damping (N m s/rad): the same bytes for every profile."""
 _IDS = range(1, 128)
 _ANSWERED = 0x43
 _MOTORS = range(1, 16)
@@ -46,8 +50,8 @@ def open_buses(
 def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
     """Return a line for each device that is found. Nothing is asked that could move or change anything.
 
-    CANopen nodes are asked for their device type (1000h), MIT motors are told to be off, which they answer:
-    so a bus with a controller on it is left alone; raises LinkLost.
+    CANopen nodes are asked for their device type (1000h), MIT motors are told to give way: those that are
+    off only answer it. So a bus with a controller on it is left alone; raises LinkLost.
     """
     make_sure({bus.name: bus}, {(bus.name, number) for number in _ORDERS}, clock)
     found: dict[tuple[str, int], str] = {}
@@ -56,7 +60,7 @@ def scan(bus: CanBus, clock: Clock, seconds: float = 1.0) -> list[str]:
         for frame in bus.receive(0.001):
             _note(frame, found)
     for number in _MOTORS:
-        bus.send(Frame(number, DISABLE))
+        bus.send(Frame(number, _GIVE_WAY))
     until = clock.monotonic() + seconds
     while clock.monotonic() < until:
         for frame in bus.receive(0.05):
@@ -99,6 +103,26 @@ class Workbench:
         self.drives = drives_of(dog, buses, self.joints)
         make_sure(buses, self.drives.addresses, clock)
         self.drives.configure()
+        self._meet()
+
+    def _meet(self) -> None:
+        """Let a dog down that its motors may hold; raises LinkRefused for one that would fall.
+
+        Without torque a dog that stands, or is held by drives that stopped alone, drops.
+        """
+        safety = self.dog.safety
+        gives_way = held = False
+        for _ in range(round(safety.damp_time / self.dog.dt)):
+            told = self.cycle(lambda: None)
+            gives_way = self.drives.probe(safety.kd)
+            held = any(one.power in HOLDING for one in told)
+            if not held and all(one.power is not Power.ABSENT for one in told):
+                return
+        if held and not gives_way:
+            raise LinkRefused(
+                "the drives hold the dog, and it would fall: let it down with fleet run, or take their power "
+                "off while it hangs"
+            )
 
     def look(self) -> tuple[JointFeedback, ...]:
         """Run one cycle, with the torque off; return what the drives say."""

@@ -10,17 +10,19 @@ from typing import ClassVar
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.lowering import Lowering
 from fleet_quadruped.body.motion import Motion, folding, rising, rolling, sitting
 from fleet_quadruped.body.sense import ZEROS, Sense, Targets
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import Description
-from fleet_quadruped.safety.stages import Mode, Stage, Trip, forced
+from fleet_quadruped.safety.stages import UPRIGHT, Mode, Stage, Trip, forced
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
 _UPRIGHT = 0.85  # of the body's z axis that must point up before it rises
 _TRIES = 5
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+_LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
 
 
 class Ask(enum.StrEnum):
@@ -39,7 +41,8 @@ class Wish(enum.Enum):
     REST = "rest"  # off
     ENABLE = "enable"
     HOLD = "hold"  # go to the targets
-    DAMP = "damp"
+    DAMP = "damp"  # brake, or give way: a dog that lies
+    LOWER = "lower"  # give way slowly; the targets lead down drives that do not damp
     RESET = "reset"
 
 
@@ -62,6 +65,7 @@ class Body:
         self._after = Mode.RISING
         self._since = 0.0  # s in this mode
         self._motion: Motion | None = None
+        self._lowering: Lowering | None = None
         self._tries = 0
         self._reset = False
 
@@ -80,6 +84,10 @@ class Body:
             self.fault = self.fault or trip.cause
             self._enter(mode)
 
+    def lower(self) -> None:
+        """Let a dog down that was found held by its drives, and take the torque off."""
+        self._enter(Mode.DAMPED)
+
     def _stand(self, _value: float, sense: Sense) -> str:
         if self.mode in _STANDS or self.mode is Mode.RISING:
             return ""
@@ -89,7 +97,9 @@ class Body:
             return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
         if sense.imu is not None and sense.imu.up < _UPRIGHT:
             return "it is not upright; send recovery_stand, or check how its IMU is mounted"
-        return self._power_up(Mode.RISING)
+        self._after = Mode.RISING
+        self._enter(Mode.ENABLING)
+        return ""
 
     def _recover(self, _value: float, sense: Sense) -> str:
         """Get up from whatever it lies on; return why not, empty when it does."""
@@ -103,10 +113,7 @@ class Body:
             return "without an IMU nobody knows how it lies"
         if sense.imu.up < _UPRIGHT and self._dog.poses.roll_near is None:
             return "it is not upright and its description has no roll poses; put it on its feet"
-        return self._power_up(Mode.RECOVERING)
-
-    def _power_up(self, after: Mode) -> str:
-        self._after, self._tries = after, 0
+        self._after, self._tries = Mode.RECOVERING, 0
         self._enter(Mode.ENABLING)
         return ""
 
@@ -131,6 +138,8 @@ class Body:
         return ""
 
     def _reset_faults(self, _value: float, _sense: Sense) -> str:
+        if self._lowering is not None and self._lowering.stuck:  # a person holds the dog, and it lets go
+            self._enter(Mode.OFF)
         if self.mode is not Mode.OFF:
             return f"it is {self.mode.value}; faults are reset when it is off"
         self.fault = ""
@@ -146,7 +155,7 @@ class Body:
 
     def _enter(self, mode: Mode) -> None:
         self._before = self.mode
-        self.mode, self._since, self._motion = mode, 0.0, None
+        self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
 
     def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
         wish, self._reset = (Wish.RESET if self._reset else Wish.REST), False
@@ -191,10 +200,23 @@ class Body:
             self._enter(Mode.OFF)
         return _nothing(Wish.DAMP)
 
-    def _damped(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        if self._since > self._dog.safety.damp_time:
+    def _damped(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        """Let the dog down; one that lay when it was stopped is only let go."""
+        if self._before in _LIES:
+            if self._since > self._dog.safety.damp_time:
+                self._enter(Mode.OFF)
+            return _nothing(Wish.DAMP)
+        self._lowering = way = self._lowering or Lowering(
+            self._dog, sense.angles, upright=self._before in UPRIGHT
+        )
+        targets = way.step(dt, braked=bool(sense.braked))
+        if way.stuck:
+            self.fault = (
+                f"{sense.braked}: it is held and cannot be lowered; hold the dog: reset_faults lets go"
+            )
+        if way.done:
             self._enter(Mode.OFF)
-        return _nothing(Wish.DAMP)
+        return Wanted(Wish.LOWER, targets)
 
     def _recovering(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
         if self._motion is None:

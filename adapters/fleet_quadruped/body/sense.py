@@ -42,11 +42,15 @@ class Imu(NamedTuple):
 
 
 class Sense(msgspec.Struct, frozen=True, gc=False):
-    """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh."""
+    """Joint angles (rad), speeds (rad/s), and the IMU where there is one that is fresh.
+
+    ``braked``: why the dog cannot be lowered now, a drive that brakes on its own or a silent bus; else empty.
+    """
 
     angles: Twelve
     speeds: Twelve
     imu: Imu | None
+    braked: str = ""
 
 
 class Targets(NamedTuple):

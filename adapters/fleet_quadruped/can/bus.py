@@ -3,6 +3,8 @@
 can:socketcan:can0
 can:udp_multicast:239.74.163.2?port=43113
 can:slcan:/dev/ttyACM0
+can:socketcand:can0?host=192.168.1.20&port=29536
+can:kvaser:0
 can:virtual:NAME
 
 A frame that cannot be sent is dropped: a newer one comes in the next cycle. A transmit queue that stays full
@@ -13,10 +15,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import logging
 import re
 import socket
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 import can
@@ -29,21 +31,31 @@ from fleet_quadruped.can import raw
 from fleet_quadruped.can.frame import Frame, is_foreign
 from fleet_quadruped.can.raw import Packet
 
-log = logging.getLogger(__name__)
-
-_URL = re.compile(r"can:(?P<interface>[a-z_]+):(?P<channel>[^?\s]+?)(?:\?port=(?P<port>\d{1,5}))?", re.ASCII)
+_URL = re.compile(r"can:(?P<interface>[a-z0-9_]+):(?P<channel>[^?\s]+)(?:\?(?P<options>\S+))?", re.ASCII)
+_OPTION = re.compile(r"(?:host=(?P<host>[A-Za-z0-9.:_-]+)|port=(?P<port>\d{1,5}))", re.ASCII)
+_TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"udp_multicast": ("port",), "socketcand": ("host", "port")}
+)
+"""Which options an interface takes; all others take none."""
+_SOCKETCAND_PORT = 29536  # of the daemon, where none is given
+_REACHED = 2.0  # s in which a daemon's host must answer
 _FULL_FOR = 0.1  # s of a full queue after which the bus is dead
 _BATCH = 256  # frames read at once
 _BUS_OFF = 0x40  # in the identifier of a SocketCAN error frame
 _FOR_GOOD = {errno.ENODEV, errno.EACCES, errno.EPERM, errno.EAFNOSUPPORT}
 
 
+_BROKEN = (can.CanError, OSError, ValueError, ImportError, TypeError, NameError, AttributeError, RuntimeError)
+"""What python-can's interfaces raise when a bus cannot be opened, a missing driver of a maker included."""
+
+
 class BusUrl(NamedTuple):
-    """Which bus: python-can's interface and channel, and the port of a multicast group."""
+    """Which bus: python-can's interface and channel; host and port of a daemon, port of a multicast group."""
 
     interface: str
     channel: str
     port: int | None = None
+    host: str = ""
 
 
 def parse_bus(text: str) -> BusUrl:
@@ -53,7 +65,25 @@ def parse_bus(text: str) -> BusUrl:
         raise LinkRefused(f"{text!r} is not a bus; write it like can:socketcan:can0")
     if match["interface"] not in can.VALID_INTERFACES:
         raise LinkRefused(f"{text!r}: python-can has no interface {match['interface']!r}")
-    return BusUrl(match["interface"], match["channel"], int(match["port"]) if match["port"] else None)
+    interface, given = match["interface"], _options(text, match["interface"], match["options"] or "")
+    port = int(given["port"]) if "port" in given else None
+    if port is not None and not 0 < port < 65536:
+        raise LinkRefused(f"{text!r}: there is no port {port}")
+    if interface == "socketcand" and "host" not in given:
+        raise LinkRefused(f"{text!r} names no host; write it like can:socketcand:can0?host=192.168.1.20")
+    return BusUrl(interface, match["channel"], port, given.get("host", ""))
+
+
+def _options(text: str, interface: str, options: str) -> dict[str, str]:
+    """Return the options of a bus URL; raises LinkRefused for one that its interface does not take."""
+    takes, given = _TAKES.get(interface, ()), {}
+    for option in options.split("&") if options else ():
+        name, _, value = option.partition("=")
+        if _OPTION.fullmatch(option) is None or name not in takes or name in given:
+            known = f"it takes {' and '.join(takes)}" if takes else "it takes none"
+            raise LinkRefused(f"{text!r}: {option!r} is no option of {interface}; {known}")
+        given[name] = value
+    return given
 
 
 def _checked(text: str) -> str:
@@ -186,12 +216,26 @@ def _open(url: str, bitrate: int) -> can.BusABC:
         options |= {"fd": False, "hop_limit": 0}
         if parts.port is not None:
             options["port"] = parts.port
+    elif parts.interface == "socketcand":  # the bitrate is the daemon's
+        options |= {"host": parts.host, "port": parts.port or _SOCKETCAND_PORT}
     elif parts.interface != "virtual":
         options["bitrate"] = bitrate
     try:
+        if parts.host:  # python-can itself tries for 10 s without a pause
+            socket.create_connection((options["host"], options["port"]), _REACHED).close()
         return can.Bus(**options)
-    except (can.CanError, OSError, ValueError, ImportError) as error:
-        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
-        kind = LinkRefused if isinstance(error, (ValueError, ImportError)) or code in _FOR_GOOD else LinkLost
-        why = getattr(error, "strerror", None) or error
-        raise kind(f"{url}: {why}") from error
+    except _BROKEN as error:
+        raise _unopened(url, parts.interface, error) from error
+
+
+def _unopened(url: str, interface: str, error: Exception) -> LinkLost | LinkRefused:
+    """Return in words why a bus could not be opened, and whether a person must act first."""
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    why = str(getattr(error, "strerror", None) or error)
+    if isinstance(error, (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)):
+        return LinkRefused(f"{url}: the driver for {interface} is not installed on this computer ({why})")
+    if isinstance(error, (ValueError, TypeError)) or code in _FOR_GOOD:
+        return LinkRefused(f"{url}: {why}")
+    if type(error) is OSError and code is None:
+        return LinkRefused(f"{url}: the driver for {interface} cannot be loaded ({why})")
+    return LinkLost(f"{url}: {why}")

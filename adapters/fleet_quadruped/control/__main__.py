@@ -52,6 +52,7 @@ def main(arguments: list[str]) -> int:
     """Run until told to leave; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     logging.getLogger("canopen").setLevel(logging.WARNING)
+    logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # it warns of each split read
     for number in _FOR_THE_PARENT:
         signal.signal(number, signal.SIG_IGN)
     plan = decode_json(arguments[0], Plan)

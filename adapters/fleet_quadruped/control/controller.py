@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 
 from fleet.errors import LinkLost
 from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.height import height_of
 from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
-from fleet_quadruped.body.sense import ZEROS, Imu, Sense
+from fleet_quadruped.body.sense import ZEROS, Imu, Sense, Targets
 from fleet_quadruped.can.alone import Address
 from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.control.holding import all_off, holding, silent_bus
 from fleet_quadruped.control.lamp import Lamp
 from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.limits import Limits
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode, Stage, Trip
 
 _GONE = 1.0  # s of silence after which the drives of a dog at rest are configured again
+_SEEN_OFF = 1.0  # s in which drives must say that their torque is off
 _STOP_TRIP = Trip(Stage.DAMP, EMERGENCY_STOP)
+log = logging.getLogger(__name__)
 
 
 class Controller:
@@ -35,6 +41,7 @@ class Controller:
         self.clamped = 0
         self._limits = Limits(dog.all_joints, dog.safety)
         self._monitor = Monitor(dog)
+        self._stale = dog.safety.stale_cycles * dog.dt
         self._imu = Values(dog.imu, whole=True) if dog.imu else None
         self._battery = Values(dog.battery) if dog.battery else None
         self._sensors = {
@@ -47,7 +54,11 @@ class Controller:
         self._joints = Joints.of([JointFeedback()] * 12)
         self._seen_imu: Imu | None = None
         self._imu_age = 0.0
+        self._looked = 0.0  # when the joints were looked at
         self._begun: float | None = None
+        self._met = False  # it is known whether the drives hold the dog
+        self._all_off = False
+        self._off_for = 0.0  # s
         self._trip: Trip | None = None
         self._errand = 0
         self._refusal = ""
@@ -70,9 +81,14 @@ class Controller:
         return self.dog.dt
 
     @property
+    def targets(self) -> Twelve:
+        """The angles that were written last, rad."""
+        return self._last
+
+    @property
     def resting(self) -> bool:
-        """True when it may be left alone."""
-        return self.body.mode is Mode.OFF
+        """True when it may be left alone: every drive has said that its torque is off, or is silent."""
+        return self._met and self.body.mode is Mode.OFF and (self._all_off or self._off_for > _SEEN_OFF)
 
     def complete(self) -> bool:
         """Return True when all drives have answered since ``begin``."""
@@ -95,11 +111,13 @@ class Controller:
 
         Raises LinkLost for a dog that is off and has a drive that must be configured again.
         """
-        self._joints = self.drives.feedback(now)
+        self._joints, self._looked = self.drives.feedback(now), now
         self._check_link(now)
         self._imu_age = self._imu.age(now) if self._imu else 0.0
         self._seen_imu = self._fresh_imu()
         sense = self._sense()
+        self._all_off = all_off(self._joints, self._stale)
+        self._off_for = self._off_for + dt if self.body.mode is Mode.OFF else 0.0
         self._trip = self._monitor.check(self._observed(now, dt))
         if self._trip is not None:
             self.body.trip(self._trip)
@@ -107,13 +125,23 @@ class Controller:
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
         self.body.walker.gait = order.gait
         moving = now < order.until and now - order.alive < self.dog.safety.deadman
+        if not self._meet():
+            return
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), self._waiting())
         self._write(wanted, sense, dt)
         self._lamp.show(order.lamp)
 
     def abandon(self) -> None:
-        """Have the drives that can still be reached give way: nobody follows."""
-        self.drives.damp(self.dog.safety.kd)
+        """Have the drives that can still be reached brake and hold, or give way: nobody follows.
+
+        Those of a dog that is off stay so; of one that was not met nobody knows what they hold.
+        """
+        if not self._met:
+            return
+        if self.body.mode is Mode.OFF:
+            self.drives.disable()
+        else:
+            self.drives.damp(self.dog.safety.kd)
         self.drives.begin_cycle(0.0)  # with the SYNC on which they obey
 
     def state(self, now: float, timing: Timing) -> State:
@@ -124,18 +152,21 @@ class Controller:
         return State(
             stamp=now,
             mode=self.body.mode.value,
-            fault=self.body.fault or self._failed(),
+            fault=self.body.fault or self._failed() or self._not_off(),
             warning=self._warning(now),
             answered=self._errand,
             refusal=self._refusal,
             stopped=self._stops,
+            measured=tuple([self._looked - age for age in self._joints.ages]),
+            posed=self._looked - max(*self._joints.ages, self._imu_age),
+            felt=self._looked - self._imu_age,
             angles=self._joints.angles,
             speeds=self._joints.speeds,
             torques=self._joints.torques,
             temperatures=self._joints.temperatures,
             x=odometry.x,
             y=odometry.y,
-            height=self.body.walker.height,
+            height=height_of(self.dog.legs, self.dog.geometry.foot_radius, self._joints.angles, turn),
             twist=tuple(odometry.twist),
             rotation=(turn.w, turn.x, turn.y, turn.z),
             gyro=(imu.gyro.x, imu.gyro.y, imu.gyro.z) if imu else None,
@@ -152,7 +183,40 @@ class Controller:
         return max(self._joints.ages)
 
     def _sense(self) -> Sense:
-        return Sense(self._joints.angles, self._joints.speeds, self._seen_imu)
+        braked = self._braked() if self.body.mode is Mode.DAMPED else ""
+        return Sense(self._joints.angles, self._joints.speeds, self._seen_imu, braked)
+
+    def _braked(self) -> str:
+        """Return why the legs cannot be lowered together now; empty when they can."""
+        bus = silent_bus(self.dog.all_joints, self._joints.ages, self._stale)
+        if bus:
+            return f"bus {bus!r}: its drives are silent"
+        name = self.drives.braking()
+        return f"{name}: its drive does not go on from its quick stop" if name else ""
+
+    def _meet(self) -> bool:
+        """Return True once all drives have told whether they hold the dog; nothing is written before.
+
+        A dog that is held, by drives that stopped alone or by a controller that died, is let down.
+        """
+        if self._met:
+            return True
+        if max(self._joints.ages) > self._stale:
+            self.drives.probe(self.dog.safety.kd)
+            return False
+        self._met, self._last = True, self._joints.angles
+        held = holding(self.dog.all_joints, self._joints)
+        if held:
+            log.warning("%s: the dog may be held by its drives, and is let down", held)
+            self.body.lower()
+        return True
+
+    def _not_off(self) -> str:
+        """Return which drive keeps its torque although the dog is off; empty when none does."""
+        if self._off_for <= _SEEN_OFF or self._all_off:
+            return ""
+        held = holding(self.dog.all_joints, self._joints)
+        return f"{held}, wanted off" if held else ""
 
     def _fresh_imu(self) -> Imu | None:
         if self._imu is None or self.dog.imu is None or self._imu_age > self.dog.imu.timeout:
@@ -208,7 +272,7 @@ class Controller:
         if self._trip is not None:
             return self._trip.cause
         for joint, age in zip(self.dog.all_joints, self._joints.ages, strict=True):
-            if age > self.dog.safety.stale_cycles * self.dog.dt:
+            if age > self._stale:
                 return f"{joint.name}: no feedback from id {joint.id} on bus {joint.bus}"
         return ""
 
@@ -226,9 +290,13 @@ class Controller:
         While it moves that is the monitor's matter, and a latched fault first waits for its reset.
         """
         self._begun = now if self._begun is None else self._begun
-        if self.body.mode is not Mode.OFF or self.body.fault:
-            return
         told = self._joints
+        if self.body.mode is Mode.DAMPED:
+            bus = silent_bus(self.dog.all_joints, told.ages, _GONE)
+            if bus:
+                raise LinkLost(f"bus {bus!r}: all its drives are silent; their own stop holds them, or none")
+        if self._met and (self.body.mode is not Mode.OFF or self.body.fault):
+            return
         for number, joint in enumerate(self.dog.all_joints):
             if told.restarted[number]:
                 raise LinkLost(f"{joint.name}: {told.faults[number]}")
@@ -248,10 +316,10 @@ class Controller:
         """Do what the body wants of the drives, within the limits."""
         match wanted.wish:
             case Wish.HOLD:
-                safe = self._limits.limit(wanted.targets, self._last, sense.angles, dt)
-                self.clamped += safe.clamped
-                self._last = safe.targets.angles
-                self.drives.write(safe.targets)
+                self.drives.write(self._limited(wanted, sense.angles, dt))
+                return
+            case Wish.LOWER:
+                self.drives.lower(self._limited(wanted, self._known(), dt), self.dog.safety.kd)
                 return
             case Wish.ENABLE:
                 self.drives.enable()
@@ -263,8 +331,22 @@ class Controller:
                 self.drives.disable()
         self._last = sense.angles
 
+    def _limited(self, wanted: Wanted, measured: Twelve, dt: float) -> Targets:
+        """Return targets within the limits."""
+        safe = self._limits.limit(wanted.targets, self._last, measured, dt)
+        self.clamped += safe.clamped
+        self._last = safe.targets.angles
+        return safe.targets
+
+    def _known(self) -> Twelve:
+        """Return where the joints are; one that is silent counts as where it was sent."""
+        told = zip(self._joints.angles, self._joints.ages, self._last, strict=True)
+        return tuple([last if age > self._stale else angle for angle, age, last in told])
+
     def _warning(self, now: float) -> str:
         """Return what a person should know, empty when all is well."""
+        if self.body.mode is Mode.DAMPED and not self.body.fault:
+            return "it may have been held by its drives, and is let down"
         share = self.body.walker.speed_share
         if share < 1.0:
             return f"joints are warm: speed is held to {share:.0%}"

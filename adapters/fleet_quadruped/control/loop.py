@@ -137,8 +137,12 @@ class Loop:
         with no_collector():
             try:
                 self._cycle_on()
-            except Exception:  # with one bus dead, drives on another would go on to their last targets
+            except (
+                Exception
+            ) as error:  # with one bus dead, drives on another would go on to their last targets
                 self._controller.abandon()
+                if self._capture is not None and not self._controller.resting:
+                    self._capture.look(str(error), resting=True)
                 raise
 
     def _cycle_on(self) -> None:

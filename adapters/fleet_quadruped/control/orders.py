@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import msgspec
@@ -56,7 +57,11 @@ class Timing(msgspec.Struct, frozen=True):
 
 
 class State(msgspec.Struct, frozen=True):
-    """The newest state of the dog. Angles in the order of ``JOINTS``; ``stamp`` is monotonic."""
+    """The newest state of the dog. Angles in the order of ``JOINTS``; ``stamp`` is monotonic.
+
+    ``measured``, ``posed`` and ``felt`` are the monotonic times at which each joint, the oldest of what the
+    pose is made of, and the IMU were measured; -inf before the first time.
+    """
 
     stamp: float = 0.0
     mode: str = "off"
@@ -65,6 +70,9 @@ class State(msgspec.Struct, frozen=True):
     answered: int = 0  # number of the last errand
     refusal: str = ""  # why it was refused, empty when it was taken
     stopped: int = 0  # number of the last emergency stop that was obeyed
+    measured: tuple[float, ...] = ()
+    posed: float = -math.inf
+    felt: float = -math.inf
     angles: tuple[float, ...] = ()
     speeds: tuple[float, ...] = ()
     torques: tuple[float, ...] = ()

@@ -24,8 +24,12 @@ class Power(enum.StrEnum):
     DISABLED = "disabled"  # no torque
     STARTING = "starting"  # on the way to enabled
     ENABLED = "enabled"  # obeys targets
-    STOPPING = "stopping"  # brakes or damps, obeys no targets
+    STOPPING = "stopping"  # brakes, holds or damps, obeys no targets
     FAULT = "fault"
+
+
+HOLDING = frozenset({Power.ENABLED, Power.STOPPING})
+"""What a drive says whose joint may carry the dog: taking the torque off would drop it."""
 
 
 NEVER = -math.inf
@@ -83,9 +87,9 @@ class JointDrive(Protocol):
     """Drives of one dog, mostly all twelve, on one or more buses.
 
     ``problem``, ``bits``, ``identifiers`` and ``farthest`` are asked of the class. No method blocks but
-    ``configure`` and ``limit_torque``.
-    ``enable``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are called in
-    each cycle until ``feedback`` says that all drives did it.
+    ``configure`` and ``limit_torque``, and neither takes the torque off drives that hold a dog.
+    ``enable``, ``lower``, ``damp``, ``quick_stop`` and ``disable`` write one round of frames; they are
+    called in each cycle until ``feedback`` says that all drives did it.
     """
 
     @staticmethod
@@ -142,8 +146,20 @@ class JointDrive(Protocol):
     def write(self, targets: Targets) -> None:
         """Send targets to all drives."""
 
+    def braking(self) -> str:
+        """Return which joint is stopped by its drive's own means, and obeys no targets; empty without one."""
+
+    def probe(self, kd: float) -> bool:
+        """Make drives speak that only answer; what holds a dog goes on, or gives way slowly (N m s/rad).
+
+        Returns True for drives that give way by it.
+        """
+
+    def lower(self, targets: Targets, kd: float) -> None:
+        """Let the dog down: all joints give way slowly (N m s/rad), or go to the targets if they cannot."""
+
     def damp(self, kd: float) -> None:
-        """Let all joints give way slowly (N m s/rad where the protocol has it)."""
+        """Let all joints give way slowly (N m s/rad), or brake and hold them if they cannot."""
 
     def quick_stop(self) -> None:
         """Brake all joints by the drives' own means."""

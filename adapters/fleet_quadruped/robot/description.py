@@ -107,9 +107,9 @@ class Description(Section):
 
     @property
     def leave_time(self) -> float:
-        """Seconds from any walk, or from a hard stop, until it is off, with some to spare."""
+        """Seconds from any walk, or from a hard stop, until it is seen to be off, with some to spare."""
         slowest = max(self.time_to_stand("trot"), self.time_to_stand("walk"))
-        return max(self.safety.damp_time, slowest + self.poses.sit_time) + 1.5
+        return max(self.safety.damp_time, slowest + self.poses.sit_time) + 2.5
 
     @property
     def loads(self) -> dict[str, float]:

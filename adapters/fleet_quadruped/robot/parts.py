@@ -204,7 +204,12 @@ class Safety(Watch):
     step: float = Field(0.2, gt=0, le=1, description="Largest change of a target in one cycle, rad.")
     margin: float = Field(0.035, ge=0, le=0.2, description="Kept between targets and joint limits, rad.")
     kd: float = Field(3.0, gt=0, le=5, description="Damping of the emergency stop, N m s/rad.")
-    damp_time: float = Field(2.0, ge=0.5, le=10, description="Seconds of damping before torque goes off, s.")
+    damp_time: float = Field(
+        2.0,
+        ge=1.5,
+        le=10,
+        description="Seconds of a hard stop, giving way or lowering, until torque goes off.",
+    )
     lowest_voltage: float | None = Field(
         None, gt=0, description="Supply of the drives (else of the battery) at which it sits down, V."
     )

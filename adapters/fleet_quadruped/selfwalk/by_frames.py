@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.frames import FrameMap, encode
 from fleet_quadruped.robot.parts import Section
+from fleet_quadruped.seals import Sealed
 from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
 
 
@@ -24,11 +25,20 @@ def _height(frame: FrameMap) -> FrameMap:
     return frame
 
 
-class FixedFrame(Section):
-    """A frame whose data is always the same."""
+class FixedFrame(Section, Sealed):
+    """A frame whose data is always the same, but for a counter and a checksum."""
 
     id: int = Field(ge=0, le=0x1FFFFFFF, description="Identifier; beyond 7FFh it is an extended one.")
-    data: str = Field(pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="Data, hex.")
+    data: str = Field(pattern=r"^([0-9a-fA-F]{2}){0,8}$", description="All of its data, hex.")
+
+    @model_validator(mode="after")
+    def _room(self) -> FixedFrame:
+        """Refuse data in the place of a counter or a checksum, or none at all."""
+        data = bytes.fromhex(self.data)
+        for place, name in self.seal_bytes.items():
+            if data[place : place + 1] != b"\x00":
+                raise ValueError(f"byte {place} of data must be 00: its {name} is there")
+        return self
 
     @property
     def frame(self) -> Frame:
@@ -50,6 +60,22 @@ class Frames(Section):
     state: tuple[FrameMap, ...] = Field(min_length=1, description="What it tells in every cycle.")
     slow: tuple[FrameMap, ...] = Field((), description="What it tells now and then: percent, voltage.")
 
+    @model_validator(mode="after")
+    def _alike(self) -> Frames:
+        """Refuse frames of one identifier that are sealed in different ways."""
+        seals: dict[int, tuple[object, object]] = {}
+        for frame in self.outgoing:
+            seal = frame.counter, frame.checksum
+            if seals.setdefault(frame.id, seal) != seal:
+                raise ValueError(f"the frames {frame.id:03X}h must have the same counter and checksum")
+        return self
+
+    @property
+    def outgoing(self) -> tuple[FrameMap | FixedFrame, ...]:
+        """All frames that go to the machine."""
+        named = [getattr(self, name) for name in (*COMMANDS, "height")]
+        return (self.velocity, *self.start, *(frame for frame in named if frame is not None))
+
 
 def wire_of(frames: Frames) -> Wire:
     """Return what goes over the wire."""
@@ -62,4 +88,5 @@ def wire_of(frames: Frames) -> Wire:
         state=frames.state,
         slow=frames.slow,
         start=tuple(one.frame for one in frames.start),
+        seals={one.id: one for one in frames.outgoing if one.seal_bytes},
     )

@@ -18,11 +18,13 @@ from fleet_quadruped.control.orders import Order, State, Timing
 from fleet_quadruped.control.senses import Values, imu_of
 from fleet_quadruped.drives.cia402.commission import Addressed, write_node
 from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
-from fleet_quadruped.frames import encode
+from fleet_quadruped.frames import Encoder
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
+from fleet_quadruped.seals import Seal
 from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
+from fleet_quadruped.selfwalk.obedience import Obedience
 from fleet_quadruped.selfwalk.wire import AXES
 
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
@@ -48,6 +50,9 @@ class SelfWalkController:
         self._slow = Values(slow) if slow else None
         self._lamp = Lamp(walker.led, buses)
         self._asks = Asks()
+        self._seals = {number: Seal(number, sealed) for number, sealed in self._wire.seals.items()}
+        self._velocities = [(frame.id, Encoder(frame)) for frame in self._wire.velocity]
+        self._obedience = Obedience()
         self._errand = self._stops = 0
         self._stopping = False  # an emergency stop that the machine has not obeyed yet
         self._stop_until = -math.inf
@@ -74,7 +79,7 @@ class SelfWalkController:
             who = Addressed(self.walker.robot.name, self.walker.bus, self._wire.node)
             write_node(self._bus, who, list(self._wire.setup))
         for frame in self._wire.start:
-            self._bus.send(frame)
+            self._put(frame)
 
     @property
     def resting(self) -> bool:
@@ -112,13 +117,14 @@ class SelfWalkController:
         self._since = self._began if self._since is None else self._since
         self._look(dt)
         self._check(self._began)
+        self._judge(dt)
         self._obey(order, now)
         self._send(self._next(now, dt, order))
         emergency = self._wire.commands["emergency_stop"]
         if self._is_stopping(now):
-            self._bus.send(emergency)
+            self._put(emergency)
         elif (frame := self._asks.step(now, self.mode, self._error)) is not None:
-            self._bus.send(frame)
+            self._put(frame)
         self._lamp.show(order.lamp)
 
     def abandon(self) -> None:
@@ -137,9 +143,11 @@ class SelfWalkController:
             answered=self._asks.answered,
             refusal=self._asks.refusal,
             stopped=self._stops,
+            posed=self._now - self._state.age(self._now),
+            felt=self._now - self._state.age(self._now),
             x=self._x,
             y=self._y,
-            height=self._height,
+            height=self._state.values.get("height", self._height),
             twist=tuple(self._seen()),
             rotation=(turn.w, turn.x, turn.y, turn.z),
             gyro=(gyro.x, gyro.y, gyro.z) if gyro else None,
@@ -191,9 +199,16 @@ class SelfWalkController:
             if tilt > most:
                 self._stop(f"imu: tilted {tilt:.2f} rad, more than {most:g}", now)
 
+    def _judge(self, dt: float) -> None:
+        """Compare what it tells with what it was asked; one that walks unasked is stopped."""
+        known = self.mode in _STANDS and not self._is_stale()
+        self._obedience.judge(dt, self._twist if known else _STILL, self._seen() if known else _STILL)
+        if self._obedience.runs:
+            self._stop(f"{self.walker.robot.name}: {self._obedience.runs}", self._now)
+
     def _warning(self) -> str:
-        if self._unnamed:
-            return self._unnamed
+        if self._unnamed or self._obedience.why:
+            return self._unnamed or f"{self.walker.robot.name}: {self._obedience.why}"
         percent = self._percent()
         return f"battery at {percent:.0f} %" if percent is not None and percent <= self.walker.warn else ""
 
@@ -275,7 +290,7 @@ class SelfWalkController:
             self.fault = self.fault or cause
             if self._now >= self._sit_at:
                 self._sit_at = self._now + _AT_LEAST
-                self._bus.send(self._wire.commands["sit_down"])
+                self._put(self._wire.commands["sit_down"])
 
     def _next(self, now: float, dt: float, order: Order) -> Twist:
         """Return the velocity of this cycle."""
@@ -292,5 +307,10 @@ class SelfWalkController:
     def _send(self, twist: Twist) -> None:
         """Send a velocity."""
         values = dict(zip(AXES, twist, strict=True))
-        for frame in self._wire.velocity:
-            self._bus.send(Frame(frame.id, encode(frame, values)))
+        for number, encoder in self._velocities:
+            self._put(Frame(number, encoder.encode(values)))
+
+    def _put(self, frame: Frame) -> None:
+        """Put a frame on the bus, with its counter and checksum."""
+        seal = self._seals.get(frame.id)
+        self._bus.send(Frame(frame.id, seal.put(frame.data)) if seal else frame)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from fleet_quadruped.can.frame import Frame
 from fleet_quadruped.drives.cia402.setup import Object
 from fleet_quadruped.frames import FrameMap
+from fleet_quadruped.seals import Sealed
 
 AXES = ("x", "y", "turn")
 """A velocity: m/s forward, m/s left, rad/s counter-clockwise."""
@@ -17,7 +19,10 @@ COMMANDS = ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_f
 
 
 class Wire(NamedTuple):
-    """Frames out and in. ``alive`` goes before each velocity; ``node`` is a CANopen machine's id."""
+    """Frames out and in. ``alive`` goes before each velocity; ``node`` is a CANopen machine's id.
+
+    ``seals``: by the identifiers of frames that go out, the counters and checksums that they need.
+    """
 
     velocity: tuple[FrameMap, ...]
     commands: Mapping[str, Frame]
@@ -28,3 +33,4 @@ class Wire(NamedTuple):
     alive: tuple[Frame, ...] = ()
     node: int | None = None
     setup: tuple[Object, ...] = ()
+    seals: Mapping[int, Sealed] = MappingProxyType({})

@@ -14,13 +14,25 @@ from fleet_quadruped.drives.cia402.states import FOLLOWS, State
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
+from fleet_quadruped.sim.brakes import (
+    DAMPING,
+    DISABLE_OPTION,
+    DISABLES,
+    FAULT_OPTION,
+    FAULTS,
+    QUICK_STOP_OPTION,
+    QUICK_STOPS,
+    STIFF,
+    Brake,
+    Ending,
+    let_go,
+)
 from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Encoder, Hears
 from fleet_quadruped.sim.sdo import Entry, SdoServer
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
 _NO_LIMIT = 0xFFFF  # in 6072h
-_STIFF, _DAMPING, _BRAKE = 150.0, 3.0, 3.0  # N m/rad, N m s/rad: position loop, and quick stop
 _STATUS: Mapping[State, int] = MappingProxyType(
     {
         State.NOT_READY: 0x0000,
@@ -39,12 +51,18 @@ _STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
         (State.READY, 0x07): State.SWITCHED_ON,
         (State.SWITCHED_ON, 0x0F): State.ENABLED,
         (State.SWITCHED_ON, 0x06): State.READY,
-        (State.ENABLED, 0x07): State.SWITCHED_ON,
         (State.ENABLED, 0x06): State.READY,
-        (State.ENABLED, 0x02): State.QUICK_STOP,
     }
 )
-"""(state, low four bits of the control word) to the next state; clear bit 1 means voltage off."""
+"""(state, low four bits of the control word) to the next state; clear bit 1 means voltage off; see _ACTS."""
+_FAILED = frozenset({State.FAULT, State.FAULT_REACTION})
+_CONNECTION_LOST = (0x6007, 0)
+_ERROR_BEHAVIOUR = (0x1029, 1)
+_AFTER_ERROR: Mapping[int, int] = MappingProxyType({0: wire.PRE_OPERATIONAL, 2: wire.STOPPED})
+"""1029h:1: the NMT state of a node after a communication error; 1 leaves it as it is."""
+_NMT: Mapping[int, int] = MappingProxyType(
+    {0x01: wire.OPERATIONAL, 0x02: wire.STOPPED, 0x80: wire.PRE_OPERATIONAL}
+)
 _SOON = 1e-6  # s beyond a time-out
 _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x4310})
 
@@ -63,7 +81,10 @@ class SimDrive:
         self.sdo = SdoServer(joint.id, _dictionary(joint, drive), send)
         self.sdo.objects[MODE_DISPLAY] = self.sdo.objects[0x6060, 0]
         self.state = State.SWITCH_ON_DISABLED
-        self.nmt = 0x7F  # pre-operational
+        self.nmt = wire.PRE_OPERATIONAL
+        self._brake: Brake | None = None
+        self._after_brake = State.SWITCH_ON_DISABLED
+        self._stays = False  # it does not go on from a quick stop
         self._muted = self._terse = self._deaf = False
         self._dozing = 0  # times that it does not hear that it is to be enabled
         self.voltage = FULL
@@ -90,12 +111,14 @@ class SimDrive:
 
     def boot(self) -> None:
         """Start as after power-on."""
-        self.state, self.nmt, self._master_at, self._waiting = State.SWITCH_ON_DISABLED, 0x7F, None, None
+        self.state, self.nmt = State.SWITCH_ON_DISABLED, wire.PRE_OPERATIONAL
+        self._master_at = self._waiting = self._brake = None
         self._say(wire.HEARTBEAT, bytes([wire.BOOT_UP]))
 
     def fail(self, why: str) -> None:
         """Go into fault, and say so in an emergency."""
-        self._code, self.state = _CODES[why], State.FAULT
+        self._code = _CODES[why]
+        self._stop(State.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], State.FAULT)
         self._say(wire.EMERGENCY, struct.pack("<HB5x", self._code, 0x21))
 
     def mute(self) -> None:
@@ -106,6 +129,10 @@ class SimDrive:
         """Fail, and say so in an emergency of two bytes."""
         self._terse = True
         self.fail("overcurrent")
+
+    def stay(self) -> None:
+        """Stay in quick stop, whatever it is told, until its voltage is disabled (no transition 16)."""
+        self._stays = True
 
     def ignore(self) -> None:
         """Ignore targets, as a drive does that has its own reasons."""
@@ -132,6 +159,10 @@ class SimDrive:
         del self.sdo.objects[0x60B2, 0], self.sdo.objects[0x6077, 0]
         self.sdo.unmappable = frozenset(OPTIONAL)
 
+    def be_simple(self) -> None:
+        """Have no object for what follows a communication error (1029h): then it leaves operation."""
+        del self.sdo.objects[_ERROR_BEHAVIOUR]
+
     def refuse(self) -> None:
         """Refuse the first entry of the target PDO's mapping."""
         self.sdo.refusals[0x1600, 1] = 0x06040041
@@ -144,9 +175,11 @@ class SimDrive:
         self._time += dt
         motor = self.motor
         self.encoder.follow()
+        if self._brake is not None:
+            self._slow_down(self._brake, dt)
+            return
         if self.state is not State.ENABLED:
-            motor.kp = motor.feed = motor.target_speed = motor.slope = 0.0
-            motor.kd = _BRAKE if self.state is State.QUICK_STOP else 0.0
+            let_go(motor)
             return
         goal, target, slope = self._to, self._to, 0.0
         if left > _SOON:
@@ -154,8 +187,23 @@ class SimDrive:
             slope = (goal - target) / max(left, dt)
         if self._reach < math.inf:
             target = max(motor.angle - self._reach, min(motor.angle + self._reach, target))
-        motor.kp, motor.kd, motor.feed = _STIFF, _DAMPING, self._feed
+        motor.kp, motor.kd, motor.feed = STIFF, DAMPING, self._feed
         motor.target, motor.target_speed, motor.slope = target, slope, slope
+
+    def _stop(self, state: State, ending: Ending, after: State) -> None:
+        """Begin to stop in ``state``; ``after`` is what follows when the torque is off."""
+        self.state, self._after_brake = state, after
+        self._brake = Brake(ending, self.motor)
+        if not self._brake.torque:
+            self.state, self._brake = after, None
+
+    def _slow_down(self, brake: Brake, dt: float) -> None:
+        """Go on with a stop: brake, then hold, or take the torque off."""
+        if brake.over and not brake.holds:
+            self.state, self._brake = self._after_brake, None
+            let_go(self.motor)
+        else:
+            brake.step(self.motor, dt)
 
     def _look(self) -> None:
         """Look after the watchdog and the heartbeat, and what was configured."""
@@ -177,16 +225,34 @@ class SimDrive:
         self._beat = value[0x1017, 0] / 1000 or math.inf
         self._next_beat = min(self._next_beat, self._time + self._beat)
         limit = value.get(MAX_TORQUE, _NO_LIMIT)
-        self._reach = math.inf if limit == _NO_LIMIT else limit / 1000 * self.joint.kind.rated_torque / _STIFF
+        self._reach = math.inf if limit == _NO_LIMIT else limit / 1000 * self.joint.kind.rated_torque / STIFF
         exponent = value[0x60C2, 2]
         self._cycle = value[0x60C2, 1] * 10.0 ** (exponent - 256 if exponent > 127 else exponent)
 
     def _stop_alone(self) -> None:
         """Stop by ourselves because the master's heartbeat is missing (1016h, 6007h)."""
-        self._master_at = None
-        self._say(wire.EMERGENCY, struct.pack("<HB5x", 0x8130, 0x11))
-        if self.state is State.ENABLED and self.sdo.objects[0x6007, 0].value == 3:
-            self.state = State.QUICK_STOP
+        self._master_at = self._waiting = None
+        self._say(wire.EMERGENCY, struct.pack("<HB5x", wire.OUR_SILENCE, 0x11))
+        self._lose_connection()
+        behaviour = self.sdo.objects.get(_ERROR_BEHAVIOUR)
+        self.nmt = _AFTER_ERROR.get(behaviour.value if behaviour else 0, self.nmt)
+
+    def _lose_connection(self) -> None:
+        """Do what 6007h says, when the master is silent or takes the node out of operation."""
+        if self.state is not State.ENABLED:
+            return
+        option = self.sdo.objects[_CONNECTION_LOST].value
+        if option == 1:
+            self._stop(State.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], State.FAULT)
+        elif option == 2:
+            self._switch(0x00, self._control)
+        elif option == 3:
+            self.stop_quickly()
+
+    def stop_quickly(self) -> None:
+        """Do what 605Ah says for a quick stop."""
+        ending = QUICK_STOPS[self.sdo.objects[QUICK_STOP_OPTION].value]
+        self._stop(State.QUICK_STOP, ending, State.SWITCH_ON_DISABLED)
 
     def _master(self, _frame: Frame) -> None:
         """Note that the master lives."""
@@ -207,7 +273,9 @@ class SimDrive:
         if command in {0x81, 0x82}:
             self.boot()
         else:
-            self.nmt = {0x01: wire.OPERATIONAL, 0x02: 0x04, 0x80: 0x7F}.get(command, self.nmt)
+            self.nmt = _NMT.get(command, self.nmt)
+            if self.nmt != wire.OPERATIONAL:
+                self._lose_connection()
 
     def _sync(self, _frame: Frame) -> None:
         """Obey the target that came since the last SYNC, and tell where we are."""
@@ -229,14 +297,14 @@ class SimDrive:
 
     def _obey(self, told: tuple[int, float, float]) -> None:
         """Take a control word and a target."""
-        (control, angle, torque), before = told, self._control
+        control, angle, torque = told
         if self._dozing and control & 0x0F == 0x0F and self.state is State.SWITCHED_ON:
             self._dozing -= 1
             return
-        if control != before or self.state is not State.ENABLED:  # enabled, it obeys a word once
-            self._switch(control, before)
+        if control != self._control or self.state is not State.ENABLED:  # enabled, it obeys a word once
+            self._switch(control, self._control)
         if self.state is State.ENABLED and not self._deaf:
-            self._from = self.motor.angle if before & 0x0F != 0x0F else self._to
+            self._from = self._to
             self._to = angle - self.encoder.off
             self._feed = torque
             self._begun = self._time
@@ -244,20 +312,48 @@ class SimDrive:
     def _switch(self, control: int, before: int) -> None:
         """Change the state as a control word tells."""
         self._control = control
-        if self.state is State.FAULT:
-            if control & 0x80 and not before & 0x80:
-                self.state, self._code = State.SWITCH_ON_DISABLED, 0
-                self._say(wire.EMERGENCY, bytes(8))
+        was, act = self.state, _ACTS.get((self.state, control & 0x0F))
+        if self.state in _FAILED:
+            self._reset(control, before)
         elif not control & 0x02:
-            self.state = State.SWITCH_ON_DISABLED
+            self.state, self._brake = State.SWITCH_ON_DISABLED, None
+        elif act is not None:
+            act(self)
         else:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
+        if self.state is State.ENABLED is not was:
+            self._to = self.motor.angle
+
+    def _reset(self, control: int, before: int) -> None:
+        """Leave a fault by a rising edge of the reset bit."""
+        if self.state is State.FAULT and control & 0x80 and not before & 0x80:
+            self.state, self._code = State.SWITCH_ON_DISABLED, 0
+            self._say(wire.EMERGENCY, bytes(8))
+
+    def disable(self) -> None:
+        """Do what 605Ch says for "disable operation"."""
+        self._stop(State.ENABLED, DISABLES[self.sdo.objects[DISABLE_OPTION].value], State.SWITCHED_ON)
+
+    def go_on(self) -> None:
+        """Go on from a quick stop that holds (605Ah is 5 to 7): transition 16."""
+        if self._brake is not None and self._brake.holds and not self._stays:
+            self.state, self._brake = State.ENABLED, None
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""
         if not self._muted:
             short = self._terse and base == wire.EMERGENCY
             self._send(Frame(base + self.joint.id, data[:2] if short else data))
+
+
+_ACTS: Mapping[tuple[State, int], Callable[[SimDrive], None]] = MappingProxyType(
+    {
+        (State.ENABLED, 0x02): SimDrive.stop_quickly,
+        (State.ENABLED, 0x07): SimDrive.disable,
+        (State.QUICK_STOP, 0x0F): SimDrive.go_on,
+    }
+)
+"""(state, low four bits of the control word) to what takes its time, or is not always possible."""
 
 
 def _dictionary(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, int]]:
@@ -271,7 +367,10 @@ def _dictionary(joint: Joint, drive: Drive) -> dict[tuple[int, int], tuple[int, 
         (0x1016, 1): (4, 0),
         (0x1017, 0): (2, 0),
         (0x6007, 0): (2, 0),
-        (0x605A, 0): (2, 2),
+        QUICK_STOP_OPTION: (2, 2),
+        DISABLE_OPTION: (2, 1),
+        FAULT_OPTION: (2, 2),
+        _ERROR_BEHAVIOUR: (1, 0),
         (0x60C2, 1): (1, 1),
         (0x60C2, 2): (1, 0xFD),
         (0x6060, 0): (1, 0),

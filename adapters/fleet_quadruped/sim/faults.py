@@ -19,6 +19,7 @@ DOG_FAULTS: Mapping[str, str] = MappingProxyType(
         "warm": "joint 1 to 12 whose drive warms by 10 degrees a second",
         "short": "joint 1 to 12 whose drive fails and sends frames of two bytes",
         "deaf": "joint 1 to 12 whose drive (CiA 402) ignores its targets",
+        "stays": "joint 1 to 12 whose drive (CiA 402) does not go on from a quick stop",
         "mode": "joint 1 to 12 whose drive (CiA 402) does not take its mode",
         "twin": "joint 1 to 12 at whose id there is a second drive",
         "jump": "joint 1 to 12 whose encoder jumps by 0.5 rad",
@@ -38,6 +39,8 @@ WALKER_FAULTS: Mapping[str, str] = MappingProxyType(
         "battery": "percent that the battery has",
         "error": "number of its error",
         "tip": "rad that it is tilted",
+        "idle": "any number: it stands still whatever velocity it is asked",
+        "runs": "any number: it walks at 0.5 m/s whatever it is asked",
     }
 )
 """Faults of a machine that walks by itself."""
@@ -62,6 +65,10 @@ ON_DRIVE: Mapping[str, Callable[[AnyDrive], None]] = MappingProxyType(
 """What a fault does to one drive, whatever its protocol."""
 
 ON_CIA402: Mapping[str, Callable[[SimDrive], None]] = MappingProxyType(
-    {"deaf": lambda drive: drive.ignore(), "mode": lambda drive: drive.keep_mode()}
+    {
+        "deaf": lambda drive: drive.ignore(),
+        "stays": lambda drive: drive.stay(),
+        "mode": lambda drive: drive.keep_mode(),
+    }
 )
 """What a fault does to one CiA 402 drive."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -14,6 +14,8 @@ from fleet_quadruped.robot.description import Description
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.world import World
+
+_NEAR = 0.1  # rad: what a joint that is lowered is sent on in a cycle, at the most
 
 
 class Rig:
@@ -60,6 +62,15 @@ class Rig:
         self.tilt = max(self.tilt, self.sim.world.imu().tilt)
         self.watch()
 
+    def gives_way(self, joints: Iterable[int] = range(12)) -> bool:
+        """Return True when joints (by their places) damp, or already go where they are lowered to."""
+        targets = self.controller.targets
+        motors = ((self.sim.world.motors[number], targets[number]) for number in joints)
+        return self.mode is Mode.DAMPED and all(
+            motor.kd >= 2.9 and (motor.kp == 0 or abs(motor.target - target) < _NEAR)
+            for motor, target in motors
+        )
+
     def reconnect(self) -> None:
         """Begin anew with the same dog, as after a lost link."""
         self.order = Order()
@@ -85,9 +96,15 @@ class Rig:
         """Ask for an emergency stop; it is obeyed in the next cycle."""
         self.order = msgspec.structs.replace(self.order, stop=self.order.stop + 1)
 
+    def settle(self) -> None:
+        """Let a dog come to rest that is met, and may be held by its drives."""
+        self.go(0.1)
+        while self.mode is Mode.DAMPED:
+            self.cycle()
+
     def stand(self) -> None:
         """Stand up, from off to standing."""
-        self.go(0.1)
+        self.settle()
         refusal = self.ask(Ask.STAND)
         self.go(3.0)
         if self.mode is not Mode.STANDING:

@@ -15,6 +15,7 @@ from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQ
 from fleet_quadruped.drives.cia402.setup import final_values
 from fleet_quadruped.frames import Decoder, FrameMap, encode
 from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.seals import Seal
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 from fleet_quadruped.sim.faults import WALKER_FAULTS
@@ -25,6 +26,8 @@ GRAVITY = 9.81  # m/s2
 _LAG = 0.1  # s in which it takes up a velocity
 _SLOW = 1.0  # s between two words of the battery
 _BOOT, _PRE_OPERATIONAL = 0x00, 0x7F
+_NOTHING = Frame(0x7FF, b"")
+_RUNAWAY = Twist(0.5)
 
 
 class _Step(NamedTuple):
@@ -74,6 +77,11 @@ class SimWalker:
         self._wires = BadBuses(walker.buses, seed)
         self._wire = walker.wire
         self._velocity = Decoder(self._wire.velocity)
+        self._lengths = {frame.id: frame.length for frame in self._wire.velocity}
+        told = (*self._wire.state, *self._wire.slow)
+        self._seals = {frame.id: Seal(frame.id, frame) for frame in told if frame.seal_bytes}
+        self._checks = {number: Seal(number, sealed) for number, sealed in self._wire.seals.items()}
+        self._idle = self._runs_away = False
         self._asked: dict[str, float] = {}
         self._asked_at = -math.inf
         self._since = self._next_state = self._next_slow = 0.0
@@ -93,6 +101,10 @@ class SimWalker:
             self.percent = value
         elif name == "error":
             self._error = round(value)
+        elif name == "idle":
+            self._idle = True
+        elif name == "runs":
+            self._runs_away = True
         elif name == "tip":
             self._tilt = value
         elif name == "mute":
@@ -126,16 +138,26 @@ class SimWalker:
             return
         if self.sdo is not None:
             self._serve(frame)
-        found = self._velocity.decode(frame.id, frame.data) if self._runs() else None
-        if found is not None:
-            self._asked.update(found)
-            self._asked_at = self.time
+        if frame.id in self._lengths:
+            self._take_velocity(frame)
+            return
+        check = self._checks.get(frame.id)
+        if check is not None:
+            frame = Frame(frame.id, check.bare(frame.data)) if check.take(frame.data) else _NOTHING
         name = self._commands.get(frame)
         if name is not None:
             self._command(name)
         height = self.walker.frames.height if self.walker.frames else None
         if height is not None and frame.id == height.id:
             self.height = (Decoder([height]).decode(frame.id, frame.data) or {}).get("height", self.height)
+
+    def _take_velocity(self, frame: Frame) -> None:
+        """Take a velocity, if it is just as long as it must be, and sealed."""
+        right = len(frame.data) == self._lengths[frame.id] and self._runs()
+        found = self._velocity.decode(frame.id, frame.data) if right else None
+        if found is not None:
+            self._asked.update(found)
+            self._asked_at = self.time
 
     def _command(self, name: str) -> None:
         """Obey a command."""
@@ -154,7 +176,8 @@ class SimWalker:
             self._enter(step.then)
         stands = self.mode in {Mode.STANDING, Mode.WALKING}
         fresh = stands and self.time - self._asked_at <= self.walker.silence and not self._error
-        goal = Twist(*(self._asked.get(name, 0.0) if fresh else 0.0 for name in AXES))
+        goal = Twist(*(self._asked.get(name, 0.0) if fresh and not self._idle else 0.0 for name in AXES))
+        goal = _RUNAWAY if self._runs_away else goal
         share = min(1.0, dt / _LAG)
         self.twist = Twist(
             *(now + (wanted - now) * share for now, wanted in zip(self.twist, goal, strict=True))
@@ -175,7 +198,8 @@ class SimWalker:
     def _tell(self, frames: tuple[FrameMap, ...]) -> None:
         values = self._values()
         for frame in frames:
-            self._say(Frame(frame.id, encode(frame, values)))
+            data, seal = encode(frame, values), self._seals.get(frame.id)
+            self._say(Frame(frame.id, seal.put(data) if seal else data))
 
     def _values(self) -> dict[str, float]:
         """Return all that such a machine may tell."""

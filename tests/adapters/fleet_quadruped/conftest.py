@@ -6,6 +6,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.testing.robot import RecordingRobot
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
+from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.sim.rig import Rig
 
@@ -30,6 +31,19 @@ def any_dog(dog, request):
 @pytest.fixture(scope="session")
 def mit_dog(dog):
     return speaking(dog, "mit")
+
+
+@pytest.fixture
+def stopped_alone():
+    """Return what tells whether all drives have stopped by themselves: held (CiA 402), or limp (Damiao)."""
+
+    def judge(rig):
+        if rig.dog.drive.protocol == "mit":
+            return all(motor.kp == 0 for motor in rig.sim.world.motors)
+        held = all(motor.kp > 0 for motor in rig.sim.world.motors)
+        return held and {drive.state for drive in rig.sim.drives} == {State.QUICK_STOP}
+
+    return judge
 
 
 @pytest.fixture

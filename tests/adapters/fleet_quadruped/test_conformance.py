@@ -94,9 +94,11 @@ def test_an_emergency_stop_damps_every_joint_in_the_next_cycle(standing, cycles)
     standing.go(1.0 + cycles * 0.01, Twist(0.5))
     standing.emergency()
     standing.cycle()
-    standing.cycle()
+    standing.cycle()  # a frame that is written in one cycle is obeyed by the drives in the next
     assert standing.mode is Mode.DAMPED
-    assert all(motor.kp == 0 and motor.kd >= 2.9 for motor in standing.sim.world.motors)
+    if standing.dog.drive.protocol == "cia402":
+        standing.cycle()  # and on the way there they interpolate
+    assert standing.gives_way()
 
 
 def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
@@ -160,10 +162,10 @@ def test_without_fresh_orders_it_stands_and_then_sits(any_dog):
     assert rig.mode is Mode.OFF
 
 
-def test_silence_is_found_within_the_time_that_was_set(standing):
+def test_silence_is_found_within_the_time_that_was_set(standing, stopped_alone):
     standing.go(1.0, Twist(0.5))
     last = standing.sim.time - standing.dog.dt  # a cycle asks first, and then its time passes
-    while any(motor.kp > 0 for motor in standing.sim.world.motors):
+    while not stopped_alone(standing):
         standing.sim.advance(0.002)
     assert standing.sim.time - last <= standing.dog.drive.timeout + standing.dog.dt
     standing.go(0.02)
@@ -177,9 +179,8 @@ def test_the_fault_of_a_drive_damps_all_others_in_the_cycle_that_hears_of_it(sta
         standing.cycle()  # such a motor speaks only when it is spoken to
     standing.cycle()
     assert standing.mode is Mode.DAMPED
-    standing.cycle()
-    healthy = [motor for number, motor in enumerate(standing.sim.world.motors, 1) if number != RL_HIP]
-    assert all(motor.kp == 0 and motor.kd >= 2.9 for motor in healthy)
+    standing.go(0.02)
+    assert standing.gives_way(set(range(12)) - {RL_HIP - 1})
 
 
 def test_two_dogs_do_not_hear_each_other(any_dog):
@@ -192,11 +193,11 @@ def test_two_dogs_do_not_hear_each_other(any_dog):
     assert (one.mode, other.mode) == (Mode.DAMPED, Mode.WALKING)
 
 
-def test_the_drives_stop_by_themselves_when_the_controller_dies(standing):
+def test_the_drives_stop_by_themselves_when_the_controller_dies(standing, stopped_alone):
     standing.go(1.0, Twist(0.5))
     for _ in range(12):
         standing.sim.advance(0.01)
-    assert all(motor.kp == 0 for motor in standing.sim.world.motors)
+    assert stopped_alone(standing)
 
 
 def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):

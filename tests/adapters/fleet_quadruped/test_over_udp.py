@@ -14,7 +14,7 @@ import time
 import can
 import pytest
 
-from fleet import Fault, LinkLost, Vector3, Velocity
+from fleet import Fault, LinkLost, NotReady, TimedOut, Vector3, Velocity
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
 from fleet_quadruped.drives.cia402.states import State, state_of
 
@@ -56,7 +56,7 @@ async def test_it_stands_and_walks_over_the_bus_and_its_drives_stop_when_the_con
         with _on_a_bus() as bus:
             try:
                 await _walk_and_kill(running, bus)
-            except Fault as fault:
+            except (Fault, NotReady, TimedOut) as fault:
                 faults.append(str(fault))
             else:
                 return
@@ -69,12 +69,29 @@ async def _walk_and_kill(running, bus):
         async for _ in adapter.stand_up():
             pass
         adapter.drive(Velocity(Vector3(0.4)))
-        await robot.until(lambda: adapter._state.x > 0.1)
+        await robot.until(lambda: adapter._state.x > 0.1 or run.done() or adapter._state.mode == "damped")
+        if run.done() or adapter._state.mode == "damped":
+            raise Fault(adapter._state.fault)
         assert states(bus) == {State.ENABLED}
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
             await run
         assert _stopped(bus) == {State.QUICK_STOP}
+    async with running(link=None, buses={"a": bus}) as (adapter, robot, _):
+        await robot.until(lambda: adapter._state.mode == "damped")
+        await robot.until(lambda: adapter._state.mode == "off")
+    assert states(bus) == {State.SWITCH_ON_DISABLED}
+
+
+async def test_whoever_leaves_a_standing_dog_leaves_drives_without_torque(running):
+    for _ in range(TRIES):
+        with _on_a_bus() as bus, contextlib.suppress(Fault, NotReady, TimedOut):
+            async with running(link=None, buses={"a": bus}) as (adapter, _, _):
+                async for _ in adapter.stand_up():
+                    pass
+            assert states(bus) == {State.SWITCH_ON_DISABLED}
+            return
+    pytest.fail("it never stood up")
 
 
 def _stopped(url):

@@ -19,7 +19,10 @@ from fleet_quadruped.drives.cia402.frames import (
     HEARTBEAT,
     MASTER,
     MOST_COUNTS,
+    NMT,
+    NMT_START,
     OPERATIONAL,
+    OUR_SILENCE,
     RPDO1,
     SDO_REQUEST,
     SDO_RESPONSE,
@@ -64,6 +67,8 @@ class _Node:
     fault: str = ""
     feeds: bool = True  # it takes a torque besides the target
     restarted: bool = False  # it is not trusted until it is configured again
+    nmt: int = OPERATIONAL  # as its heartbeat says
+    stopped_alone: bool = False  # it missed our heartbeat, and may go on by the next control word
 
 
 _VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "voltage", "restarted")
@@ -130,7 +135,7 @@ class Cia402Drives:
                 missing |= commission(bus, joints, self._dog.drive)
         for node in self._nodes:
             node.told_at, node.beat_at = NEVER, math.inf
-            node.fault, node.restarted = "", False
+            node.fault, node.restarted, node.nmt = "", False, OPERATIONAL
             node.feeds = TORQUE_OFFSET not in missing.get(node.joint.name, ())
 
     def limit_torque(self, torque: float | None) -> None:
@@ -159,9 +164,14 @@ class Cia402Drives:
         return None if told is None else (found[1].joint, told[1])
 
     def begin_cycle(self, now: float) -> None:  # noqa: ARG002 - every cycle is alike
-        """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives."""
+        """Send our heartbeat and SYNC; one each cycle, so that a few lost ones do not stop the drives.
+
+        A drive that left operation, but was not restarted, is started again: it is configured still.
+        """
         for node in self._nodes:
             node.answers.begin()
+            if node.nmt != OPERATIONAL and not node.restarted:
+                self._buses[node.joint.bus].send(Frame(NMT, bytes([NMT_START, node.joint.id])))
         self._send_all(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])))
         self._send_all(Frame(SYNC, b""))
 
@@ -186,12 +196,24 @@ class Cia402Drives:
         """Send targets to the drives that are enabled."""
         self._send(Goal.HOLD, targets.angles, targets.torques)
 
-    def damp(self, kd: float) -> None:  # noqa: ARG002 - the drive's own quick stop has its own damping
-        """Quick stop: with 605Ah = 6 the drives brake and stay so."""
+    def braking(self) -> str:
+        """Return the joint of a drive that is in quick stop."""
+        return next((node.joint.name for node in self._nodes if node.state is State.QUICK_STOP), "")
+
+    def probe(self, kd: float) -> bool:  # noqa: ARG002 - nothing is written
+        """Do nothing: drives tell where they are at each SYNC."""
+        return False
+
+    def lower(self, targets: Targets, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
+        """Go to the targets, also from a quick stop: with 605Ah = 6 it holds, and damps nothing."""
+        self._send(Goal.LOWER, targets.angles, targets.torques)
+
+    def damp(self, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
+        """Quick stop: with 605Ah = 6 the drives brake and hold."""
         self.quick_stop()
 
     def quick_stop(self) -> None:
-        """Brake all joints."""
+        """Brake all joints and hold them."""
         self._stay(Goal.STOP)
 
     def disable(self) -> None:
@@ -225,6 +247,10 @@ class Cia402Drives:
         if node.restarted or node.answers.doubled or now - node.beat_at > self._silence:
             distrust = self._distrust(node, now)
             return Power.FAULT, (node.restarted and distrust) or node.fault or distrust
+        if node.state is State.ENABLED and node.stopped_alone:
+            return Power.STOPPING, node.fault
+        if node.state is State.ENABLED and node.nmt != OPERATIONAL:
+            return Power.STOPPING, f"id {node.joint.id} has left operation (heartbeat {node.nmt:02X}h)"
         if not node.follows:
             return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
         return POWER[node.state], node.fault
@@ -250,6 +276,7 @@ class Cia402Drives:
         node.angle, node.told_at = angle, now
         if status != node.status:
             node.status, node.state = status, state_of(status)
+            node.stopped_alone = node.stopped_alone and node.state is State.ENABLED
             node.follows = node.state is not State.ENABLED or status & FOLLOWS != 0
         node.answers.take(data)
 
@@ -267,9 +294,12 @@ class Cia402Drives:
         told = unpack_emergency(data)
         if told is not None:
             node.fault = "" if told.cleared else told.text
+            node.stopped_alone = told.code == OUR_SILENCE
 
     def _beat(self, node: _Node, data: bytes, now: float) -> None:
         state = data[0] & 0x7F if data else None
         if state == BOOT_UP and node.beat_at < math.inf:
             node.restarted = True
+        if state is not None and state != BOOT_UP:
+            node.nmt = state
         node.beat_at = now

@@ -14,7 +14,10 @@ from typing import NamedTuple
 
 from fleet_quadruped.robot.description import Joint
 
+NMT = 0x000
+NMT_START = 0x01
 SYNC = 0x080
+OUR_SILENCE = 0x8130  # error code of an emergency: our heartbeat is missing
 EMERGENCY = 0x080  # + node id
 TPDO1 = 0x180
 RPDO1 = 0x200
@@ -25,6 +28,7 @@ HEARTBEAT = 0x700
 MASTER = 0x7F  # our own node id
 OPERATIONAL = 0x05
 BOOT_UP = 0x00
+STOPPED, PRE_OPERATIONAL = 0x04, 0x7F  # NMT states in which a node obeys no PDO
 
 _CYCLIC = struct.Struct("<Hih")
 _WITHOUT_TORQUE = struct.Struct("<Hi")
@@ -171,7 +175,7 @@ class Rpdos:
 
 _EXACT: Mapping[int, str] = MappingProxyType(
     {
-        0x8130: "our heartbeat did not reach the drive",
+        OUR_SILENCE: "our heartbeat did not reach the drive",
         0x8611: "following error",
         0x7305: "encoder",
         0x3210: "over-voltage",

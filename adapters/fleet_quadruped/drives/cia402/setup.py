@@ -14,13 +14,15 @@ PROFILE_402 = 402
 MODES = (0x6502, 0)
 MAX_TORQUE = (0x6072, 0)
 TORQUE_OFFSET, TORQUE = 0x60B2_0010, 0x6077_0010
-OPTIONAL = (TORQUE_OFFSET, TORQUE)
-"""Entries of the PDOs, as a mapping names them, that a drive need not have; each is the last of its PDO."""
+ERROR_BEHAVIOUR = 0x1029_0108
+OPTIONAL = (TORQUE_OFFSET, TORQUE, ERROR_BEHAVIOUR)
+"""Objects, as a mapping names them, that a drive need not have; the first two are the last of their PDOs."""
 MODE_DISPLAY = (0x6061, 0)
 CYCLIC_POSITION = 8
 _DISABLED = 1 << 31
 _BEHAVIOUR_QUICK_STOP = 3
-_STAY_STOPPED = 6  # brake, then stay in quick stop: no torque-off while it falls
+_STAY_STOPPED = 6  # brake, then hold in quick stop: no torque-off while it stands
+_STAY_OPERATIONAL = 1
 
 
 class Object(NamedTuple):
@@ -45,8 +47,15 @@ def heartbeat_objects(drive: Drive) -> list[Object]:
         Object(0x1016, 1, 4, MASTER << 16 | timeout, "time until our silence stops the drive"),
         Object(0x1017, 0, 2, round(drive.heartbeat * 1000), "period of its heartbeat"),
         Object(0x6007, 0, 2, _BEHAVIOUR_QUICK_STOP, "quick stop when our heartbeat is missing"),
-        Object(0x605A, 0, 2, _STAY_STOPPED, "brake and stay stopped"),
+        Object(0x605A, 0, 2, _STAY_STOPPED, "brake and hold"),
     ]
+
+
+def error_objects(missing: Collection[int]) -> list[Object]:
+    """Return what keeps a drive listening after our silence: by default it leaves operation (CiA 301)."""
+    if ERROR_BEHAVIOUR in missing:
+        return []
+    return [Object(0x1029, 1, 1, _STAY_OPERATIONAL, "stay operational when our heartbeat is missing")]
 
 
 def mode_objects(cycle_hz: int) -> list[Object]:
@@ -101,7 +110,12 @@ def pdo_objects(
 
 def all_objects(drive: Drive, node: int, missing: Collection[int] = ()) -> list[Object]:
     """Return everything that is written, in its order."""
-    return [*heartbeat_objects(drive), *mode_objects(drive.cycle_hz), *mapping_objects(drive, node, missing)]
+    return [
+        *heartbeat_objects(drive),
+        *error_objects(missing),
+        *mode_objects(drive.cycle_hz),
+        *mapping_objects(drive, node, missing),
+    ]
 
 
 def final_values(objects: list[Object]) -> list[Object]:

@@ -28,6 +28,7 @@ class Goal(enum.StrEnum):
     OFF = "off"
     ENABLE = "enable"
     HOLD = "hold"  # enabled where it is so already
+    LOWER = "lower"  # the same, and on from a quick stop that holds (605Ah is 5 to 7)
     STOP = "stop"
     RESET = "reset"
 
@@ -60,7 +61,8 @@ _TOWARDS: Mapping[Goal, Mapping[State, int]] = MappingProxyType(
                 State.ENABLED: ENABLE,
             }
         ),
-        Goal.HOLD: MappingProxyType({State.ENABLED: ENABLE}),
+        Goal.HOLD: MappingProxyType({State.ENABLED: ENABLE, State.QUICK_STOP: QUICK_STOP}),
+        Goal.LOWER: MappingProxyType({State.ENABLED: ENABLE, State.QUICK_STOP: ENABLE}),
         Goal.STOP: MappingProxyType({State.ENABLED: QUICK_STOP, State.QUICK_STOP: QUICK_STOP}),
         Goal.RESET: MappingProxyType({State.FAULT: RESET}),
     }

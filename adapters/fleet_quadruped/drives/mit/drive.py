@@ -47,6 +47,7 @@ class _Motor:
     told_at: float = NEVER
     answers: Answers = field(default_factory=Answers)
     enabled: bool = False  # we asked for it
+    unknown: bool = True  # nobody has told it to be off or on yet: one that says no status may hold
     answered: bool = False  # since it was asked to be enabled
     held: bool = False  # a Damiao motor that said it is enabled, since we wanted it
     restarted: bool = False  # it let go by itself, so its watchdog is not trusted any more
@@ -118,7 +119,10 @@ class MitDrives:
                 "%s has no watchdog that can be set over CAN: check it in the maker's tool",
                 self._dog.drive.profile,
             )
-            self._ask_all(lambda motor: (motor.joint.id, wire.DISABLE), lambda motor: motor.told_at > NEVER)
+            self._ask_all(
+                lambda motor: (motor.joint.id, self._giving_way(motor, self._dog.safety.kd)),
+                lambda motor: motor.told_at > NEVER,
+            )
             return
         for register in wire.RANGE_REGISTERS:
             self._read(register)
@@ -207,7 +211,7 @@ class MitDrives:
                 self._send(motor, self._layout.pack_command(here))
             else:
                 motor.answered = motor.answered and motor.enabled
-                motor.enabled = True
+                motor.enabled, motor.unknown = True, False
                 self._send(motor, wire.ENABLE)
 
     def write(self, targets: Targets) -> None:
@@ -224,13 +228,29 @@ class MitDrives:
         reach = most / motor.joint.kind.kp
         return max(motor.angle - reach, min(motor.angle + reach, angle))
 
+    def braking(self) -> str:
+        """Return nothing: a motor that is enabled obeys."""
+        return ""
+
+    def probe(self, kd: float) -> bool:
+        """Ask each motor by a command to give way: one that is off only answers it."""
+        self.damp(kd)
+        return True
+
+    def lower(self, targets: Targets, kd: float) -> None:  # noqa: ARG002 - damping needs no targets
+        """Give way with damping."""
+        self.damp(kd)
+
     def damp(self, kd: float) -> None:
         """No stiffness, only damping: one frame each."""
         self._wanted = Power.STOPPING
         for motor in self._motors:
-            kind = motor.joint.kind
-            command = MitCommand(motor.joint.motor(motor.angle), kd=kd / kind.ratio**2)
-            self._send(motor, self._layout.pack_command(command))
+            self._send(motor, self._giving_way(motor, kd))
+
+    def _giving_way(self, motor: _Motor, kd: float) -> bytes:
+        """Return the command that damps a motor; one that is off stays off, and answers."""
+        joint = motor.joint
+        return self._layout.pack_command(MitCommand(joint.motor(motor.angle), kd=kd / joint.kind.ratio**2))
 
     def quick_stop(self) -> None:
         """Damp as the description says."""
@@ -240,7 +260,7 @@ class MitDrives:
         """Take the torque off."""
         self._wanted = Power.DISABLED
         for motor in self._motors:
-            motor.enabled = False
+            motor.enabled = motor.unknown = False
             self._send(motor, wire.DISABLE)
 
     def reset_fault(self) -> None:
@@ -262,7 +282,8 @@ class MitDrives:
         if motor.restarted:
             why = f"id {joint.id} let go by itself (status 0h); it is configured again after a reset"
             return Power.FAULT, why
-        return _TOLD[self._wanted] if self._is_enabled(motor) else Power.DISABLED, ""
+        may_hold = self._is_enabled(motor) or (motor.unknown and not self._damiao)
+        return _TOLD[self._wanted] if may_hold else Power.DISABLED, ""
 
     def _is_enabled(self, motor: _Motor) -> bool:
         if self._damiao:

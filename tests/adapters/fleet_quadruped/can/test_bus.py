@@ -1,6 +1,8 @@
 import errno
 import os
 import pty
+import re
+import socket
 import tty
 from pathlib import Path
 
@@ -99,7 +101,12 @@ def test_what_is_no_bus_is_refused(text):
 
 
 def test_a_multicast_bus_has_its_port():
-    assert parse_bus("can:udp_multicast:239.74.163.2?port=43113") == ("udp_multicast", "239.74.163.2", 43113)
+    assert parse_bus("can:udp_multicast:239.74.163.2?port=43113") == (
+        "udp_multicast",
+        "239.74.163.2",
+        43113,
+        "",
+    )
 
 
 def test_frames_cross_a_serial_adapter_in_its_own_words(clock):
@@ -150,3 +157,53 @@ def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clo
     assert other.receive(5.0) == [Frame(0x181, b"\x01")]
     one.close()
     other.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("can:socketcand:can0", r"names no host; write it like can:socketcand:can0\?host="),
+        (
+            "can:socketcand:can0?host=pi&speed=1",
+            r"'speed=1' is no option of socketcand; it takes host and port",
+        ),
+        ("can:socketcand:can0?host=pi&port=99999", r"there is no port 99999"),
+        ("can:kvaser:0?host=pi", r"'host=pi' is no option of kvaser; it takes none"),
+        ("can:socketcan:can0?port=1", r"'port=1' is no option of socketcan; it takes none"),
+    ],
+)
+def test_options_that_an_interface_does_not_take_are_refused_in_words(url, told):
+    with pytest.raises(LinkRefused, match=told):
+        parse_bus(url)
+
+
+def test_the_host_of_a_daemon_can_be_given():
+    told = parse_bus("can:socketcand:can0?host=192.168.1.20&port=29537")
+    assert (told.interface, told.channel, told.host, told.port) == (
+        "socketcand",
+        "can0",
+        "192.168.1.20",
+        29537,
+    )
+
+
+def test_a_daemon_that_does_not_answer_is_a_lost_link(clock):
+    with socket.socket() as held:
+        held.bind(("127.0.0.1", 0))  # and does not listen
+        url = f"can:socketcand:can0?host=127.0.0.1&port={held.getsockname()[1]}"
+        with pytest.raises(LinkLost, match="Connection refused"):
+            Bus("a", url, 500_000, clock)
+
+
+@pytest.mark.parametrize(
+    "interface", sorted(can.VALID_INTERFACES - {"virtual", "udp_multicast", "socketcan"})
+)
+def test_whatever_python_can_raises_becomes_words(clock, interface):
+    url = f"can:{interface}:0" + "?host=127.0.0.1&port=9" * (interface == "socketcand")
+    with pytest.raises((LinkLost, LinkRefused), match=re.escape(url) + ": .+"):
+        Bus("a", url, 500_000, clock)
+
+
+def test_a_driver_that_is_not_installed_is_said_so(clock):
+    with pytest.raises(LinkRefused, match=r"can:kvaser:0: the driver for kvaser is not installed on this"):
+        Bus("a", "can:kvaser:0", 500_000, clock)

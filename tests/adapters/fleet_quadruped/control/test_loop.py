@@ -5,8 +5,9 @@ import pytest
 from fleet.errors import LinkLost
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.control import orders
 from fleet_quadruped.control.loop import Loop
-from fleet_quadruped.control.orders import State
+from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.rig import Rig
@@ -35,11 +36,11 @@ class Orders:
     def order(self):
         return self._rig.order
 
-    def put(self, state: State):
+    def put(self, state: orders.State):
         """Nobody reads it."""
 
 
-def test_drives_on_the_other_bus_give_way_when_one_bus_dies(two_buses, monkeypatch):
+def test_drives_on_the_other_bus_give_way_or_brake_when_one_bus_dies(two_buses, monkeypatch):
     rig = two_buses
     monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
     assert rig.mode is Mode.WALKING, rig.fault
@@ -53,4 +54,30 @@ def test_drives_on_the_other_bus_give_way_when_one_bus_dies(two_buses, monkeypat
         if joint.bus == "b"
     ]
     assert len(right) == 6
-    assert all(motor.kp == 0 < motor.kd for motor in right)
+    if rig.dog.drive.protocol == "mit":
+        assert all(motor.kp == 0 < motor.kd for motor in right)
+    else:  # those on the dead bus do the same by themselves: all four legs hold the dog
+        states = {drive.state for drive in rig.sim.drives if drive.joint.bus == "b"}
+        assert states == {State.QUICK_STOP}
+        assert all(motor.kp > 0 for motor in right)
+
+
+class Noted:
+    """A capture that notes for which faults a file would be written."""
+
+    def __init__(self):
+        self.written = []
+
+    def look(self, fault, *, resting):
+        if fault and resting:
+            self.written.append(fault)
+        return ""
+
+
+def test_what_was_on_the_buses_is_kept_when_one_dies_in_motion(two_buses, monkeypatch):
+    rig, noted = two_buses, Noted()
+    monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
+    rig.buses["a"].cut = True
+    with pytest.raises(LinkLost):
+        Loop(rig.controller, rig.buses, Orders(rig), ManualClock(), capture=noted).run()
+    assert noted.written == ["bus 'a' is gone"]

@@ -3,7 +3,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_quadruped.drives.cia402 import frames as wire
-from fleet_quadruped.drives.cia402.setup import all_objects, final_values, mapping_objects, mode_objects
+from fleet_quadruped.drives.cia402.setup import (
+    ERROR_BEHAVIOUR,
+    all_objects,
+    final_values,
+    mapping_objects,
+    mode_objects,
+)
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)
@@ -99,6 +105,8 @@ def test_what_is_read_back_is_what_was_written_last():
     finals = {item.name: item.value for item in final_values(all_objects(DOG.drive, 5))}
     assert finals["1400h:1"] == 0x205
     assert finals["1016h:1"] == 0x7F << 16 | 100
+    assert (finals["6007h:0"], finals["605Ah:0"], finals["1029h:1"]) == (3, 6, 1)
+    assert "1029h:1" not in {item.name for item in all_objects(DOG.drive, 5, {ERROR_BEHAVIOUR})}
 
 
 def test_a_drive_without_torque_objects_has_short_frames():

@@ -28,7 +28,14 @@ def test_the_walk_to_enabled_takes_three_steps():
     assert control_words(Goal.ENABLE, walk) == [0x06, 0x07, 0x0F, 0x0F]
 
 
-@pytest.mark.parametrize("goal", [Goal.OFF, Goal.ENABLE, Goal.HOLD, Goal.STOP])
+def test_a_quick_stop_that_holds_is_left_only_to_lower_the_dog():
+    both = [State.ENABLED, State.QUICK_STOP]
+    assert control_words(Goal.HOLD, both) == [0x0F, 0x02]
+    assert control_words(Goal.LOWER, both) == [0x0F, 0x0F]
+    assert control_words(Goal.STOP, both) == [0x02, 0x02]
+
+
+@pytest.mark.parametrize("goal", [Goal.OFF, Goal.ENABLE, Goal.HOLD, Goal.LOWER, Goal.STOP])
 @pytest.mark.parametrize("state", State)
 def test_a_fault_is_never_acknowledged_without_being_asked(goal, state):
     assert not control_words(goal, [state])[0] & 0x80

@@ -222,3 +222,93 @@ def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists
             assert abs(each["x"]) <= pace.speed + 1e-3
             assert abs(each["y"]) <= pace.strafe + 1e-3
             assert abs(each["turn"]) <= pace.turn + 1e-3
+
+
+# -- frames as makers want them ----------------------------------------------------------------------
+
+
+SEAL = {"counter": {"at": 6}, "checksum": {"at": 7, "header": True}}
+
+
+@pytest.fixture
+def sealed(make_paddock):
+    """Return a machine of which every frame is padded, counted and has a checksum, as AgileX's version 1."""
+    tree = load_body(EXAMPLE.with_name("self-walking.yaml")).model_dump(exclude_none=True)
+    frames = tree["frames"]
+    for name in ("stand_up", "sit_down", "emergency_stop", "recovery_stand", "reset_faults"):
+        frames[name] |= SEAL | {"data": frames[name]["data"].ljust(16, "0")}
+    for padded in (frames["velocity"], frames["height"], *frames["state"]):
+        padded.update(SEAL, dlc=8)
+    walker = type(load_body(EXAMPLE.with_name("self-walking.yaml"))).model_validate(tree)
+    return make_paddock(walker)
+
+
+def test_a_machine_with_counters_and_checksums_walks(sealed):
+    sealed.go(0.2)
+    assert sealed.ask(Ask.STAND) == ""
+    sealed.go(1.5)
+    sealed.go(2.0, Twist(0.4))
+    assert sealed.state.mode == "walking"
+    assert sealed.machine.twist.x == pytest.approx(0.4, abs=0.01)
+    assert {len(frame.data) for frame in sealed.bus.sent if frame.id in {0x111, 0x131}} == {8}
+    sealed.emergency()
+    sealed.go(0.2)
+    assert sealed.state.mode == "damped"
+
+
+def test_a_machine_whose_counter_stands_still_is_silent(sealed):
+    sealed.go(0.2)
+    sealed.machine._seals = {number: Frozen(seal) for number, seal in sealed.machine._seals.items()}
+    with pytest.raises(LinkLost, match="silent"):
+        sealed.go(3.0)
+
+
+class Frozen:
+    """A counter that does not go on."""
+
+    def __init__(self, seal):
+        self._seal, self._data = seal, {}
+
+    def put(self, data):
+        return self._data.setdefault("first", self._seal.put(data))
+
+
+def test_the_example_speaks_agilex_version_2(make_paddock):
+    paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking.yaml")))
+    paddock.go(0.2)
+    paddock.ask(Ask.STAND)
+    paddock.go(1.5)
+    paddock.go(2.0, Twist(0.5, 0.1, -0.2))
+    velocity = [frame.data for frame in paddock.bus.sent if frame.id == 0x111][-1]
+    assert velocity == bytes.fromhex("01F4 FF38 0064 0000")  # forward, turn, left, steering
+
+
+# -- whether it does what it is asked ----------------------------------------------------------------
+
+
+def test_a_machine_that_is_asked_to_walk_and_stands_is_told(standing):
+    standing.machine.fault("idle")
+    standing.go(2.5, Twist(0.5))
+    assert standing.state.warning == (
+        f"{standing.walker.robot.name}: asked 0.50 m/s and 0.00 rad/s, tells 0.00 m/s and 0.00 rad/s: "
+        "it is blocked, or does not obey"
+    )
+    standing.go(0.1)
+    assert standing.state.fault == ""
+
+
+@pytest.mark.parametrize("twist", [Twist(0.0, 0.2), Twist(0.0, 0.0, 0.8), Twist(-0.4), Twist(0.3, 0.0, 0.6)])
+def test_a_machine_that_obeys_is_not_blamed(standing, twist):
+    for asked in (twist, Twist(*(-part for part in twist)), Twist(), twist):
+        for _ in range(30):
+            standing.go(0.1, asked)
+            assert standing.state.warning == standing.state.fault == ""
+
+
+def test_a_machine_that_walks_unasked_is_stopped(standing):
+    standing.machine.fault("runs")
+    standing.go(2.2)
+    assert standing.state.fault == (
+        f"{standing.walker.robot.name}: asked to stand still, tells 0.50 m/s and 0.00 rad/s"
+    )
+    assert standing.state.mode == "damped"

@@ -1,0 +1,57 @@
+"""The way down of a dog that is stopped hard: its legs fold from where they are, then the torque goes off.
+
+Drives that damp by themselves need no targets; the others are led down by them. A drive that brakes on its
+own, or one on a silent bus, holds its leg stiff: until it obeys the others wait, or the dog tips over.
+"""
+
+from __future__ import annotations
+
+from fleet_quadruped.body.motion import Motion, Segment
+from fleet_quadruped.body.sense import ZEROS, Targets
+from fleet_quadruped.robot.description import Description, leg_angles
+from fleet_quadruped.robot.names import Twelve
+
+_SHARE = 0.6  # of the time until the torque goes off, in which the legs fold
+_TOUCH = 0.15  # s in which lifted feet come down: on two legs it would fall onto the others
+_PATIENCE = 1.0  # s in which a drive that brakes must go on
+
+
+def level(dog: Description, posture: Twelve) -> Twelve:
+    """Return the angles with all feet as deep as the deepest one."""
+    feet = [leg.foot(leg_angles(posture, number)) for number, leg in enumerate(dog.legs)]
+    deepest = min(z for _, _, z in feet)
+    angles = [leg.angles((x, y, deepest)) for leg, (x, y, _) in zip(dog.legs, feet, strict=True)]
+    return tuple(angle for each in angles for angle in each)
+
+
+class Lowering:
+    """One way down. ``done``: the torque may go off; ``stuck``: a drive brakes on and cannot be moved."""
+
+    def __init__(self, dog: Description, start: Twelve, *, upright: bool) -> None:
+        self._until = dog.safety.damp_time
+        fold = Segment(_SHARE * self._until, dog.posture(dog.poses.fold))
+        way = [Segment(_TOUCH, level(dog, start)), fold] if upright else [fold]
+        self._motion = Motion(start, way)
+        self._targets = Targets(start, ZEROS, ZEROS)
+        self._moved = self._waited = 0.0  # s
+
+    @property
+    def done(self) -> bool:
+        """True when the legs are folded and have had time to settle."""
+        return self._moved > self._until
+
+    @property
+    def stuck(self) -> bool:
+        """True when it has waited for too long."""
+        return self._waited > _PATIENCE
+
+    def step(self, dt: float, *, braked: bool) -> Targets:
+        """Return the targets after ``dt`` seconds; while ``braked`` all joints are held where they are."""
+        if braked:
+            self._waited += dt
+            self._targets = Targets(self._targets.angles, ZEROS, ZEROS)
+        else:
+            self._waited = 0.0
+            self._moved += dt
+            self._targets = self._motion.step(dt)
+        return self._targets

@@ -1,0 +1,110 @@
+"""What makes a frame of a maker's own protocol count: a counter that goes on, a checksum over its bytes."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import xor
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+_CRC_POLYNOMIAL, _CRC_START, _CRC_END = 0x1D, 0xFF, 0xFF  # CRC-8 of SAE J1850
+
+
+class Counter(BaseModel):
+    """A number that grows by one with each frame of an identifier, and wraps."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    at: int = Field(ge=0, le=7, description="Its byte.")
+    bits: Literal[4, 8] = Field(8, description="4: half of the byte.")
+    shift: Literal[0, 4] = Field(0, description="4: the upper half.")
+
+    @property
+    def mask(self) -> int:
+        """The bits of the byte that are the counter's."""
+        return ((1 << self.bits) - 1) << self.shift & 0xFF
+
+
+class Checksum(BaseModel):
+    """A byte made of all other bytes of the frame."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    at: int = Field(ge=0, le=7, description="Its byte.")
+    kind: Literal["sum", "xor", "crc8"] = Field("sum", description="crc8: that of SAE J1850.")
+    header: bool = Field(
+        False, description="The identifier's two bytes and the length count, too, as in AgileX's version 1."
+    )
+
+    def of(self, identifier: int, data: bytes) -> int:
+        """Return the checksum of a frame, whatever is in its place now."""
+        head = bytes([identifier >> 8 & 0xFF, identifier & 0xFF, len(data)]) if self.header else b""
+        covered = head + data[: self.at] + data[self.at + 1 :]
+        if self.kind == "sum":
+            return sum(covered) & 0xFF
+        return reduce(xor, covered, 0) if self.kind == "xor" else _crc8(covered)
+
+
+class Sealed(BaseModel):
+    """A frame that may have a counter and a checksum."""
+
+    counter: Counter | None = Field(None, description="A number that goes on with each frame.")
+    checksum: Checksum | None = Field(None, description="A byte that is made of the others.")
+
+    @property
+    def seal_bytes(self) -> dict[int, str]:
+        """The bytes of counter and checksum, with their names."""
+        both = {"counter": self.counter, "checksum": self.checksum}
+        return {part.at: name for name, part in both.items() if part is not None}
+
+
+class Seal:
+    """Counter and checksum of one identifier, for one direction."""
+
+    def __init__(self, identifier: int, sealed: Sealed) -> None:
+        self._identifier = identifier
+        self._counter, self._checksum = sealed.counter, sealed.checksum
+        self._count: int | None = None
+
+    def put(self, data: bytes) -> bytes:
+        """Return the next frame's data, with its counter and checksum."""
+        sealed = bytearray(data)
+        counter, checksum = self._counter, self._checksum
+        if counter is not None:
+            self._count = 0 if self._count is None else self._count + 1
+            value = self._count << counter.shift & counter.mask
+            sealed[counter.at] = sealed[counter.at] & ~counter.mask & 0xFF | value
+        if checksum is not None:
+            sealed[checksum.at] = checksum.of(self._identifier, bytes(sealed))
+        return bytes(sealed)
+
+    def take(self, data: bytes) -> bool:
+        """Return True for a frame that counts: its checksum is right, and its counter has gone on."""
+        counter, checksum = self._counter, self._checksum
+        if checksum is not None and data[checksum.at] != checksum.of(self._identifier, data):
+            return False
+        if counter is not None:
+            count = data[counter.at] & counter.mask
+            if count == self._count:
+                return False
+            self._count = count
+        return True
+
+    def bare(self, data: bytes) -> bytes:
+        """Return the data with nothing in the places of counter and checksum."""
+        bare = bytearray(data)
+        if self._counter is not None:
+            bare[self._counter.at] &= ~self._counter.mask & 0xFF
+        if self._checksum is not None:
+            bare[self._checksum.at] = 0
+        return bytes(bare)
+
+
+def _crc8(data: bytes) -> int:
+    crc = _CRC_START
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ _CRC_POLYNOMIAL if crc & 0x80 else crc << 1) & 0xFF
+    return crc ^ _CRC_END

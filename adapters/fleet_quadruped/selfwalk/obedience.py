@@ -1,0 +1,48 @@
+"""Whether a machine that walks by itself does what it is asked: its own velocity against ours."""
+
+from __future__ import annotations
+
+import math
+
+from fleet_quadruped.body.gait import Twist
+
+_ASKED, _TURN = 0.1, 0.2  # m/s, rad/s: less than this is not judged
+_SHARE = 0.25  # of what is asked that it must tell
+_SLACK = 1.0  # s in which it may take up a velocity
+_STILL, _STILL_TURN = 0.15, 0.3  # m/s, rad/s that it may tell when it is to stand
+_HALT = 1.5  # s in which it must come to rest
+
+
+class Obedience:
+    """Remembers for how long a machine has not done what it was asked. ``why`` says so, empty without.
+
+    ``runs``: it walks although it is to stand still.
+    """
+
+    def __init__(self) -> None:
+        self.why = self.runs = ""
+        self._idle = self._running = 0.0  # s
+
+    def judge(self, dt: float, asked: Twist, told: Twist) -> None:
+        """Take one cycle: what is asked of it, and what it tells (m/s, rad/s)."""
+        still = asked == Twist()
+        self._idle = self._idle + dt if not still and _idles(asked, told) else 0.0
+        moves = math.hypot(told.x, told.y) > _STILL or abs(told.turn) > _STILL_TURN
+        self._running = self._running + dt if still and moves else 0.0
+        self.why = self.runs = ""
+        if self._idle > _SLACK:
+            self.why = f"asked {_words(asked)}, tells {_words(told)}: it is blocked, or does not obey"
+        if self._running > _HALT:
+            self.runs = f"asked to stand still, tells {_words(told)}"
+
+
+def _idles(asked: Twist, told: Twist) -> bool:
+    """Return True when much less is told than asked, or the opposite of it."""
+    speed = math.hypot(asked.x, asked.y)
+    along = (asked.x * told.x + asked.y * told.y) / speed if speed > _ASKED else math.inf
+    turn = told.turn * math.copysign(1.0, asked.turn) if abs(asked.turn) > _TURN else math.inf
+    return along < _SHARE * speed or turn < _SHARE * abs(asked.turn)
+
+
+def _words(twist: Twist) -> str:
+    return f"{math.hypot(twist.x, twist.y):.2f} m/s and {twist.turn:.2f} rad/s"

@@ -1,0 +1,78 @@
+"""How a simulated CiA 402 drive stops: the option codes 605Ah, 605Ch and 605Eh, as tables, and the braking.
+
+A quick stop is no damper. The drive slows its motor down on a ramp, and then holds it where it is, with all
+of its stiffness, or takes the torque off: that is what 605Ah says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from fleet_quadruped.sim.world import Motor
+
+QUICK_STOP_OPTION, DISABLE_OPTION, FAULT_OPTION = (0x605A, 0), (0x605C, 0), (0x605E, 0)
+STIFF, DAMPING = 150.0, 3.0  # N m/rad, N m s/rad: the drive's position loop
+_AT_ONCE, _SLOW_DOWN, _QUICK, _HARD = 0.0, 20.0, 100.0, math.inf  # rad/s2; at once: without any torque
+
+
+class Ending(NamedTuple):
+    """How a stop goes on: how fast the motor is slowed down (rad/s2), and whether it is held then."""
+
+    ramp: float
+    holds: bool = False
+
+
+QUICK_STOPS: Mapping[int, Ending] = MappingProxyType(
+    {
+        0: Ending(_AT_ONCE),
+        1: Ending(_SLOW_DOWN),
+        2: Ending(_QUICK),
+        3: Ending(_HARD),
+        4: Ending(_HARD),
+        5: Ending(_SLOW_DOWN, holds=True),
+        6: Ending(_QUICK, holds=True),
+        7: Ending(_HARD, holds=True),
+    }
+)
+"""605Ah: what a quick stop does."""
+DISABLES: Mapping[int, Ending] = MappingProxyType({0: Ending(_AT_ONCE), 1: Ending(_SLOW_DOWN)})
+"""605Ch: what "disable operation" does."""
+FAULTS: Mapping[int, Ending] = MappingProxyType(
+    {0: Ending(_AT_ONCE), 1: Ending(_SLOW_DOWN), 2: Ending(_QUICK), 3: Ending(_HARD), 4: Ending(_HARD)}
+)
+"""605Eh: what a fault does before the torque goes off."""
+
+
+class Brake:
+    """One stop of one motor, from where it is and as fast as it turns when the stop begins."""
+
+    def __init__(self, ending: Ending, motor: Motor) -> None:
+        self.holds = ending.holds
+        self._ramp = ending.ramp
+        self._speed = motor.speed if _AT_ONCE < ending.ramp < math.inf else 0.0
+        self._place = motor.angle
+        self.torque = ending.ramp > _AT_ONCE
+
+    @property
+    def over(self) -> bool:
+        """True when the motor is at rest, or was let go."""
+        return self._speed == 0.0
+
+    def step(self, motor: Motor, dt: float) -> None:
+        """Set the motor for the next ``dt`` seconds."""
+        before = self._speed
+        change = self._ramp * dt if self.torque else 0.0
+        after = math.copysign(max(0.0, abs(before) - change), before) if before else 0.0
+        mean = (before + after) / 2
+        motor.kp, motor.kd, motor.feed = STIFF, DAMPING, 0.0
+        motor.target, motor.slope, motor.target_speed = self._place, mean, mean
+        self._place += mean * dt
+        self._speed = after
+
+
+def let_go(motor: Motor) -> None:
+    """Take the torque off."""
+    motor.kp = motor.kd = motor.feed = motor.target_speed = motor.slope = 0.0

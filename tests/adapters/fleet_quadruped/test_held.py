@@ -1,0 +1,263 @@
+"""A dog that stands, or is held by its drives, never falls: whoever leaves, returns, or was cut off."""
+
+import pytest
+
+from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.control.loop import Loop
+from fleet_quadruped.control.orders import Order
+from fleet_quadruped.drives.base import Power
+from fleet_quadruped.drives.cia402.drive import Cia402Drives
+from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.reports import health_of
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
+from fleet_quadruped.workbench import Workbench
+
+RL_HIP = JOINTS.index("RL_hip") + 1
+GENTLE = 0.5  # m/s of its drop
+
+
+class Watched(Rig):
+    """A dog in physics whose greatest speed of falling is noted."""
+
+    def __init__(self, dog, **options):
+        super().__init__(dog, MujocoWorld(dog), **options)
+        self.drop = 0.0
+        self.watch = self.note
+
+    def note(self):
+        self.drop = max(self.drop, self.sim.world.fall_speed)
+
+    def pass_time(self, seconds):
+        """Let time pass without a controller."""
+        for _ in range(round(seconds / 0.01)):
+            self.sim.advance(0.01)
+            self.note()
+
+    @property
+    def height(self):
+        return self.sim.world.place()[2]
+
+    def states(self):
+        return {drive.state for drive in self.sim.drives}
+
+
+@pytest.fixture(params=[Twist(), Twist(0.5)], ids=["standing", "trotting"])
+def upright(dog, request):
+    rig = Watched(dog)
+    rig.stand()
+    rig.go(1.5, request.param)
+    return rig
+
+
+def test_a_controller_that_is_started_again_lets_a_held_dog_down_gently(upright):
+    upright.pass_time(1.0)  # the controller is dead
+    assert upright.states() == {State.QUICK_STOP}
+    assert upright.height > 0.2
+    upright.reconnect()
+    upright.go(0.2)
+    assert upright.mode is Mode.DAMPED
+    upright.go(2.5)
+    assert upright.mode is Mode.OFF
+    assert upright.states() == {State.SWITCH_ON_DISABLED}
+    assert upright.height < 0.15
+    assert upright.drop < GENTLE
+    upright.stand()
+
+
+def test_a_held_dog_is_told_and_its_joints_are_led_from_where_they_are(upright):
+    upright.pass_time(0.5)
+    before = [motor.angle for motor in upright.sim.world.motors]
+    upright.reconnect()
+    while upright.mode is not Mode.DAMPED:
+        upright.cycle()
+    upright.go(0.03)
+    after = [motor.target for motor in upright.sim.world.motors]
+    assert max(abs(a - b) for a, b in zip(before, after, strict=True)) < 0.1
+    assert health_of(upright.state(), 100).cause == "it may have been held by its drives, and is let down"
+
+
+def test_a_controller_that_is_started_again_at_once_finds_drives_that_are_still_enabled(upright):
+    upright.reconnect()
+    upright.go(3.0)
+    assert upright.states() == {State.SWITCH_ON_DISABLED}
+    assert upright.drop < GENTLE
+
+
+@pytest.mark.parametrize("simple", [False, True], ids=["with 1029h", "without 1029h"])
+@pytest.mark.parametrize("seconds", [0.3, 0.8, 5.0])
+def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, simple):
+    rig = Watched(dog)
+    for drive in rig.sim.drives if simple else ():
+        drive.be_simple()
+    rig.controller.drives.configure()
+    rig.stand()
+    rig.go(1.5, Twist(0.5))
+    rig.sim.fault("silent")
+    try:
+        rig.go(seconds)
+        lost = False
+    except LinkLost:
+        lost = True
+        rig.pass_time(4.0)
+    assert lost == (seconds > 1.0)
+    assert rig.height > 0.2
+    rig.sim.clear("silent")
+    if lost:
+        rig.reconnect()
+    rig.go(3.5)
+    assert rig.mode is Mode.OFF
+    assert rig.states() == {State.SWITCH_ON_DISABLED}
+    assert rig.drop < GENTLE
+
+
+def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(dog):
+    rig = Watched(dog)
+    rig.stand()
+    rig.sim.fault("stays", RL_HIP)
+    rig.pass_time(0.5)
+    rig.reconnect()
+    rig.go(3.0)
+    assert rig.mode is Mode.DAMPED
+    assert rig.height > 0.2
+    assert rig.fault == (
+        "RL_hip: its drive does not go on from its quick stop: it is held and cannot be lowered; "
+        "hold the dog: reset_faults lets go"
+    )
+    assert "it is damped" in rig.ask(Ask.STAND)
+    assert rig.ask(Ask.RESET) == ""
+    rig.go(0.5)
+    assert rig.states() == {State.SWITCH_ON_DISABLED}
+
+
+def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
+    rig = Watched(dog)
+    rig.stand()
+    rig.go(1.5, Twist(0.5))
+    rig.sim.fault("mute", RL_HIP)
+    rig.go(3.0)
+    assert rig.mode is Mode.OFF
+    assert rig.drop < GENTLE
+
+
+def test_nothing_is_written_to_drives_before_they_have_told_whether_they_hold_the_dog(dog):
+    rig = Rig(dog)
+    rig.stand()
+    rig.reconnect()
+    rig.sim.fault("silent")
+    rig.go(0.5)
+    assert not [frame for frame in rig.buses["a"].sent if 0x200 < frame.id < 0x280]
+
+
+def test_motors_that_say_no_status_give_way_before_they_are_told_to_be_off(mit_dog):
+    drive = mit_dog.drive.model_copy(update={"profile": "tmotor-ak80-9-v1.1"})
+    rig = Watched(mit_dog.model_copy(update={"drive": drive}))
+    rig.stand()
+    rig.pass_time(2.0)  # they have no watchdog, and hold what they were told last
+    assert rig.height > 0.2
+    rig.reconnect()
+    rig.go(3.0)
+    assert rig.height < 0.15
+    assert rig.drop < GENTLE
+
+
+class Bench:
+    """The buses and the time of a rig, for a tool that only looks."""
+
+    def __init__(self, rig):
+        self._rig = rig
+        self.buses = {"a": self}
+        self.name = "a"
+
+    def send(self, frame):
+        self._rig.buses["a"].send(frame)
+
+    def receive(self, wait):
+        self._rig.sim.advance(0.002)
+        self._rig.note()
+        return self._rig.buses["a"].receive(0.0)
+
+    def monotonic(self):
+        return self._rig.sim.time
+
+
+def test_a_tool_that_looks_at_a_held_dog_refuses_and_drops_nothing(dog, monkeypatch):
+    rig = Watched(dog)
+    rig.stand()
+    rig.pass_time(0.5)
+    bench = Bench(rig)
+    monkeypatch.setattr(Cia402Drives, "configure", lambda _self: None)  # it is configured already
+    with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: let it down"):
+        Workbench(dog, bench.buses, bench)
+    assert rig.states() == {State.QUICK_STOP}
+    assert rig.height > 0.2
+
+
+# -- the way out -------------------------------------------------------------------------------------
+
+
+class SimTime:
+    """The simulated dog's time as a clock."""
+
+    def __init__(self, sim):
+        self._sim = sim
+
+    def monotonic(self):
+        return self._sim.time
+
+    def time(self):
+        return self._sim.time
+
+
+class Leave:
+    """An exchange whose host tells the dog to leave."""
+
+    def __init__(self, rig):
+        self._rig = rig
+
+    def order(self):
+        return Order(leave=True, alive=self._rig.sim.time, errand=self._rig.order.errand)
+
+    def put(self, state):
+        """Nobody reads it."""
+
+
+def leave(rig, monkeypatch):
+    """Run a loop that is told to leave to its end."""
+    monkeypatch.setattr("fleet_quadruped.control.loop.realtime", lambda: False)
+    loop = Loop(rig.controller, rig.buses, Leave(rig), SimTime(rig.sim), moved=rig.sim.advance)
+    monkeypatch.setattr(loop, "_pause", lambda _seconds: None)
+    loop.run()
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+@pytest.mark.parametrize("stands", [True, False])
+def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, loss, stands):
+    rig = Rig(any_dog)
+    if stands:
+        rig.stand()
+    if loss:
+        rig.sim.fault("loss", loss)
+    leave(rig, monkeypatch)
+    told = rig.controller.drives.feedback(rig.sim.time)
+    assert {Power.DISABLED, Power.FAULT} >= set(told.powers)
+    if any_dog.drive.protocol == "cia402":
+        assert {State.SWITCH_ON_DISABLED, State.FAULT} >= {drive.state for drive in rig.sim.drives}
+    assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
+
+
+def test_a_drive_that_keeps_its_torque_is_told(dog):
+    rig = Rig(dog)
+    rig.stand()
+    rig.ask(Ask.SIT)
+    while rig.mode is not Mode.SETTLING:
+        rig.cycle()
+    drive = rig.sim.drives[RL_HIP - 1]
+    drive.hears = {frame: hears for frame, hears in drive.hears.items() if frame != 0x208}  # its RPDO
+    rig.sim._listen()
+    rig.go(2.0)
+    assert health_of(rig.state(), 100).cause.startswith("RL_hip: the drive is enabled, wanted off")

@@ -1,0 +1,116 @@
+"""What a dog reports is what was measured, with the time of the measurement."""
+
+import math
+
+import pytest
+
+from fleet import PoseReport, Quaternion
+from fleet.errors import LinkLost
+from fleet.model.report import ImuReport, JointReport
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.body.height import height_of
+from fleet_quadruped.reports import Motion
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
+
+RL_HIP = JOINTS.index("RL_hip") + 1
+EPOCH = 1_795_000_000.0  # Unix seconds at the simulated dog's zero
+
+
+class Reported(Rig):
+    """A dog whose reports are collected by kind."""
+
+    def __init__(self, dog, world=None):
+        super().__init__(dog, world)
+        self.motion = Motion(1.0)
+        self.told = {JointReport: [], PoseReport: [], ImuReport: []}
+        self.watch = self.note
+
+    def note(self):
+        for report in self.motion.reports(self.state(), EPOCH):
+            self.told[type(report)].append(report)
+
+    def forget(self):
+        for reports in self.told.values():
+            reports.clear()
+
+
+@pytest.fixture
+def walking(any_dog):
+    rig = Reported(any_dog)
+    rig.stand()
+    rig.go(0.6, Twist(0.4))
+    return rig
+
+
+def test_nothing_is_told_while_the_bus_is_cut(walking):
+    walking.sim.fault("silent")
+    walking.go(0.05, Twist(0.4))
+    walking.forget()
+    with pytest.raises(LinkLost):
+        walking.go(5.0, Twist(0.4))
+    assert walking.told == {JointReport: [], PoseReport: [], ImuReport: []}
+
+
+def test_every_report_has_the_time_of_its_measurement(walking):
+    walking.forget()
+    walking.sim.fault("loss", 0.3)
+    walking.go(0.3, Twist(0.4))
+    now = EPOCH + walking.sim.time
+    for reports in walking.told.values():
+        stamps = [report.stamp for report in reports]
+        assert stamps == sorted(stamps)
+        assert now - 0.3 - 0.1 <= stamps[0] <= stamps[-1] <= now
+    poses = [report.stamp for report in walking.told[PoseReport]]
+    assert len(set(poses)) == len(poses)
+
+
+def test_a_drive_that_is_silent_is_not_in_what_is_told(walking):
+    walking.sim.fault("mute", RL_HIP)
+    walking.go(0.05, Twist(0.4))
+    walking.forget()
+    walking.go(0.5, Twist(0.4))
+    assert len(walking.told[JointReport]) > 30
+    assert all("RL_hip" not in report.positions for report in walking.told[JointReport])
+    assert all(len(report.positions) == 11 for report in walking.told[JointReport])
+    assert walking.told[PoseReport] == []
+
+
+def test_a_silent_imu_is_not_told_again(walking):
+    walking.sim.fault("imu")
+    walking.go(0.03, Twist(0.4))
+    walking.forget()
+    walking.go(0.5, Twist(0.4))
+    assert walking.told[ImuReport] == walking.told[PoseReport] == []
+    assert len(walking.told[JointReport]) > 30
+
+
+def test_the_height_is_that_of_the_legs_and_not_the_wanted_one(dog):
+    rig = Reported(dog, MujocoWorld(dog))
+    rig.go(0.2)
+    assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
+    rig.stand()
+    for _ in range(3):
+        rig.go(0.4, Twist(0.5))
+        assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.02)
+    rig.emergency()
+    rig.go(3.0)
+    assert rig.told[PoseReport][-1].position.z == pytest.approx(rig.sim.world.place()[2], abs=0.03)
+    assert rig.told[PoseReport][-1].position.z < 0.15
+
+
+def test_a_tilted_dog_is_as_high_as_its_lowest_foot_says(dog):
+    stance = dog.stance(0.27)
+    upright = height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(0.0))
+    tilted = height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(0.5))
+    assert upright == pytest.approx(0.27, abs=0.001)
+    aside = dog.geometry.hip_y + dog.geometry.abad_offset
+    down = 0.27 - dog.geometry.foot_radius
+    lowest = down * math.cos(0.5) + aside * math.sin(0.5) + dog.geometry.foot_radius
+    assert tilted == pytest.approx(lowest, abs=0.001)
+    assert height_of(dog.legs, dog.geometry.foot_radius, stance, quaternion(math.pi)) == 0.0
+
+
+def quaternion(roll):
+    return Quaternion(math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0)
