@@ -86,6 +86,7 @@ class Desk:
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall = self._navigator.recall  # says how the actions of an earlier process ended
+        self.doing, self.hold_again = self._navigator.doing, self._driving.hold_again
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -196,8 +197,6 @@ class Desk:
         self._driving.let_go()
         if self._adapter is not None:
             await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
-
-    # -- asking --------------------------------------------------------------------------------------
 
     def receive(self, ask: Command | Setpoint | Navigate, ticket: Ticket) -> None:
         """Take an ask; its ticket gets exactly one receipt."""

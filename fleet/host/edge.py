@@ -37,6 +37,7 @@ from fleet.host.settings import (
     worker_of,
 )
 from fleet.host.stops import take_stops
+from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
@@ -78,6 +79,7 @@ class Edge:
                 journal=journal,
                 clock=clock,
                 settle=settle_time(config),
+                traffic=traffic_of(config, clock),
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())

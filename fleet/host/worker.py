@@ -29,6 +29,7 @@ from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.signals import end_by_signal
 from fleet.host.stops import take_stops
+from fleet.host.traffic import traffic_of
 from fleet.spool.place import state_folder
 
 log = logging.getLogger(__name__)
@@ -50,7 +51,16 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     folder = state_folder(edge, loaded.config.edge.spool.path)
     journal = Journal(folder, clock, begun_file(directory, edge, name))
     settle = settle_time(loaded.config)
-    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
+    process = RobotProcess(
+        edge,
+        bus,
+        specs,
+        journal=journal,
+        clock=clock,
+        worker=name,
+        settle=settle,
+        traffic=traffic_of(loaded.config, clock),
+    )
     ended = asyncio.Event()
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)

@@ -5,10 +5,14 @@ from __future__ import annotations
 import msgspec
 
 from fleet.model.geometry import Vector3
+from fleet.model.site import Placement
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
+
+    ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
+    lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
 
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
@@ -32,6 +36,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     emergency_stop: bool = False
     last_command: str = ""
     last_outcome: str = ""
+    site: Vector3 | None = None
+    placement: Placement | None = None
+    separation: str = ""
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
