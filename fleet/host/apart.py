@@ -12,6 +12,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+import msgspec
+
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
 from fleet.host.safety.separation import (
@@ -37,6 +39,7 @@ STALE = 2 * LOOK  # s after which a look is too old for a velocity
 MEASURED = 0.2  # s of way that make a speed
 GAP = 1.0  # s without a pose after which what lies between says nothing of its speed
 JUMP = 1.0  # m beyond what it can have gone that mean that its odometry began anew
+SPEEDING_UP = 0.8  # m/s that a robot which leads itself may have gained since it was measured
 SAID = 1.0  # s for which a robot that was held counts as held
 NO_LIMIT = 2.0  # m/s for a robot that declares no limit
 
@@ -74,7 +77,8 @@ class Mover(Protocol):
 class Apart:
     """One robot among the others.
 
-    ``held`` tells the body velocity that is being held, ``points`` the places of a task in the robot's world.
+    ``led``: the host leads it to its goals, by velocities. ``held`` tells the body velocity that is being
+    held, ``points`` the places of a task in the robot's world.
     """
 
     def __init__(
@@ -86,6 +90,7 @@ class Apart:
         clock: Clock,
         others: Others,
         mover: Mover,
+        led: bool,
         held: Callable[[], Velocity],
         points: Callable[[Task], Sequence[Vector3]],
         publish: Callable[[Report], None],
@@ -105,6 +110,7 @@ class Apart:
         self._clock = clock
         self._others = others
         self._mover = mover
+        self._led = led
         self._held = held
         self._points = points
         self._publish = publish
@@ -173,16 +179,19 @@ class Apart:
         """Return what the robot takes up now, None while nobody knows where it is."""
         if self.at is None:
             return None
-        velocity, held = self._velocity, self._held()
-        if not held.is_zero and held.linear.norm() >= velocity.norm():
-            velocity = rotate_to_world(held.linear, self._yaw)
+        held, way = self._held(), self._ahead()
+        asked, turn = rotate_to_world(held.linear, self._yaw), held.yaw_rate
+        if way and not self._led:
+            asked = Vector3(min(self._fastest, self._velocity.norm() + SPEEDING_UP))  # its size alone counts
         return Occupant(
             self.name,
             self._radius,
             self._braking,
             self.at,
-            self._ahead(),
-            velocity,
+            way,
+            self._velocity,
+            asked,
+            turn,
             self._clock.monotonic() - self._seen,
             self._mover.in_motion,
             (self._rank, -100.0 if self._battery is None else -self._battery),
@@ -227,6 +236,7 @@ class Apart:
         robot = self.occupant()
         if robot is None:
             return velocity
+        robot = msgspec.structs.replace(robot, turn=velocity.yaw_rate)
         wanted = rotate_to_world(velocity.linear, self._yaw)
         share, whose = 1.0, robot
         for other in self._near:
@@ -257,7 +267,7 @@ class Apart:
         self._unsay()
         if not self._near:
             return
-        if not self._held().is_zero:
+        if not self._held().is_zero or (self._led and self._mover.doing() is not None):
             self._mover.hold_again()
             return
         robot = self.occupant()

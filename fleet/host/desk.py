@@ -222,7 +222,7 @@ class Desk:
             ticket.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (False, True)
-        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask.name)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
 from collections.abc import Callable, Iterable
 
 import msgspec
@@ -21,7 +22,7 @@ from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report, TelemetryReport
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
@@ -31,6 +32,9 @@ log = logging.getLogger(__name__)
 STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that begin a flight: refused outside the fence and with too little battery."""
+
+CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
+"""Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
 
 
 class Guard:
@@ -55,6 +59,7 @@ class Guard:
     ) -> None:
         self._name = config.name
         self._config = config.fence
+        self._all = config
         self._limits = limits
         self._unbordered = config.fence is None and limits.distance is None
         self._unfenced = self._unbordered and limits.altitude is None
@@ -131,7 +136,26 @@ class Guard:
 
     # -- what may be asked of it ---------------------------------------------------------------------
 
-    def beginning(self, name: str) -> str | None:
+    def beginning(self, ask: Command) -> str | None:
+        """Return why a command may not begin a flight or change its height; None when it may, or does not."""
+        return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+
+    def _climb_trouble(self, ask: Command) -> str:
+        """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
+        if ask.name not in CLIMBS or self.apart is None or self.apart.placement is None:
+            return ""
+        pose, home = self._fresh(), self._home_point()
+        if pose is None:
+            return "where the robot is, is unknown, so its separation cannot be kept"
+        field, sign = CLIMBS[ask.name]
+        metres = ask.data.get(field, getattr(self._all, "takeoff_altitude", 0.0))
+        if not isinstance(metres, int | float) or not math.isfinite(metres):
+            return ""  # the command itself refuses it
+        rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
+        task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
+        return self.apart.task_trouble(task, (pose.position + task.translation,))
+
+    def _start_trouble(self, name: str) -> str | None:
         """Return why a command may not begin a flight, None when it may, or begins none."""
         if name not in BEGINNINGS:
             return None

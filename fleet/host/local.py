@@ -150,6 +150,7 @@ class LocalRobot:
             clock=self._clock,
             others=traffic,
             mover=self.desk,
+            led=not self._can.navigates,
             held=lambda: guard.held,
             points=guard.points,
             publish=self.publish,

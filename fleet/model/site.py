@@ -35,7 +35,7 @@ class Placement(msgspec.Struct, frozen=True):
 def placed_on_earth(site: GeoOrigin, world: GeoOrigin) -> Placement:
     """Return where the world of a robot lies whose place on Earth is known.
 
-    Exact at its origin; within centimetres 10 km around it.
+    Exact at its origin; within 0.3 m some kilometres around it.
     """
     origin = world_from_geo(site, geo_from_world(world, Vector3()))
     along = world_from_geo(site, geo_from_world(world, _FAR)) - origin

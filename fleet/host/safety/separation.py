@@ -15,26 +15,28 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from fleet.model.geometry import Vector3
+from fleet.model.geometry import Vector3, rotate_to_world
 from fleet.model.polyline import apart, beginning
 
-REACTION = 0.6  # s until a robot brakes: the age of its pose, the look at it, the way to it, its answer
+REACTION = 0.8  # s until a robot brakes: the age of its pose, the look at it, the way to it, its answer
 SOONER = 0.5  # s by which the one that gives way brakes before the one that has it
 ADMITTED = 0.2  # m beyond the radii that a way must keep: no robot keeps to its way by the centimetre
 HELD = 0.1  # m beyond the radii at which a robot in motion must stand
 FRESH = 1.0  # s for which a place is taken as it was told
 LONGEST = 10.0  # s for which a robot that is not heard may have gone on
+ASTRAY = 0.3  # m/s off its way that are more than a noisy place and a turn towards it
 STILL = 0.1  # m/s and below: it stands, and its place is noisy
 SLACK = 0.01  # m that is no change of a distance
-CREEP = 0.03  # m/s below which a slowed robot is held
-_STEPS = 12  # halvings, in the search for how far a robot may go
+ARC = 3  # straight pieces for an arc
+_STEPS = 8  # halvings, in the search for how far a robot may go
 
 
 class Occupant(msgspec.Struct, frozen=True):
     """What one robot takes up.
 
     ``way``: where it is sent from ``at`` on, by the host or by its autopilot; empty for one that stands or
-    is driven. ``velocity`` (m/s) is measured, or what is held. ``braking``: m/s2 that it surely brakes with.
+    is driven. ``velocity`` (m/s) is measured, ``asked`` what it is to have, turning with ``turn`` (rad/s).
+    ``braking``: m/s2 that it surely brakes with.
     ``age``: seconds since it told its place. ``moves``: something of ours moves it. Of two that are in each
     other's way the one with the lower ``precedence`` gives way; of equals, the later name.
     """
@@ -45,14 +47,16 @@ class Occupant(msgspec.Struct, frozen=True):
     at: Vector3
     way: tuple[Vector3, ...] = ()
     velocity: Vector3 = Vector3()
+    asked: Vector3 = Vector3()
+    turn: float = 0.0
     age: float = 0.0
     moves: bool = False
     precedence: tuple[float, ...] = ()
 
     @property
     def speed(self) -> float:
-        """How fast it is, m/s."""
-        return self.velocity.norm()
+        """How fast it is or is to be, m/s."""
+        return max(self.velocity.norm(), self.asked.norm())
 
     @property
     def doubt(self) -> float:
@@ -69,14 +73,42 @@ class Occupant(msgspec.Struct, frozen=True):
         return (self.precedence, other.name) < (other.precedence, self.name)
 
     def stopping_way(self, late: float = 0.0) -> tuple[Vector3, ...]:
-        """Return the line that it goes until it stands, when it is told to in ``late`` seconds."""
+        """Return the line that it goes until it stands, when it is told to in ``late`` seconds.
+
+        Where it is to go otherwise than it goes, that is the line around all ways between the two.
+        """
         speed = self.speed
+        if self.way and speed > STILL:
+            line = beginning(self.claim, stopping(speed, self.braking) + speed * late)
+            aside = self.aside(self.way[0])
+            return (self.at, *(point + aside for point in line), *reversed(line)) if aside.norm() else line
+        drift, asked = self._course(self.velocity, 0.0, late), self.course(self.asked, late)
+        return (*reversed(drift), *asked[1:], drift[-1]) if len(asked) > 1 else drift
+
+    def aside(self, goal: Vector3) -> Vector3:
+        """Return how far (m) its speed bears it off the straight way to a goal, before it is on it."""
+        way = goal - self.at
+        along = way.scaled(1 / way.norm()) if way.norm() > SLACK else Vector3()
+        ahead = self.velocity.x * along.x + self.velocity.y * along.y + self.velocity.z * along.z
+        off = self.velocity - along.scaled(max(0.0, ahead))
+        speed = off.norm()
+        return off.scaled(stopping(speed, self.braking) / speed) if speed > ASTRAY else Vector3()
+
+    def course(self, velocity: Vector3, late: float = 0.0) -> tuple[Vector3, ...]:
+        """Return the line that it would go at a velocity, turning as it does, until it stands."""
+        return self._course(velocity, self.turn, late)
+
+    def _course(self, velocity: Vector3, turn: float, late: float) -> tuple[Vector3, ...]:
+        """Return an arc for as long as it takes until it brakes, and the straight way on which it does."""
+        speed = velocity.norm()
         if speed <= STILL:
             return (self.at,)
-        metres = stopping(speed, self.braking) + speed * late
-        if self.way:
-            return beginning(self.claim, metres)
-        return (self.at, self.at + self.velocity.scaled(metres / speed))
+        line, piece = [self.at], (REACTION + late) / ARC
+        for number in range(ARC if turn else 1):
+            way = rotate_to_world(velocity, turn * piece * (number + 0.5)) if turn else velocity.scaled(ARC)
+            line.append(line[-1] + way.scaled(piece))
+        last = rotate_to_world(velocity, turn * piece * ARC)
+        return (*line, line[-1] + last.scaled(speed / (2 * self.braking)))
 
 
 def gone_since(speed: float, age: float) -> float:
@@ -102,29 +134,35 @@ def needed(one: Occupant, other: Occupant) -> float:
 
 def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:
     """Return why a robot may not go through these points, empty when it may."""
-    way = (robot.at, *points)
+    steps = list(enumerate(points, 1))
+    if steps and (aside := robot.aside(steps[0][1])).norm():
+        steps.insert(0, (0, robot.at + aside))
+    way = (robot.at, *(point for _, point in steps))
     for other in others:
         least = needed(robot, other) + ADMITTED
-        theirs = other.claim
-        if apart(way, theirs, least) >= least:
-            continue
-        trouble = _step_trouble(way, other, least)
-        if trouble:
+        if apart(way, other.claim, least) < least and (
+            trouble := _step_trouble(robot.at, steps, other, least)
+        ):
             return trouble
     return ""
 
 
-def _step_trouble(way: Sequence[Vector3], other: Occupant, least: float) -> str:
-    """Return which goal is too near another robot, or the way to it; one that is too near may leave."""
-    before = apart(way[:1], other.claim)
-    for number in range(1, len(way)):
-        nearest = apart(way[number - 1 : number + 1], other.claim)
-        after = apart(way[number : number + 1], other.claim)
+def _step_trouble(start: Vector3, steps: Sequence[tuple[int, Vector3]], other: Occupant, least: float) -> str:
+    """Return which goal is too near another robot, or the way to it; one that is too near may leave.
+
+    ``steps`` are the points with their numbers; 0 is no goal, but where its speed bears it.
+    """
+    before = apart((start,), other.claim)
+    for number, point in steps:
+        nearest, after = apart((start, point), other.claim), apart((point,), other.claim)
         if nearest < min(least, before) - SLACK:
-            what = f"goal {number}" if after <= nearest + SLACK else f"the straight way to goal {number}"
-            whose = f"{other.name}'s way" if nearest < apart(way, (other.at,)) - SLACK else other.name
+            at_goal = number and after <= nearest + SLACK
+            what = f"goal {number}" if at_goal else f"the straight way to goal {max(number, 1)}"
+            whose = other.name
+            if nearest < apart((start, point), (other.at,)) - SLACK:
+                whose = f"{other.name}'s way"
             return f"{what} is {nearest:.1f} m from {whose}, {least:.1f} m are kept{_silence(other)}"
-        before = after
+        start, before = point, after
     return ""
 
 
@@ -175,27 +213,25 @@ def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
 
     The direction stays: it goes where it was asked to, but no faster than it can stop.
     """
-    speed = velocity.norm()
     least = needed(robot, other) + HELD
-    wanted = stopping(speed, robot.braking)
-    if speed == 0.0:
-        return 1.0
     theirs = other.stopping_way(_sooner(robot, other))
-    along = velocity.scaled(1.0 / speed)
-    if _passes(robot.at, along, wanted, theirs, least):
+    if _passes(robot, velocity, theirs, least):
         return 1.0
-    near, far = 0.0, wanted
+    share, more = 0.0, 1.0
     for _ in range(_STEPS):
-        middle = (near + far) / 2
-        near, far = (middle, far) if _passes(robot.at, along, middle, theirs, least) else (near, middle)
-    slower = speed_within(near, robot.braking)
-    return slower / speed if slower > CREEP else 0.0
+        middle = (share + more) / 2
+        passes = _passes(robot, velocity.scaled(middle), theirs, least)
+        share, more = (middle, more) if passes else (share, middle)
+    return share if share * velocity.norm() > STILL else 0.0
 
 
-def _passes(at: Vector3, along: Vector3, metres: float, theirs: Sequence[Vector3], least: float) -> bool:
-    """Return whether a robot may go so far along a direction: not too near, or no nearer than it is."""
-    way = (at, at + along.scaled(metres))
-    if apart(way, theirs, least) >= least:
+def _passes(robot: Occupant, velocity: Vector3, theirs: Sequence[Vector3], least: float) -> bool:
+    """Return whether a robot may hold a velocity: it comes no nearer than it is, or not too near.
+
+    What it has of speed in another direction is not gone at once: all between the two must be clear.
+    """
+    course, here = robot.course(velocity), apart((robot.at,), theirs)
+    if apart(course, theirs) >= here - 1e-6:
         return True
-    here = apart((at,), theirs)
-    return here < least and apart(way, theirs) >= here - 1e-6
+    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()
+    return apart((*reversed(drift), *course[1:], drift[-1]), theirs, least) >= least

@@ -60,7 +60,7 @@ class Walker(Adapter[WalkerConfig]):
         self.stops = 0
 
     async def run(self, robot):
-        self.robot = robot
+        self.robot, self.loop = robot, asyncio.get_running_loop()
         robot.health(Health())
         robot.every(STEP, self._step)
         robot.every(self.config.poses, self._tell)
@@ -86,7 +86,7 @@ class Walker(Adapter[WalkerConfig]):
         self.site = self.site + rotate_to_world(way, self.turn)
 
     def _later(self, call, *arguments):
-        asyncio.get_running_loop().call_later(self.config.lag, call, *arguments)
+        self.loop.call_soon_threadsafe(self.loop.call_later, self.config.lag, call, *arguments)
 
     def drive(self, velocity):
         self._later(setattr, self, "asked", velocity)
