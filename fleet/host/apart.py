@@ -20,6 +20,7 @@ from fleet.host.safety.separation import (
     Occupant,
     admitted,
     free_speed,
+    gap,
     gone_since,
     must_brake,
     stopping,
@@ -36,6 +37,8 @@ log = logging.getLogger(__name__)
 
 LOOK = 0.1  # s between looks at the others while it moves
 STALE = 2 * LOOK  # s after which a look is too old for a velocity
+JUDGED = 0.05  # s for which what was found of a velocity is so of those that are alike
+ALIKE = 0.1  # m/s, and rad/s
 MEASURED = 0.2  # s of way that make a speed
 GAP = 1.0  # s without a pose after which what lies between says nothing of its speed
 JUMP = 1.0  # m beyond what it can have gone that mean that its odometry began anew
@@ -106,7 +109,8 @@ class Apart:
         self._braking = separation.braking or 0.5
         self._rank = float(separation.precedence or 0)
         self._fastest = max(limits.speed or NO_LIMIT, limits.vertical_speed or 0.0)
-        self._reach = self._radius + stopping(self._fastest, self._braking) + self._fastest
+        soon = self._fastest * 2 * STALE
+        self._reach = self._radius + stopping(self._fastest, self._braking) + soon
         self._clock = clock
         self._others = others
         self._mover = mover
@@ -121,9 +125,11 @@ class Apart:
         self._velocity = Vector3()
         self._task: Task | None = None
         self._way: tuple[Vector3, ...] = ()
-        self._near: tuple[Occupant, ...] = ()
+        self._near: tuple[tuple[float, Occupant], ...] = ()  # by how far the robot may go in any direction
         self._free = math.inf  # m/s that pass in any direction
-        self._passed = ZERO_VELOCITY  # what passed last, since the last look
+        self._judged = ZERO_VELOCITY  # the velocity that was judged last, and what of it passes until when
+        self._share = 1.0
+        self._judged_by = float("-inf")
         self._look_by = float("-inf")
         self._said_until = float("-inf")
 
@@ -172,7 +178,7 @@ class Apart:
 
     @property
     def reach(self) -> float:
-        """Metres around its last place that it cannot leave within a second, or since it is silent."""
+        """Metres around its last place that it cannot leave before it is looked at again and stands."""
         return self._reach + gone_since(self._velocity.norm(), self._clock.monotonic() - self._seen)
 
     def occupant(self) -> Occupant | None:
@@ -228,26 +234,37 @@ class Apart:
         return trouble
 
     def within(self, velocity: Velocity) -> Velocity:
-        """Return a body velocity, slowed so far that the robot can stop before it is too near another."""
-        if self._clock.monotonic() > self._look_by:
+        """Return a body velocity, slowed so far that the robot can stop before it is too near another.
+
+        Most pass by a comparison; of those that do not, one is judged for all that are much like it.
+        """
+        now = self._clock.monotonic()
+        if now > self._look_by:
             self._look_around()
-        if self._free == math.inf or velocity == self._passed or velocity.linear.norm() <= self._free:
+        if self._free == math.inf or velocity.linear.norm() <= self._free:
             return velocity
+        if now > self._judged_by or not _alike(velocity, self._judged):
+            self._judge(velocity)
+            self._judged, self._judged_by = velocity, now + JUDGED
+        if self._share == 1.0:
+            return velocity
+        return Velocity(velocity.linear.scaled(self._share), velocity.yaw_rate, velocity.gait)
+
+    def _judge(self, velocity: Velocity) -> None:
+        """Find what share of a velocity keeps the robot apart from those who are near."""
+        self._share = 1.0
         robot = self.occupant()
         if robot is None:
-            return velocity
+            return
         robot = msgspec.structs.replace(robot, turn=velocity.yaw_rate)
-        wanted = rotate_to_world(velocity.linear, self._yaw)
-        share, whose = 1.0, robot
-        for other in self._near:
-            admits = admitted(robot, wanted, other)
-            if admits < share:
-                share, whose = admits, other
-        if share == 1.0:
-            self._passed = velocity
-            return velocity
-        self._say("slowed" if share else "held", robot, whose)
-        return Velocity(velocity.linear.scaled(share), velocity.yaw_rate, velocity.gait)
+        wanted, whose = rotate_to_world(velocity.linear, self._yaw), robot
+        fastest = max(wanted.norm(), robot.speed)
+        metres = stopping(fastest, self._braking) + fastest * STALE
+        for free, other in self._near:
+            if free < metres and (share := admitted(robot, wanted, other)) < self._share:
+                self._share, whose = share, other
+        if self._share < 1.0:
+            self._say("slowed" if self._share else "held", robot, whose)
 
     # -- as it moves -----------------------------------------------------------------------------------
 
@@ -271,7 +288,7 @@ class Apart:
             self._mover.hold_again()
             return
         robot = self.occupant()
-        for other in self._near:
+        for _, other in self._near:
             if robot is not None and must_brake(robot, other):
                 self._mover.end(self._say("held", robot, other))
                 return
@@ -279,12 +296,14 @@ class Apart:
     def _look_around(self) -> None:
         """Note who is so near that the robot could meet it before the next look."""
         self._look_by = self._clock.monotonic() + STALE
-        self._passed, self._near, self._free = ZERO_VELOCITY, (), math.inf
+        self._judged_by, self._near, self._free = float("-inf"), (), math.inf
         if self.at is None:
             return
-        self._near = self._others.near(self.name, self.at, self.reach)
-        if self._near and (robot := self.occupant()) is not None:
-            self._free = free_speed(robot, self._near, STALE)
+        near = self._others.near(self.name, self.at, self.reach)
+        if near and (robot := self.occupant()) is not None:
+            self._near = tuple((gap(robot, other, STALE), other) for other in near)
+            least = min(free for free, _ in self._near)
+            self._free = free_speed(least, self._braking, STALE)
 
     def _say(self, what: str, robot: Occupant, other: Occupant) -> str:
         """Note why the robot does not go as it was asked, and tell it once; return it in words."""
@@ -301,3 +320,8 @@ class Apart:
         """Forget why it was held, once it has not been for a while."""
         if self.cause and self._clock.monotonic() > self._said_until:
             self.cause = ""
+
+
+def _alike(one: Velocity, other: Velocity) -> bool:
+    """Return whether two velocities lead to the same place, as far as it matters here."""
+    return abs(one.yaw_rate - other.yaw_rate) <= ALIKE and (one.linear - other.linear).norm() <= ALIKE

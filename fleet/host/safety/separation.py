@@ -28,7 +28,7 @@ ASTRAY = 0.3  # m/s off its way that are more than a noisy place and a turn towa
 STILL = 0.1  # m/s and below: it stands, and its place is noisy
 SLACK = 0.01  # m that is no change of a distance
 ARC = 3  # straight pieces for an arc
-_STEPS = 8  # halvings, in the search for how far a robot may go
+_STEPS = 6  # halvings, in the search for how far a robot may go
 
 
 class Occupant(msgspec.Struct, frozen=True):
@@ -82,7 +82,9 @@ class Occupant(msgspec.Struct, frozen=True):
             line = beginning(self.claim, stopping(speed, self.braking) + speed * late)
             aside = self.aside(self.way[0])
             return (self.at, *(point + aside for point in line), *reversed(line)) if aside.norm() else line
-        drift, asked = self._course(self.velocity, 0.0, late), self.course(self.asked, late)
+        moves = self.velocity.norm() > STILL
+        drift = self._course(self.velocity, 0.0, late) if moves else (self.at,)
+        asked = self.course(self.asked, late)
         return (*reversed(drift), *asked[1:], drift[-1]) if len(asked) > 1 else drift
 
     def aside(self, goal: Vector3) -> Vector3:
@@ -101,7 +103,7 @@ class Occupant(msgspec.Struct, frozen=True):
     def _course(self, velocity: Vector3, turn: float, late: float) -> tuple[Vector3, ...]:
         """Return an arc for as long as it takes until it brakes, and the straight way on which it does."""
         speed = velocity.norm()
-        if speed <= STILL:
+        if speed == 0.0:
             return (self.at,)
         line, piece = [self.at], (REACTION + late) / ARC
         for number in range(ARC if turn else 1):
@@ -189,49 +191,41 @@ def _sooner(robot: Occupant, other: Occupant) -> float:
     return SOONER if other.moves and robot.gives_way_to(other) else 0.0
 
 
-def free_speed(robot: Occupant, others: Iterable[Occupant], ahead: float) -> float:
-    """Return the speed (m/s) at which a robot may go in any direction for ``ahead`` seconds; infinite alone.
+def gap(robot: Occupant, other: Occupant, ahead: float) -> float:
+    """Return the metres that a robot may go in any direction in the next ``ahead`` seconds."""
+    theirs = stopping(other.speed, other.braking) + other.speed * (ahead + SOONER)
+    return (robot.at - other.at).norm() - needed(robot, other) - HELD - theirs
+
+
+def free_speed(gap: float, braking: float, ahead: float) -> float:
+    """Return the speed (m/s) at which a robot goes at most that far, until it stands, and is looked at again.
 
     It is what makes most velocities pass without a closer look.
     """
-    gaps = (
-        (robot.at - other.at).norm()
-        - (needed(robot, other) + HELD)
-        - (stopping(other.speed, other.braking) + other.speed * (ahead + SOONER))
-        for other in others
-    )
-    least = min(gaps, default=math.inf)
-    return (
-        math.inf
-        if least == math.inf
-        else max(0.0, speed_within(least, robot.braking) - robot.braking * ahead)
-    )
+    return max(0.0, speed_within(gap, braking) - braking * ahead)
 
 
 def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
     """Return the share (0 to 1) of a velocity (m/s) that a robot may hold in the presence of another.
 
-    The direction stays: it goes where it was asked to, but no faster than it can stop.
+    The direction stays: it goes where it was asked to, but no faster than it can stop. What comes no nearer
+    than it is passes whole. What it has of speed in another direction is not gone at once: all between the
+    two must be clear.
     """
     least = needed(robot, other) + HELD
     theirs = other.stopping_way(_sooner(robot, other))
-    if _passes(robot, velocity, theirs, least):
+    here = apart((robot.at,), theirs)
+    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()
+
+    def passes(part: float) -> bool:
+        course = robot.course(velocity.scaled(part))
+        around = (*reversed(drift), *course[1:], drift[-1])
+        return apart(around, theirs, least) >= least or apart(course, theirs) >= here - 1e-6
+
+    if passes(1.0):
         return 1.0
     share, more = 0.0, 1.0
     for _ in range(_STEPS):
         middle = (share + more) / 2
-        passes = _passes(robot, velocity.scaled(middle), theirs, least)
-        share, more = (middle, more) if passes else (share, middle)
+        share, more = (middle, more) if passes(middle) else (share, middle)
     return share if share * velocity.norm() > STILL else 0.0
-
-
-def _passes(robot: Occupant, velocity: Vector3, theirs: Sequence[Vector3], least: float) -> bool:
-    """Return whether a robot may hold a velocity: it comes no nearer than it is, or not too near.
-
-    What it has of speed in another direction is not gone at once: all between the two must be clear.
-    """
-    course, here = robot.course(velocity), apart((robot.at,), theirs)
-    if apart(course, theirs) >= here - 1e-6:
-        return True
-    drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()
-    return apart((*reversed(drift), *course[1:], drift[-1]), theirs, least) >= least

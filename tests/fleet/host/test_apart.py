@@ -154,9 +154,9 @@ def test_a_robot_that_fell_silent_stays_where_it_was_and_grows_by_how_far_it_may
         beside = field.send("one", 2.6, 0)
         field.command("one", "stop")
         await asyncio.sleep(8.5)
-        return beside, field.send("one", -0.5, 0), field.send("one", -3.0, 0)
+        return beside, field.send("one", -3.0, 0)
 
-    beside, nearer, away = in_field(FACING, work)
+    beside, away = in_field(FACING, work)
     assert "from other, " in beside[0].reason
     assert "other has not said where it is for" in beside[0].reason
     assert away[0].ok

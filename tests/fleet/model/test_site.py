@@ -30,10 +30,10 @@ def test_a_world_on_earth_lies_where_its_points_are_on_earth(home, heading, poin
     assert (placed_on_earth(SITE, world).to_site(point) - there).norm() < 0.3
 
 
-@given(METRES, METRES, ANGLE, METRES, METRES, ANGLE)
-def test_a_robot_stands_at_its_start_whatever_its_odometry_begins_with(x, y, heading, told_x, told_y, told):
-    pose = Pose(Vector3(told_x, told_y, 0.3), quaternion_from_yaw(told))
-    placement = placed_at_start((x, y, heading), pose)
-    at = placement.to_site(pose.position)
-    assert (at.x, at.y, at.z) == pytest.approx((x, y, 0.3), abs=1e-6)
+@given(st.tuples(METRES, METRES, ANGLE), POINT, ANGLE)
+def test_a_robot_stands_at_its_start_whatever_its_odometry_begins_with(start, position, told):
+    x, y, heading = start
+    placement = placed_at_start(start, Pose(position, quaternion_from_yaw(told)))
+    at = placement.to_site(position)
+    assert (at.x, at.y, at.z) == pytest.approx((x, y, position.z), abs=1e-6)
     assert wrap_angle(told + placement.yaw - heading) == pytest.approx(0.0, abs=1e-6)

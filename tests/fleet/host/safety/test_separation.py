@@ -12,6 +12,7 @@ from fleet.host.safety.separation import (
     Occupant,
     admitted,
     free_speed,
+    gap,
     must_brake,
     needed,
     speed_within,
@@ -91,7 +92,7 @@ def test_a_velocity_that_comes_no_nearer_passes_whole(robot, other, velocity):
 @given(ROBOT, OTHER, st.sampled_from([*itertools.product((-1.0, 0.0, 1.0), repeat=3)]))
 def test_below_the_free_speed_every_direction_passes(robot, other, direction):
     robot = Occupant(robot.name, robot.radius, robot.braking, robot.at)
-    free, way = free_speed(robot, [other], 0.2), Vector3(*direction)
+    free, way = free_speed(gap(robot, other, 0.2), robot.braking, 0.2), Vector3(*direction)
     assume(way.norm() and free > 0.1)
     assert admitted(robot, way.scaled(0.999 * min(free, 9.0) / way.norm()), other) == 1.0
 
