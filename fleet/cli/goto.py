@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 import uuid
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -17,7 +18,7 @@ from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement
-from fleet.model.spread import nearest_each, spread
+from fleet.model.spread import arranged, spread
 from fleet.model.state import RobotState
 
 ONE_FRAME = 0.05  # m, and rad, by which two worlds may differ and be one
@@ -101,10 +102,19 @@ def goals(aim: Aim, robots: list[RobotState]) -> list[dict[str, Any]]:
             f"one point for {len(robots)} robots: they would meet there",
             hint="--spacing 5 spreads them around it, 5 m from each other",
         )
-    steps = spread(len(robots), aim.spacing)
     sites = [robot.site for robot in robots if robot.site is not None]
-    order = nearest_each(sites, steps) if len(sites) == len(robots) else list(range(len(robots)))
-    return [_message(aim, robot, steps[number]) for robot, number in zip(robots, order, strict=True)]
+    steps: Sequence[Vector3] = spread(len(robots), aim.spacing)
+    if len(sites) == len(robots):
+        steps = arranged(sites, _centre(aim, robots[0], sites), aim.spacing)
+    return [_message(aim, robot, step) for robot, step in zip(robots, steps, strict=True)]
+
+
+def _centre(aim: Aim, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
+    """Return the place in the site's frame; one on Earth is not known there: the middle of the robots."""
+    if aim.frame == "geo" or robot.placement is None:
+        return sum(sites, Vector3()).scaled(1 / len(sites))
+    place = Vector3(aim.x, aim.y, aim.z)
+    return place if aim.frame == "site" else robot.placement.to_site(place)
 
 
 def _require_one_frame(aim: Aim, robots: list[RobotState]) -> None:

@@ -200,7 +200,7 @@ SORTS = {
 RADII = {Walker: 0.4, Flyer: 1.5}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
     chance = random.Random(seed)
     driven = {}
@@ -224,7 +224,7 @@ def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
             for name, velocity in driven.items():
                 field.drive(name, *velocity)
 
-        least, told = await watch(field, 120, each)
+        least, told = await watch(field, 60, each)
         return least, told
 
     least, told = in_field(SORTS, work)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fleet.model.geometry import Vector3
 from fleet.model.polyline import apart
-from fleet.model.spread import nearest_each, spread
+from fleet.model.spread import arranged, nearest_each, spread
 
 
 @given(st.integers(1, 30), st.floats(0.5, 50))
@@ -37,6 +37,14 @@ def test_every_place_has_one_robot_and_no_two_straight_ways_cross(at):
 
 def _side(a, b, c):
     return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+
+
+def test_the_grid_is_turned_so_that_those_who_come_from_one_side_do_not_pass_each_others_places():
+    robots, centre = [Vector3(0, 11), Vector3(0, 22)], Vector3(15, 16)
+    places = [centre + step for step in arranged(robots, centre, 6.0)]
+    ways = list(zip(robots, places, strict=True))
+    assert apart(*ways) > 5.0
+    assert (places[0] - places[1]).norm() == pytest.approx(6.0)
 
 
 def test_two_robots_take_the_places_on_their_own_sides():
