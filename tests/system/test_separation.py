@@ -1,8 +1,11 @@
 """Robots of one edge are not sent into each other: the demo's drones, by the command line."""
 
+import json
+
 import pytest
 
 from fleet.cli.demo import FIELD
+from fleet.model.geometry import Vector3
 
 
 def _knows_all(state):
@@ -38,6 +41,7 @@ def test_two_drones_are_not_sent_to_one_point_neither_as_a_group_nor_one_by_one(
     assert "m from drone-1's way, 3.2 m are kept" in second.stdout
     spread = hovering.call("goto", "drones", "15", "16", "4", "--site", "--spacing", "6", "--wait")
     assert spread.returncode == 0, spread.stdout + spread.stderr
-    rows = hovering.call("ps").stdout.splitlines()
-    assert "SITE" in rows[0]
-    assert any(row.split()[0] == "ugv-1" and " 0.0 -2.0 0.0 " in row for row in rows[1:4])
+    robots = {state["name"]: state for state in json.loads(hovering.call("ps", "--json").stdout)["robots"]}
+    assert robots["ugv-1"]["site"] == {"x": 0.0, "y": -2.0, "z": 0.0}
+    where = [Vector3(**robots[name]["site"]) for name in ("drone-1", "drone-2")]
+    assert 5.0 < (where[0] - where[1]).norm() < 7.0
