@@ -161,7 +161,7 @@ class Apart:
         """Return whether it can not have come there: then nobody knows where it is."""
         assert self.at is not None
         gone = (at - self.at).horizontal()
-        if gone <= JUMP + 2 * self._fastest * (now - self._seen):
+        if gone <= JUMP + self._fastest * min(now - self._seen, GAP):
             return False
         self.lost = f"its position jumped by {gone:.1f} m: its odometry began anew"
         self.placement = None

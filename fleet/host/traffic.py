@@ -27,10 +27,11 @@ SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its la
 
 
 class _Told(msgspec.Struct, frozen=True):
-    """A robot of another process; ``on_earth``: placed by its place on Earth."""
+    """A robot of another process; ``on_earth``: placed by its place on Earth; ``lost``: not any more."""
 
     robot: Occupant
     on_earth: bool
+    lost: bool = False
 
 
 class _Sheet(msgspec.Struct, frozen=True):
@@ -121,15 +122,25 @@ class Traffic:
         if not frame:
             placed = own.placement is not None
             return "unknown: " + ("it has not told where it is" if placed else "it is not placed")
-        hidden = [other for other in self._names if other != name and self._frame(other) != frame]
+        hidden = [
+            other
+            for other in self._names
+            if other != name and (self._frame(other) != frame or self._is_lost(other))
+        ]
         return f"unknown to {', '.join(hidden)}" if hidden else ""
+
+    def _is_lost(self, name: str) -> bool:
+        """Return whether nobody knows any more where a robot is that was placed."""
+        if name in self._own:
+            return bool(self._own[name].lost)
+        return name in self._told and self._told[name][1].lost
 
     # -- between processes -----------------------------------------------------------------------------
 
     def sheet(self) -> bytes:
         """Return what other processes must know of the robots of this one."""
         robots = [
-            _Told(occupant, robot.on_earth)
+            _Told(occupant, robot.on_earth, bool(robot.lost))
             for robot in self._own.values()
             if (occupant := robot.occupant()) is not None
         ]

@@ -167,9 +167,10 @@ def test_an_odometry_that_began_anew_makes_the_place_unknown_and_leaves_the_robo
         await watch(field, 6, lambda: field.drive("other", -1.0))
         field.made["other"].world = field.made["other"].world.scaled(0.0)
         await asyncio.sleep(1.0)
-        return field.state("other"), field.send("one", *_place(field, "other"))
+        return field.state("other"), field.state("one"), field.send("one", *_place(field, "other"))
 
-    state, onto = in_field(FACING, work)
+    state, one, onto = in_field(FACING, work)
+    assert one.separation == "unknown to other"
     assert "its position jumped by" in state.separation
     assert not onto[0].ok
 
@@ -187,6 +188,20 @@ def test_a_take_off_below_another_is_refused():
 
     answers = in_field(DRONES, work)
     assert "is 1.0 m from drone-2" in answers[0].reason
+
+
+def test_a_hundred_velocities_a_second_are_looked_at_ten_times_a_second():
+    looks = []
+
+    async def work(field):
+        near = field.traffic.near
+        field.traffic.near = lambda *given: looks.append(1) or near(*given)
+        for _ in range(100):
+            field.drive("one", -0.5)
+            await asyncio.sleep(0.01)
+        return len(looks)
+
+    assert in_field(FACING, work) <= 12
 
 
 SORTS = {
