@@ -137,15 +137,16 @@ def needed(one: Occupant, other: Occupant) -> float:
 def way_trouble(robot: Occupant, points: Iterable[Vector3], others: Iterable[Occupant]) -> str:
     """Return why a robot may not go through these points, empty when it may."""
     steps = list(enumerate(points, 1))
+    ways = [steps]
     if steps and (aside := robot.aside(steps[0][1])).norm():
-        steps.insert(0, (0, robot.at + aside))
-    way = (robot.at, *(point for _, point in steps))
+        ways.append([(0, robot.at + aside), steps[0]])
     for other in others:
         least = needed(robot, other) + ADMITTED
-        if apart(way, other.claim, least) < least and (
-            trouble := _step_trouble(robot.at, steps, other, least)
-        ):
-            return trouble
+        for way in ways:
+            line = (robot.at, *(point for _, point in way))
+            near = apart(line, other.claim, least) < least
+            if near and (trouble := _step_trouble(robot.at, way, other, least)):
+                return trouble
     return ""
 
 
