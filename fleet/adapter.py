@@ -28,7 +28,7 @@ from fleet.model.geometry import Velocity
 from fleet.model.health import Health
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
-from fleet.robot_config import AdapterConfig, Limits
+from fleet.robot_config import AdapterConfig, Limits, Separation
 
 __all__ = [
     "Adapter",
@@ -89,6 +89,7 @@ class Adapter(ABC, Generic[ConfigT]):
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
+    separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
     holonomic: ClassVar[bool] = False  # it also moves sideways
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
     failsafe: str = ""
@@ -173,6 +174,7 @@ class FrameAdapter(ABC, Generic[ConfigT]):
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
+    separation: ClassVar[Separation] = Adapter.separation
     holonomic: ClassVar[bool] = False
     combines_keys: ClassVar[bool] = False
     framing: ClassVar[Framing] = Lines()

@@ -6,6 +6,7 @@ from the descriptions).
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 from uuid import UUID
 
@@ -13,9 +14,19 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fleet.model.polygon import is_simple
 from fleet.topic_rules import Topics
-from fleet.yaml_model import Model
+from fleet.yaml_model import Model, wrong
 
-__all__ = ["Accepts", "AdapterConfig", "Limits", "Model", "Name", "Origin", "Positive", "SourceType"]
+__all__ = [
+    "Accepts",
+    "AdapterConfig",
+    "Limits",
+    "Model",
+    "Name",
+    "Origin",
+    "Positive",
+    "Separation",
+    "SourceType",
+]
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -32,6 +43,34 @@ class Limits(Model):
 
     def over(self, other: Limits) -> Limits:
         """Return these limits with what they leave open taken from ``other``."""
+        given = {name: value for name, value in self if value is not None}
+        return other.model_copy(update=given)
+
+
+class Separation(Model):
+    """How far the robots of one edge are kept from each other; every kind of robot has its own defaults."""
+
+    radius: Positive | None = Field(
+        None,
+        description="Metres around the robot's middle that are its own, the error of its position counted. "
+        "Two robots are kept as far from each other as both radii together. Left out: 1.5 for mavlink, 0.6 "
+        "for quadruped, 0.4 for ugv, 1.0 for what does not say.",
+    )
+    braking: Positive | None = Field(
+        None,
+        description="m/s2 that it surely brakes with. Left out: 1.5 for mavlink, 1.0 for quadruped and ugv, "
+        "0.5 for what does not say.",
+    )
+    precedence: int | None = Field(
+        None,
+        ge=0,
+        le=9,
+        description="Of two robots in each other's way the one with the lower gives way. Left out: 3 for "
+        "mavlink, 2 for ugv and what does not say, 1 for quadruped.",
+    )
+
+    def over(self, other: Separation) -> Separation:
+        """Return this with what it leaves open taken from ``other``."""
         given = {name: value for name, value in self if value is not None}
         return other.model_copy(update=given)
 
@@ -165,6 +204,26 @@ class AdapterConfig(Topics):
         description="Answer commands that have no Response Topic with a status message.",
     )
     origin: Origin | None = Field(None, description="World origin; left out, the robot's home is the origin.")
+    start: tuple[float, float, float] | None = Field(
+        None,
+        description="[x, y, heading] for a robot without GPS: where it stands when the edge starts, metres "
+        "east and north of the site's origin, and where its front points, radians counter-clockwise from "
+        "east. It places the robot in the site's frame; without it nobody knows how far it is from others.",
+    )
+    separation: Separation = Field(
+        Separation(), description="How far other robots of this edge are kept from it."
+    )
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> Self:
+        """Refuse a start beside an origin, and a heading that must be in degrees."""
+        if self.start is None:
+            return self
+        if self.origin is not None:
+            raise wrong("start", "origin places the robot already; leave one of the two out")
+        if abs(self.start[2]) > math.tau:
+            raise wrong("start", f"the heading counts in radians: {self.start[2]:g} is more than a turn")
+        return self
 
     def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said
         """Return the seconds until a command is given up, None: as the adapter declares it."""

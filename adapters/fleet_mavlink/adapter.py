@@ -20,6 +20,7 @@ from fleet import (
     command,
 )
 from fleet.errors import LinkError
+from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.hub import open_hub
@@ -45,6 +46,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     Config = MavlinkConfig
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
     failsafe = "the autopilot holds 1 to 3 s after the last velocity; what it does then: docs/drone-safety.md"
+    separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
     async def run(self, robot: Robot) -> None:
         """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""

@@ -104,6 +104,13 @@ class MavlinkConfig(AdapterConfig):
         False, description="Allow the command kill, which stops the motors in the air too: it falls."
     )
 
+    @field_validator("start")
+    @classmethod
+    def _on_earth(cls, start: tuple[float, float, float] | None) -> None:
+        """Raise ValueError for one: its world begins at its home, wherever that is set."""
+        if start is not None:
+            raise ValueError("an aircraft is placed by its home, which is on Earth; leave start out")
+
     @field_validator("backup_links")
     @classmethod
     def _real(cls, links: tuple[str, ...]) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from fleet import (
 )
 from fleet.camera.picture import photograph
 from fleet.model.geometry import ZERO_VELOCITY
+from fleet.robot_config import Separation
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.config import QuadrupedConfig
@@ -53,6 +54,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     Config = QuadrupedConfig
     limits = Limits(speed=0.8, yaw_rate=1.0)
+    separation = Separation(radius=0.6, braking=1.0, precedence=1)
     holonomic = True
     failsafe = "its body controller, a process of its own, stops the dog; the drives stop without it"
 

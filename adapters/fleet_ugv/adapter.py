@@ -23,6 +23,7 @@ from fleet import (
 )
 from fleet.camera.picture import photograph
 from fleet.link.url import parse
+from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board
 from fleet_ugv.config import UgvConfig
@@ -46,6 +47,7 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     Config = UgvConfig
     limits: ClassVar[Limits] = Limits(speed=1.0, yaw_rate=2.0)
+    separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
 
     def __init__(self, config: UgvConfig) -> None:

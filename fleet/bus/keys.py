@@ -11,6 +11,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
+``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
 ``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
 ``fleet/{edge}/stop``                  emergency stop; publish or ask on ``fleet/*/stop``
@@ -48,6 +49,11 @@ def command(edge_id: str, name: str) -> str:
 def holders(edge_id: str) -> str:
     """Return the key on which an edge tells its workers which edges have their twins, seen in the cloud."""
     return f"fleet/{edge_id}/holders"
+
+
+def places(edge_id: str, process: str) -> str:
+    """Return the key on which a process tells the others where its robots are; ``*`` is every process."""
+    return f"fleet/{edge_id}/places/{process}"
 
 
 def state(edge_id: str, name: str) -> str:

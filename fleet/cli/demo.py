@@ -27,7 +27,9 @@ from fleet.sim.broker.thread import BrokerThread
 NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")
 EDGE = "demo"
 MQTT_PORT = 1883
-SPACING = 0.0001  # degrees of latitude between two drones: 11 m
+FIELD = (47.397742, 8.545594, 488.0)  # the site's origin, near Zurich: degrees, m above sea level
+SPACING = 0.0001  # degrees of latitude between two drones, northwards: 11 m
+ROW = 2.0  # m between two robots on the ground, southwards
 FLAVOURS = ("px4", "ardupilot")
 UGV = "waveshare-beast"
 
@@ -55,11 +57,17 @@ def twin_of(name: str, edge: str = EDGE) -> str:
 
 def _link(number: int) -> str:
     """Return the simulated drone's link: the flavours in turn, side by side in a field near Zurich."""
-    latitude = 47.397742 + SPACING * number
-    return f"sim:{FLAVOURS[(number - 1) % 2]}?home={latitude:.6f},8.545594,488,0"
+    latitude, longitude, altitude = FIELD
+    home = f"{latitude + SPACING * number:.6f},{longitude},{altitude:g},0"
+    return f"sim:{FLAVOURS[(number - 1) % 2]}?home={home}"
 
 
-def _robot(name: str, edge: str, **fields: str) -> dict[str, object]:
+def _start(number: int) -> list[float]:
+    """Return where the robot on the ground of this number stands: it looks east, away from the row."""
+    return [0.0, -ROW * number, 0.0]
+
+
+def _robot(name: str, edge: str, **fields: object) -> dict[str, object]:
     """Return one simulated robot that obeys whoever tries the demo."""
     accepts = {"command": ["tele", "sim_tele"], "navigate": ["tele", "edge", "sim", "sim_tele"]}
     return {"name": name, "twin": twin_of(name, edge), **fields, "accepts": accepts}
@@ -72,17 +80,25 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
             _robot(f"drone-{n}", edge, adapter="mavlink", link=_link(n)) for n in range(1, drones + 1)
         ],
         "ugvs": [
-            _robot(f"ugv-{n}", edge, adapter="ugv", profile=UGV, link=f"sim:{UGV}")
+            _robot(f"ugv-{n}", edge, adapter="ugv", profile=UGV, link=f"sim:{UGV}", start=_start(n))
             for n in range(1, ugvs + 1)
         ],
         "dogs": [
-            _robot(f"dog-{n}", edge, adapter="quadruped", link="sim:auto", captures="captures")
+            _robot(
+                f"dog-{n}",
+                edge,
+                adapter="quadruped",
+                link="sim:auto",
+                captures="captures",
+                start=_start(ugvs + n),
+            )
             for n in range(1, dogs + 1)
         ],
     }
     fleet = {
         "edge": {"id": edge, "spool": {"path": "state"}},
         "cloud": {"host": host, "port": port, "tls": False, "insecure": True},
+        "site": {"origin": FIELD},
         "robots": [robot for robots in kinds.values() for robot in robots],
         "groups": {kind: [robot["name"] for robot in robots] for kind, robots in kinds.items() if robots},
     }

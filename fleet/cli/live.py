@@ -72,6 +72,7 @@ async def _lines(edge: Edge, said: Callable[[RobotState], str]) -> None:
         for number, robot in enumerate(edge.robots(), 1):
             state = robot.state()
             mark = f"{state.health} {state.cause} {mode_of(state)} {state.activity} {state.last_outcome}"
+            mark += f" {state.separation}"
             if before.get(state.name) != mark:
                 before[state.name] = mark
                 with contextlib.suppress(OSError):  # who reads it is gone, or its disk is full
@@ -90,6 +91,7 @@ def _as_json(state: RobotState) -> str:
 def _as_text(state: RobotState) -> str:
     """Return a state as one line for people."""
     parts = [state.health, mode_of(state), battery_of(state), _position(state), state.activity, state.cause]
+    parts.append(f"separation {state.separation}" if state.separation else "")
     return printable(f"{state.name}: " + ", ".join(part for part in parts if part and part != "-"))
 
 

@@ -27,7 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "demo": "fleet.cli.demo:demo",
     "ps": "fleet.cli.ps:ps",
     "send": "fleet.cli.send:send",
-    "goto": "fleet.cli.send:goto",
+    "goto": "fleet.cli.goto:goto",
     "stop": "fleet.cli.stop:stop",
     "ready": "fleet.cli.ready:ready",
     "mission": "fleet.cli.mission:mission",

@@ -35,14 +35,17 @@ def ps(out: Output, file: str | None) -> None:
         {"edges": [for_programs(edge) for edge in found], "robots": [for_programs(one) for one in states]}
     )
     named = list(zip(_names(states), states, strict=True))
-    columns = ("robot", "health", "mode", "battery", "doing", "last command")
-    out.table(columns, [_row(name, state) for name, state in named])
+    placed = any(state.site for state in states)
+    columns = ("robot", "health", "mode", "battery", *(("site",) if placed else ()), "doing", "last command")
+    out.table(columns, [_row(name, state, placed=placed) for name, state in named])
     for name, state in named:
         if state.cause:
             out.say(f"{name}: {state.cause}")
         for sender, offset in state.senders.items():
             if abs(offset) > WORTH_TELLING:
                 out.say(f"{name}: the clock of {sender}, or its way, is {offset:.2f} s late")
+        if state.separation:
+            out.say(f"{name}: separation {state.separation}")
     for edge in found:
         out.say(edge_line(edge))
 
@@ -59,9 +62,16 @@ def _names(states: list[RobotState]) -> list[str]:
     return [state.name if count[state.name] == 1 else f"{state.edge}/{state.name}" for state in states]
 
 
-def _row(name: str, state: RobotState) -> tuple[str, str, str, str, str, str]:
-    """Return a robot's row."""
-    return name, state.health, mode_of(state), battery_of(state), state.activity or "-", last_of(state)
+def _row(name: str, state: RobotState, *, placed: bool) -> tuple[str, ...]:
+    """Return a robot's row; ``placed``: also where it is in the site's frame, metres."""
+    where = (site_of(state),) if placed else ()
+    known = name, state.health, mode_of(state), battery_of(state)
+    return *known, *where, state.activity or "-", last_of(state)
+
+
+def site_of(state: RobotState) -> str:
+    """Return where a robot is in the site's frame, metres."""
+    return "-" if state.site is None else f"{state.site.x:.1f} {state.site.y:.1f} {state.site.z:.1f}"
 
 
 def last_of(state: RobotState) -> str:

@@ -1,11 +1,10 @@
-"""``fleet send`` and ``fleet goto``: asking robots from the command line."""
+"""``fleet send``: asking robots from the command line."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -70,50 +69,6 @@ def send(
     return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("robot")
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float, default=0.0)
-@click.option("--yaw", type=float, help="Heading at the end, radians counter-clockwise from east.")
-@click.option("--speed", type=float, help="Speed limit on the way, m/s.")
-@click.option(
-    "--geo", is_flag=True, help="X and Y are latitude and longitude, Z is metres above the take-off point."
-)
-@wait_option
-@timeout_option
-@reach_option
-@with_output
-def goto(
-    out: Output,
-    robot: str,
-    x: float,
-    y: float,
-    z: float,
-    *,
-    yaw: float | None,
-    speed: float | None,
-    geo: bool,
-    wait: bool,
-    timeout: float,
-    file: str | None,
-) -> ExitCode:
-    """Send ROBOT to X Y Z, metres in its world frame.
-
-    For example:  fleet goto kestrel 10 0 5 --wait
-    """
-    message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
-    if geo:
-        message["geodetic_position"] = {"latitude": x, "longitude": y, "altitude": z}
-    else:
-        message["position"] = [x, y, z]
-    if yaw is not None:
-        message["yaw"] = yaw
-    if speed is not None:
-        message["constraints"] = {"max_speed_ms": speed}
-    return ask(out, robot, "navigate", message, wait=wait, timeout=timeout, file=file)
-
-
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
     """Do nothing while answers are waited for."""
     return contextlib.nullcontext()
@@ -130,31 +85,61 @@ def ask(
     file: str | None,
     around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
 ) -> ExitCode:
-    """Ask a robot, or all of a group at once; show every answer; return what they mean together.
+    """Ask a robot, or all of a group at once, the same; show every answer; return what they mean together.
 
     ``message`` is stamped when it is sent: how long it took to find the robots does not make it older.
     ``around`` lasts while the end is waited for.
     """
-    try:
-        json.dumps(message, allow_nan=False)
-    except ValueError:
-        raise click.UsageError("a number in the command is not finite") from None
+    return ask_each(
+        out,
+        name,
+        kind,
+        lambda robots: [message] * len(robots),
+        wait=wait,
+        timeout=timeout,
+        file=file,
+        around=around,
+    )
+
+
+def ask_each(
+    out: Output,
+    name: str,
+    kind: str,
+    messages: Callable[[list[RobotState]], list[dict[str, Any]]],
+    *,
+    wait: bool,
+    timeout: float,
+    file: str | None,
+    around: Callable[[Output, Edges, list[RobotState]], contextlib.AbstractContextManager[None]] = _alone,
+) -> ExitCode:
+    """Ask a robot, or all of a group at once, each its own of ``messages``, which may raise Refused."""
     within = timeout if wait else min(timeout, RECEIPT_WITHIN)
     with Edges.reach(file) as edges:
         robots = edges.named(name)
         asked = [
-            (robot, edges.command(robot, stamped(message), kind=kind, wait=wait, timeout=within))
-            for robot in robots
+            (robot, command, edges.command(robot, stamped(message), kind=kind, wait=wait, timeout=within))
+            for robot, command, message in [
+                (robot, message["command"], message)
+                for robot, message in zip(robots, _finite(messages(robots)), strict=True)
+            ]
         ]
         with around(out, edges, robots) if wait else contextlib.nullcontext():
-            last = [
-                (robot, _last(out, robot, replies, message["command"], within)) for robot, replies in asked
-            ]
+            last = [(robot, _last(out, robot, replies, command, within)) for robot, command, replies in asked]
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
     codes = {_code(reply) for _, reply in last}
     return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+
+
+def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return messages all of whose numbers can be sent; raises UsageError for others."""
+    try:
+        json.dumps(messages, allow_nan=False)
+    except ValueError:
+        raise click.UsageError("a number in the command is not finite") from None
+    return messages
 
 
 def stamped(message: dict[str, Any]) -> bytes:

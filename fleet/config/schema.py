@@ -218,12 +218,29 @@ class MetricsConfig(Model):
         return self
 
 
+class SiteConfig(Model):
+    """The frame that the robots of this edge share: east-north-up, metres."""
+
+    origin: tuple[float, float, float] | None = Field(
+        None,
+        description="[latitude, longitude, altitude]: degrees, and metres above mean sea level of the ground "
+        "there. Robots that know where on Earth they are are placed by it, those without GPS by their start.",
+    )
+
+    @model_validator(mode="after")
+    def _on_earth(self) -> Self:
+        if self.origin is not None and (abs(self.origin[0]) >= 89 or abs(self.origin[1]) > 180):
+            raise wrong("origin", "must be [latitude, longitude, altitude] in degrees and metres")
+        return self
+
+
 class Sections(Model):
     """Everything in fleet.yaml but the robots themselves."""
 
     edge: EdgeConfig = Field(description="The computer that this file is for.")
     cloud: CloudConfig | None = Field(None, description="Left out: no cloud.")
     bus: BusConfig = Field(BusConfig(), description="The Zenoh bus.")
+    site: SiteConfig = Field(SiteConfig(), description="The frame that the robots share.")
     metrics: MetricsConfig | None = Field(
         None, description="Figures for Prometheus. Left out: none, and no port is opened."
     )

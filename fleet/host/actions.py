@@ -28,7 +28,7 @@ class Action:
         self.id = action_id
         self.task = task
         self.paused = False
-        self._reached = 0
+        self.reached = 0
         self._publish = publish
         self._ended = ended
         self._clock = clock
@@ -45,16 +45,16 @@ class Action:
     def ahead(self) -> Task:
         """What is left of its task, once it was paused."""
         if isinstance(self.task, FlyMission):
-            return msgspec.structs.replace(self.task, items=self.task.items[self._reached :])
+            return msgspec.structs.replace(self.task, items=self.task.items[self.reached :])
         return self.task
 
     def pause(self) -> None:
         """Interrupt it; the task becomes what is left of it."""
         self.paused = True
         if isinstance(self.task, FollowPath):
-            left = (self.task.goals * self.task.loops)[max(0, self._reached) :]
+            left = (self.task.goals * self.task.loops)[max(0, self.reached) :]
             self.task = msgspec.structs.replace(self.task, goals=left or self.task.goals[-1:], loops=1)
-            self._reached = 0
+            self.reached = 0
         elif isinstance(self.task, FlyMission):
             self.task = msgspec.structs.replace(self.task, resumed=True)
         self.move(ActionState.RUNNING, message="paused")
@@ -69,14 +69,14 @@ class Action:
         """What it is doing, in a word or two for people."""
         doing, task = "navigating", self.task
         if isinstance(task, FlyMission):
-            doing = f"mission, item {min(self._reached + 1, len(task.items))} of {len(task.items)},"
+            doing = f"mission, item {min(self.reached + 1, len(task.items))} of {len(task.items)},"
         return f"{doing} {self.status.progress:.0f} %" + (", paused" if self.paused else "")
 
     def progress(self, progress: Progress) -> None:
         """Tell how far it is; statuses that say nothing new are thinned out."""
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
         percent = max(self.status.progress, min(99.0, progress.percent))
-        self._reached = max(self._reached, progress.reached)
+        self.reached = max(self.reached, progress.reached)
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._said >= REPEAT:
             self.move(state, percent, progress.message)
@@ -108,4 +108,4 @@ class Action:
     @property
     def _step(self) -> int | None:
         """The item that a mission is at, None for any other task."""
-        return min(self._reached, len(self.task.items) - 1) if isinstance(self.task, FlyMission) else None
+        return min(self.reached, len(self.task.items) - 1) if isinstance(self.task, FlyMission) else None

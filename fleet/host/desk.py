@@ -86,6 +86,7 @@ class Desk:
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
         )
         self.recall = self._navigator.recall  # says how the actions of an earlier process ended
+        self.doing, self.hold_again = self._navigator.doing, self._driving.hold_again
         self._leader = leader_of(config, self._lead, limits, clock, holonomic=capabilities.holonomic)
         self.see = self._leader.see  # takes the robot's reports: the host leads it by its poses
 
@@ -197,8 +198,6 @@ class Desk:
         if self._adapter is not None:
             await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
 
-    # -- asking --------------------------------------------------------------------------------------
-
     def receive(self, ask: Command | Setpoint | Navigate, ticket: Ticket) -> None:
         """Take an ask; its ticket gets exactly one receipt."""
         if isinstance(ask, Setpoint):
@@ -223,7 +222,7 @@ class Desk:
             ticket.follow(first)
             return
         moves, safe = (spec.moves, spec.safe) if spec else (False, True)
-        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask.name)
+        refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:

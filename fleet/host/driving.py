@@ -37,6 +37,8 @@ class Driving:
         self._lease = lease
         self._guard = guard
         self._keys = Keys() if combines else None
+        self._adapter: Adapter[Any] | None = None
+        self._wanted = ZERO_VELOCITY  # before the guard had its say
 
     def take(self, adapter: Adapter[Any], ask: Setpoint) -> None:
         """Have the adapter hold what was asked; raises what the adapter raises."""
@@ -47,13 +49,21 @@ class Driving:
 
     def hold(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
         """Have the adapter hold a velocity for its lease (s); raises what the adapter raises."""
-        velocity = self._guard.within(clamp(velocity, self._limits))
+        self._adapter, self._wanted = adapter, clamp(velocity, self._limits)
+        velocity = self._guard.within(self._wanted)
         self.deadman.feed(self._clock.monotonic(), lease)
         self._guard.held = velocity
         if velocity.is_zero:
             self.deadman.clear()
         called(adapter.drive, velocity)
         self._guard.taken = self._guard.taken and velocity.is_zero
+
+    def hold_again(self) -> None:
+        """Have the adapter hold what is wanted, as far as the guard lets it pass now; its lease runs on."""
+        velocity = self._guard.within(self._wanted)
+        if self._adapter is not None and self.deadman.armed and velocity != self._guard.held:
+            self._guard.held = velocity
+            called(self._adapter.drive, velocity)
 
     def stand(self, adapter: Adapter[Any]) -> None:
         """Have the adapter hold zero velocity; raises what the adapter raises."""

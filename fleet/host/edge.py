@@ -38,6 +38,7 @@ from fleet.host.settings import (
     worker_of,
 )
 from fleet.host.stops import take_stops
+from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
@@ -90,6 +91,7 @@ class Edge:
                 clock=clock,
                 settle=settle_time(config),
                 supervised=supervised,
+                traffic=traffic_of(config, clock),
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())

@@ -1,25 +1,27 @@
-"""Keeps one robot inside its fence and within its battery: goals before they begin, motion as it happens.
+"""Keeps one robot in its fence, within its battery and apart from others.
 
-It knows the robot by its reports: pose, home, battery. Whoever leads the robot (a person, the host's
-follower, its own autopilot) is judged alike.
+Goals before they begin, motion as it happens. It knows the robot by its reports: pose, home, battery.
+Whoever leads the robot (a person, the host's follower, its own autopilot) is judged alike.
 """
 
 from __future__ import annotations
 
 import itertools
 import logging
+import math
 from collections.abc import Callable, Iterable
 
 from fleet.clock import Clock
 from fleet.decoding import convert
 from fleet.errors import Refused
+from fleet.host.apart import Apart
 from fleet.host.battery import BatteryWatch
 from fleet.host.safety.fence import Fence
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
-from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, Task
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 from fleet.model.polygon import Polygon
 from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report, TelemetryReport
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
@@ -30,9 +32,12 @@ STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
 """Commands that begin a flight: refused outside the fence and with too little battery."""
 
+CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
+"""Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
+
 
 class Guard:
-    """One robot's fence, and the watch on its battery.
+    """One robot's fence, the watch on its battery, and on the other robots of its edge (``apart``).
 
     ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``free``
     tells whether nobody else has it, and nothing makes it safer already.
@@ -53,6 +58,7 @@ class Guard:
     ) -> None:
         self._name = config.name
         self._config = config.fence
+        self._all = config
         self._limits = limits
         self._unbordered = config.fence is None and limits.distance is None
         self._unfenced = self._unbordered and limits.altitude is None
@@ -61,6 +67,7 @@ class Guard:
         self._publish = publish
         self.held = ZERO_VELOCITY
         self.taken = False
+        self.apart: Apart | None = None
         self._battery: BatteryWatch | None = None
         if config.battery_policy is not None:
             self._battery = BatteryWatch(
@@ -83,14 +90,28 @@ class Guard:
             case PoseReport():
                 self._pose = Pose(report.position, report.rotation)
                 self._seen = self._clock.monotonic()
+                if self.apart is not None:
+                    self.apart.see(self._pose)
                 self._look()
-            case BatteryReport() if self._battery is not None:
-                self._battery.see(report.percent)
+            case BatteryReport():
+                self._charged(report.percent)
             case FlightControllerReport() if report.home != self._home:
                 self._home = report.home
                 self._draw()
             case _:
                 pass
+
+    def _charged(self, percent: float | None) -> None:
+        """Take how full the battery is."""
+        if self._battery is not None:
+            self._battery.see(percent)
+        if self.apart is not None:
+            self.apart.charged(percent)
+
+    def share_space(self, apart: Apart) -> None:
+        """Keep the robot apart from the others from now on."""
+        self.apart = apart
+        apart.world_is(self._world())
 
     def obeyed(self, reply: Reply) -> None:
         """Take the answer to what moves the robot: one that did it is ours again."""
@@ -104,7 +125,7 @@ class Guard:
         if self._trouble and not before:
             self._tell("fence_breached", reason=self._trouble)
             self._end(f"fence: it is {self._trouble}")
-        elif self.within(self.held) != self.held:
+        elif self._inside(self.held) != self.held:
             self._end("fence: the velocity leads out of it")
 
     def _tell(self, kind: str, **fields: object) -> None:
@@ -114,7 +135,26 @@ class Guard:
 
     # -- what may be asked of it ---------------------------------------------------------------------
 
-    def beginning(self, name: str) -> str | None:
+    def beginning(self, ask: Command) -> str | None:
+        """Return why a command may not begin a flight or change its height; None when it may, or does not."""
+        return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+
+    def _climb_trouble(self, ask: Command) -> str:
+        """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
+        if ask.name not in CLIMBS or self.apart is None or self.apart.placement is None:
+            return ""
+        pose, home = self._fresh(), self._home_point()
+        if pose is None:
+            return "where the robot is, is unknown, so its separation cannot be kept"
+        field, sign = CLIMBS[ask.name]
+        metres = ask.data.get(field, getattr(self._all, "takeoff_altitude", 0.0))
+        if not isinstance(metres, int | float) or not math.isfinite(metres):
+            return ""  # the command itself refuses it
+        rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
+        task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
+        return self.apart.task_trouble(task, (pose.position + task.translation,))
+
+    def _start_trouble(self, name: str) -> str | None:
         """Return why a command may not begin a flight, None when it may, or begins none."""
         if name not in BEGINNINGS:
             return None
@@ -124,7 +164,8 @@ class Guard:
 
     def task(self, task: Task | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
-        if task is None or (self._battery is None and self._unfenced):
+        shares = self.apart is not None and self.apart.placement is not None
+        if task is None or (self._battery is None and self._unfenced and not shares):
             return None
         try:
             start, points = self._way(task)
@@ -134,9 +175,26 @@ class Guard:
         trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
         if not trouble and self._battery is not None:
             trouble = self._battery.trouble(_length((start, *points, home)), self._speed(task))
+        if not trouble and self.apart is not None:
+            trouble = self.apart.task_trouble(task, points)
         return trouble or None
 
+    def points(self, task: Task) -> tuple[Vector3, ...]:
+        """Return where a task leads in the robot's world, nowhere while that is unknown."""
+        try:
+            return self._way(task)[1]
+        except Refused:
+            return ()
+
     def within(self, velocity: Velocity) -> Velocity:
+        """Return the part of a body velocity that keeps the fence, and the robot apart from others.
+
+        Raises Refused while the fence is unknown.
+        """
+        velocity = self._inside(velocity)
+        return velocity if self.apart is None or velocity.is_zero else self.apart.within(velocity)
+
+    def _inside(self, velocity: Velocity) -> Velocity:
         """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
         if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
             return velocity
@@ -184,12 +242,14 @@ class Guard:
             self._limits.distance,
             config.margin,
         )
+        if self.apart is not None:
+            self.apart.world_is(world)
 
     def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
         """Return where a task begins and where it leads; raises Refused while that is unknown."""
         pose = self._fresh()
         if pose is None or self._fence is None:
-            raise Refused("where the robot is, is unknown, so its fence and battery cannot be kept")
+            raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
         match task:
             case GoTo():
                 return pose.position, (self._place(task.goal),)

@@ -12,6 +12,7 @@ from functools import partial
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
+from fleet.host.apart import LOOK, Apart
 from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
@@ -23,10 +24,12 @@ from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
 from fleet.host.ticket import Ticket
+from fleet.host.traffic import Traffic
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Answer, Asked, Command, Origin, Reply, Setpoint, Way
+from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState, Control, Navigate
 from fleet.model.report import (
     BatteryReport,
@@ -104,6 +107,7 @@ class LocalRobot:
         self._shared = shared
         self._send = outbox.sender(self.twin)
         self._seen = Snapshot()
+        self._traffic: Traffic | None = None
         self._loop = asyncio.get_running_loop()
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
@@ -137,6 +141,26 @@ class LocalRobot:
             clock=clock,
             changed=self._health_changed,
         )
+
+    def share_space(self, traffic: Traffic) -> None:
+        """Be one of the robots of the edge that are kept apart from each other."""
+        guard = self.desk.guard
+        self._traffic = traffic
+        apart = Apart(
+            self.config,
+            self.config.separation.over(self._can.separation),
+            self._limits,
+            clock=self._clock,
+            others=traffic,
+            mover=self.desk,
+            led=not self._can.navigates,
+            held=lambda: guard.held,
+            points=guard.points,
+            publish=self.publish,
+        )
+        traffic.join(apart)
+        guard.share_space(apart)
+        self._wheel.every(LOOK, apart.look, owner=self.name, failed=self.runner.crashed)
 
     def read(
         self,
@@ -229,7 +253,8 @@ class LocalRobot:
 
     def state(self) -> RobotState:
         """Return what the robot looks like now."""
-        health = self.runner.health
+        health = self._health()
+        placed = self._traffic.in_site(self.name) if self._traffic else None
         return RobotState(
             name=self.name,
             twin=self.twin,
@@ -250,7 +275,17 @@ class LocalRobot:
             last_command=self.desk.last.command,
             last_outcome=self.desk.last.outcome,
             senders=self.desk.senders(),
+            site=placed.at if placed else None,
+            placement=placed.placement if placed else None,
+            separation=self._traffic.unknown(self.name) if self._traffic else "",
         )
+
+    def _health(self) -> Health:
+        """Return how the robot is; one that is well but held or slowed for another is degraded."""
+        health, apart = self.runner.health, self.desk.guard.apart
+        if health.level is Level.OK and apart is not None and apart.cause:
+            return Health(Level.DEGRADED, apart.cause)
+        return health
 
     def _new_handle(self, runner: Runner) -> Handle:
         """Return the handle of a new run."""

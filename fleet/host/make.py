@@ -13,7 +13,7 @@ from fleet.adapter import Adapter, FrameAdapter
 from fleet.commands import CommandSpec, arguments, commands_of
 from fleet.host.framed import Framed
 from fleet.model.command import Command
-from fleet.robot_config import AdapterConfig, Limits
+from fleet.robot_config import AdapterConfig, Limits, Separation
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
 _VERB_TIMEOUT = 10.0  # s
@@ -26,6 +26,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     drives: bool
     navigates: bool
     limits: Limits
+    separation: Separation = Adapter.separation
     holonomic: bool = False
     combines_keys: bool = False
 
@@ -65,7 +66,15 @@ def capabilities(plugin: AdapterClass) -> Capabilities:
         commands, drives, navigates = verbs | dict(commands_of(plugin)), plugin.drives, False
     else:
         commands, drives, navigates = dict(plugin.commands()), plugin.drives(), plugin.navigates()
-    return Capabilities(commands, drives, navigates, plugin.limits, plugin.holonomic, plugin.combines_keys)
+    return Capabilities(
+        commands,
+        drives,
+        navigates,
+        plugin.limits,
+        plugin.separation,
+        plugin.holonomic,
+        plugin.combines_keys,
+    )
 
 
 def _verb(name: str) -> CommandSpec:

@@ -66,6 +66,12 @@ class Navigator:
         """True while an action is running or paused."""
         return self.action is not None and not self.action.over
 
+    def doing(self) -> tuple[Task, int] | None:
+        """Return the task under way and how many of its goals are behind, None when there is none."""
+        if self.action is None or self.action.over or self.action.paused:
+            return None
+        return self.action.task, self.action.reached
+
     @property
     def ahead(self) -> Task | None:
         """What is left of the paused action; None when none is paused."""

@@ -26,7 +26,9 @@ from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
+from fleet.host.settings import MAIN
 from fleet.host.shared import Shared
+from fleet.host.traffic import TELL, Traffic
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
@@ -57,6 +59,7 @@ class RobotProcess:
     """The robots of one process; it closes the journal when it stops.
 
     ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
+    ``traffic``: where all robots of the edge are; left out, they are not kept apart.
     """
 
     def __init__(
@@ -70,6 +73,7 @@ class RobotProcess:
         worker: str = "",
         settle: float = 0.0,
         supervised: Supervised | None = None,
+        traffic: Traffic | None = None,
     ) -> None:
         self.edge = edge
         self.bus = bus
@@ -98,6 +102,8 @@ class RobotProcess:
         self.robots: dict[str, LocalRobot] = {
             spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
         }
+        if traffic is not None:
+            self._share_space(traffic)
         self.claims = Claims(
             edge,
             [robot.twin for robot in self.robots.values()],
@@ -127,6 +133,22 @@ class RobotProcess:
             changed=self.publish_state,
             supervised=self.supervised,
         )
+
+    def _share_space(self, traffic: Traffic) -> None:
+        """Keep the robots apart from each other, and from those of the edge's other processes."""
+        for robot in self.robots.values():
+            robot.share_space(traffic)
+        own = self.bus.control.publisher(keys.places(self.edge, self.worker or MAIN))
+
+        def heard(_key: str, payload: bytes) -> None:
+            self.loop.call_soon_threadsafe(traffic.hear, payload)
+
+        def tell() -> None:
+            if own.wanted:
+                own.put(traffic.sheet())
+
+        self.bus.control.subscribe(keys.places(self.edge, "*"), heard)
+        self.wheel.every(TELL, tell)
 
     def start(self) -> None:
         """Start every robot; those that fail are tried again by their own runners."""

@@ -29,6 +29,7 @@ from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.signals import end_by_signal
 from fleet.host.stops import take_stops
+from fleet.host.traffic import traffic_of
 from fleet.spool.place import state_folder
 from fleet.supervisor.client import supervised
 
@@ -60,6 +61,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         worker=name,
         settle=settle,
         supervised=supervised(),
+        traffic=traffic_of(loaded.config, clock),
     )
     ended = asyncio.Event()
     end_by_signal(ended.set)

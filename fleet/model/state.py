@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fleet.model.geometry import Vector3
+from fleet.model.site import Placement
 
 
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -12,6 +13,10 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     ``senders`` are those heard lately that stamp what they ask, each with the offset (s) of its clock and
     the way here together: positive is slow or late.
+
+    ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
+    lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -35,6 +40,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     last_command: str = ""
     last_outcome: str = ""
     senders: dict[str, float] = {}
+    site: Vector3 | None = None
+    placement: Placement | None = None
+    separation: str = ""
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

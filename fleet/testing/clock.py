@@ -1,8 +1,9 @@
-"""A clock that tests turn, and one that goes as their event loop does."""
+"""A clock that tests turn, one that goes as their event loop does, and a loop whose time does not wait."""
 
 from __future__ import annotations
 
-from asyncio import AbstractEventLoop
+import selectors
+from asyncio import AbstractEventLoop, SelectorEventLoop
 
 _EPOCH = 1_800_000_000.0  # Unix s at which tests begin
 
@@ -48,3 +49,31 @@ class LoopClock:
     def time(self) -> float:
         """Return Unix seconds, of a day of the test's own."""
         return _EPOCH + self._loop.time() - self._began
+
+
+class _Jumping(selectors.SelectSelector):
+    """Never waits: the loop's time jumps to where it would have woken up."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.jumped = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Return what is ready now; where nothing is, let the time pass that there was to wait."""
+        ready = super().select(0)
+        if ready or timeout is None:
+            return ready or super().select(timeout)
+        self.jumped += max(timeout, 0.0)
+        return []
+
+
+class JumpingLoop(SelectorEventLoop):
+    """An event loop whose seconds pass as soon as nothing is left to do in them."""
+
+    def __init__(self) -> None:
+        self._jumping = _Jumping()
+        super().__init__(self._jumping)
+
+    def time(self) -> float:
+        """Return the seconds that were jumped over, from a day of the test's own."""
+        return 1000.0 + self._jumping.jumped

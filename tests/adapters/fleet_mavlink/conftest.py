@@ -2,15 +2,13 @@
 
 import asyncio
 import math
-import selectors
-import time
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import all as mav
 
 from fleet.link.memory import MemoryRobot
-from fleet.testing.clock import ManualClock
+from fleet.testing.clock import JumpingLoop, ManualClock
 from fleet.testing.operator import Operator
 from fleet.testing.robot import LoopRobot
 from fleet_mavlink.adapter import MavlinkAdapter
@@ -83,33 +81,6 @@ class Told:
 @pytest.fixture
 def told():
     return Told
-
-
-class _Jumping(selectors.SelectSelector):
-    """Never waits: the loop's time jumps to where it would have woken up."""
-
-    def __init__(self):
-        super().__init__()
-        self.jumped = 0.0
-
-    def select(self, timeout=None):
-        ready = super().select(0)
-        if ready or timeout is None:
-            return ready or super().select(timeout)
-        self.jumped += max(timeout, 0.0)
-        return []
-
-
-class JumpingLoop(asyncio.SelectorEventLoop):
-    """An event loop whose seconds pass as soon as nothing is left to do in them."""
-
-    def __init__(self):
-        self._jumping = _Jumping()
-        self._began = time.monotonic()
-        super().__init__(self._jumping)
-
-    def time(self):
-        return 1000.0 + self._jumping.jumped
 
 
 class Sky(Operator):

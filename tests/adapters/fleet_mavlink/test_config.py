@@ -53,3 +53,8 @@ def test_two_entries_are_one_machine_when_link_and_id_are_the_same():
 
 def test_simulated_robots_have_a_vehicle_each():
     assert config(link="sim:px4").identity() != config(link="sim:px4", name="other").identity()
+
+
+def test_an_aircraft_is_placed_by_its_home_and_takes_no_start():
+    with pytest.raises(ValidationError, match="placed by its home"):
+        config(link="sim:px4", start=[0, 0, 0])

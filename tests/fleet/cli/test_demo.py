@@ -33,6 +33,14 @@ def test_a_demo_of_nothing_is_a_usage_error_and_starts_nothing(fleet):
     assert "ask for one of --drones, --ugvs, --dogs" in result.err
 
 
+def test_every_robot_of_the_demo_has_a_place_of_its_own():
+    file = json.loads(demo_file(2, "127.0.0.1", 1883, ugvs=2, dogs=2))
+    assert len(file["site"]["origin"]) == 3
+    starts = [tuple(robot["start"]) for robot in file["robots"] if robot["adapter"] != "mavlink"]
+    assert len(set(starts)) == 4
+    assert all("home=" in robot["link"] for robot in file["robots"] if robot["adapter"] == "mavlink")
+
+
 def test_every_kind_of_robot_can_be_tried():
     file = demo_file(1, "127.0.0.1", 1883, ugvs=1, dogs=1)
     assert all(f'"{one.robot}"' in file for one in TRIES)

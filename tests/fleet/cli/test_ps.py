@@ -54,6 +54,16 @@ def test_robots_of_one_name_on_two_edges_are_told_apart(fleet, play_edge):
     assert "demo-2/drone-1: no heartbeat" in rows
 
 
+def test_where_robots_are_in_the_frame_of_the_site_is_shown_once_one_is_placed(fleet, play_edge):
+    rex = {"health": "ok", "site": Vector3(1.0, -2.04, 0.0), "separation": "unknown to kestrel"}
+    play_edge("yard-1", robots={"rex": rex, "kestrel": {}})
+    rows = fleet("ps").out.splitlines()
+    assert rows[0].split()[:6] == ["ROBOT", "HEALTH", "MODE", "BATTERY", "SITE", "DOING"]
+    assert rows[1].split() == ["kestrel", "offline", "-", "-", "-", "-", "-"]
+    assert rows[2].split() == ["rex", "ok", "-", "-", "1.0", "-2.0", "0.0", "-", "-"]
+    assert "rex: separation unknown to kestrel" in rows
+
+
 def test_json_has_every_field_of_everything(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {"health": "offline", "position": Vector3(1.0, 2.0, 3.0)}})
     result = fleet("ps", "--json")

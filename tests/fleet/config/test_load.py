@@ -138,6 +138,37 @@ def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
     assert all("[[[0, 0]," in problem for problem in problems)
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("start: [1, 2, 90]", "robots[0].start: the heading counts in radians: 90 is more than a turn"),
+        ("start: [0, 0, 0], origin: {latitude: 1, longitude: 2}", "robots[0].start: origin places the robot"),
+        ("start: [0, 0]", "robots[0].start"),
+        ("start: [.nan, 0, 0]", "robots[0].start[0]"),
+        ("separation: {radius: 0}", "robots[0].separation.radius"),
+        ("separation: {radios: 1}", "robots[0].separation.radios: unknown key (did you mean 'radius'?)"),
+    ],
+)
+def test_a_place_or_a_separation_that_is_none_is_told_where_it_stands(yard, given, told):
+    (problem,) = yard.problems(small(ROBOT.replace("adapter: toy", f"adapter: toy, {given}")))
+    assert told in problem
+
+
+@pytest.mark.parametrize("origin", ["[47.4, 8.5]", "[8.5, 190, 400]", "[95, 8.5, 400]", "here"])
+def test_a_sites_origin_that_is_no_place_is_told_where_it_stands(yard, origin):
+    problems = yard.problems(small(more=f"site: {{origin: {origin}}}\n"))
+    assert all("site.origin" in problem for problem in problems)
+    assert problems
+
+
+def test_a_site_and_a_start_are_taken(yard):
+    robot = ROBOT.replace("adapter: toy", "adapter: toy, start: [1, -2, 1.57], separation: {radius: 2}")
+    loaded = yard.load(small(robot, more="site: {origin: [47.4, 8.5, 488]}\n"))
+    ((config, _),) = loaded.robots
+    assert loaded.config.site.origin == (47.4, 8.5, 488.0)
+    assert (config.start, config.separation.radius) == ((1.0, -2.0, 1.57), 2.0)
+
+
 def test_a_merge_key_is_told_with_what_does_the_same(yard):
     merged = "x-base: &base {adapter: toy}\n" + small(ROBOT.replace("adapter: toy", "<<: *base"))
     (problem,) = yard.problems(merged)

@@ -239,6 +239,7 @@ import fleet
 class ToyConfig(fleet.AdapterConfig):
     adapter: Literal["toy"]
     journal: str
+    stands: bool = False  # it tells a pose
 
 
 class Toy(fleet.Adapter[ToyConfig]):
@@ -253,6 +254,9 @@ class Toy(fleet.Adapter[ToyConfig]):
     async def run(self, robot):
         self.note("run")
         robot.health(fleet.Health())
+        if self.config.stands:
+            pose = fleet.PoseReport(0.0, fleet.Vector3(), fleet.quaternion_from_yaw(0.0))
+            robot.every(0.1, lambda: robot.report(pose))
         await asyncio.Event().wait()
 
     def drive(self, velocity):

@@ -1,0 +1,238 @@
+"""A field of simulated robots, each with its desk, in time that jumps: nothing waits."""
+
+import asyncio
+import contextlib
+import uuid
+from typing import Literal
+
+from fleet.adapter import Adapter, AdapterConfig
+from fleet.commands import command
+from fleet.config.schema import FleetConfig
+from fleet.host.journal import RobotJournal
+from fleet.host.local import LocalRobot
+from fleet.host.shared import Shared
+from fleet.host.ticket import Ticket
+from fleet.host.traffic import traffic_of
+from fleet.host.wheel import Wheel
+from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.geometry import (
+    ZERO_VELOCITY,
+    Vector3,
+    Velocity,
+    quaternion_from_yaw,
+    rotate_to_world,
+)
+from fleet.model.health import Health
+from fleet.model.navigation import Goal, GoTo, Navigate, Progress, RelativeMove
+from fleet.model.report import PoseReport
+from fleet.robot_config import Limits, Separation
+from fleet.testing.clock import LoopClock
+
+STEP = 0.02  # s of physics
+TELE = Origin(Way.BUS, "tele", "anna")
+
+
+class WalkerConfig(AdapterConfig):
+    adapter: Literal["walker"] = "walker"
+    link: str = "memory:walker"
+    lag: float = 0.15  # s until it does what it is told
+    poses: float = 0.1  # s between two
+
+
+class Walker(Adapter[WalkerConfig]):
+    """A robot that drives, and is led by the host; it gains and loses speed at 1 m/s2."""
+
+    Config = WalkerConfig
+    limits = Limits(speed=1.5, yaw_rate=2.0)
+    separation = Separation(radius=0.4, braking=1.0, precedence=2)
+    pull = 1.0  # m/s2
+
+    def __init__(self, config):
+        super().__init__(config)
+        x, y, yaw = config.start or (0.0, 0.0, 0.0)
+        self.site = Vector3(x, y)  # where it truly is, in the site's frame
+        self.world = Vector3()
+        self.turn = yaw
+        self.yaw = 0.0
+        self.velocity = Vector3()  # m/s in its own world
+        self.asked = ZERO_VELOCITY
+        self.silent = False
+        self.stops = 0
+
+    async def run(self, robot):
+        self.robot, self.loop = robot, asyncio.get_running_loop()
+        robot.health(Health())
+        robot.every(STEP, self._step)
+        robot.every(self.config.poses, self._tell)
+        await asyncio.Event().wait()
+
+    def _tell(self):
+        if not self.silent:
+            now = self.robot.clock.time()
+            self.robot.report(PoseReport(now, self.world, quaternion_from_yaw(self.yaw)))
+
+    def _wanted(self):
+        return rotate_to_world(self.asked.linear, self.yaw)
+
+    def _step(self):
+        change = self._wanted() - self.velocity
+        most = self.pull * STEP
+        if change.norm() > most:
+            change = change.scaled(most / change.norm())
+        self.velocity = self.velocity + change
+        self.yaw += self.asked.yaw_rate * STEP
+        way = self.velocity.scaled(STEP)
+        self.world = self.world + way
+        self.site = self.site + rotate_to_world(way, self.turn)
+
+    def _later(self, call, *arguments):
+        self.loop.call_soon_threadsafe(self.loop.call_later, self.config.lag, call, *arguments)
+
+    def drive(self, velocity):
+        self._later(setattr, self, "asked", velocity)
+
+    async def stop(self, reason):
+        self.stops += 1
+        self.halt()
+        await asyncio.sleep(self.config.lag)
+
+    def halt(self):
+        self._later(self._stand)
+
+    def _stand(self):
+        self.asked = ZERO_VELOCITY
+
+
+class Flyer(Walker):
+    """One that goes to goals by itself, faster, in the air too."""
+
+    limits = Limits(speed=3.0, vertical_speed=1.0, yaw_rate=2.0, altitude=120.0)
+    separation = Separation(radius=1.5, braking=1.5, precedence=3)
+    pull = 2.0
+    goal = None
+
+    def _wanted(self):
+        if self.goal is None:
+            return super()._wanted()
+        left = self.goal - self.world
+        speed = min(self.limits.speed, (2 * 0.8 * self.pull * left.norm()) ** 0.5, left.norm() / 0.3)
+        return left.scaled(speed / max(left.norm(), 1e-6))
+
+    def _stand(self):
+        self.goal = None
+        super()._stand()
+
+    def drive(self, velocity):
+        self.goal = None
+        super().drive(velocity)
+
+    async def navigate(self, task):
+        step = task.translation if isinstance(task, RelativeMove) else None
+        goal = task.goal.position if step is None else self.world + rotate_to_world(step, self.yaw)
+        self._later(setattr, self, "goal", goal)
+        while (goal - self.world).norm() > 0.3:
+            yield Progress(50.0)
+            await asyncio.sleep(0.1)
+
+    @command("takeoff", timeout=60)
+    async def takeoff(self, altitude: float = 5.0):
+        """Climb."""
+        goal = Vector3(self.world.x, self.world.y, altitude)
+        self._later(setattr, self, "goal", goal)
+        while (goal - self.world).norm() > 0.3:
+            yield Progress(50.0)
+            await asyncio.sleep(0.1)
+
+
+class _Nowhere:
+    """An outbox for nobody."""
+
+    def sender(self, _twin):
+        return lambda _report: None
+
+
+class Field:
+    """Robots of one edge by name; ``starts``: class and (x, y, heading) or more fields by name."""
+
+    def __init__(self, starts, **site):
+        loop = asyncio.get_running_loop()
+        self.clock = LoopClock(loop)
+        self.wheel = Wheel(loop, self.clock)
+        self.made = {}
+        configs = {
+            name: WalkerConfig(
+                name=name,
+                twin=uuid.uuid5(uuid.NAMESPACE_OID, name),
+                **({"start": start} if not isinstance(start, dict) else start),
+            )
+            for name, (_, start) in starts.items()
+        }
+        edge = {"edge": {"id": "yard"}, "site": site, "robots": ()}
+        config = FleetConfig(**edge).model_copy(update={"robots": tuple(configs.values())})
+        self.traffic = traffic_of(config, self.clock)
+        self.robots = {name: self._robot(configs[name], kind) for name, (kind, _) in starts.items()}
+        self.told = []
+
+    def _robot(self, config, kind):
+        field = self
+
+        class Made(kind):
+            def __init__(self, given):
+                super().__init__(given)
+                field.made[given.name] = self
+
+        robot = LocalRobot(
+            config,
+            Made,
+            adapter="walker",
+            edge="yard",
+            worker="",
+            clock=self.clock,
+            wheel=self.wheel,
+            shared=Shared(),
+            outbox=_Nowhere(),
+            journal=RobotJournal(),
+            arrival=self.clock.monotonic,
+            changed=lambda _name: None,
+        )
+        robot.share_space(self.traffic)
+        return robot
+
+    @contextlib.asynccontextmanager
+    async def running(self):
+        self.wheel.start()
+        tasks = [robot.start() for robot in self.robots.values()]
+        await asyncio.sleep(0.5)
+        try:
+            yield self
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self.wheel.stop()
+
+    def ask(self, name, what):
+        """Ask a robot; return the list that fills with the answers."""
+        answers = []
+        self.robots[name].desk.receive(what, Ticket(getattr(what, "name", "ask"), answers.append, waits=True))
+        return answers
+
+    def send(self, name, x, y, z=0.0):
+        """Send a robot to a place in the site's frame."""
+        placement = self.traffic.in_site(name).placement
+        goal = GoTo(Goal(placement.to_world(Vector3(x, y, z))))
+        return self.ask(name, Navigate(goal, uuid.uuid4().hex, TELE))
+
+    def drive(self, name, x=0.0, y=0.0, turn=0.0):
+        """Have a robot hold a body velocity for the lease."""
+        return self.ask(name, Setpoint(Velocity(Vector3(x, y), turn), origin=TELE))
+
+    def command(self, name, command, **data):
+        return self.ask(name, Command(command, data, origin=TELE))
+
+    def state(self, name):
+        return self.robots[name].state()
+
+    def apart(self, one, other):
+        """Return the metres that two robots truly are from each other."""
+        return (self.made[one].site - self.made[other].site).norm()
