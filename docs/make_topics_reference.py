@@ -108,7 +108,9 @@ VERBS_RULE = """\
 The verb fixes axis and sign; the magnitude is the absolute value of its own field, else of `linear_x`, else a
 default. A `distance` (m) without the own field makes it a displacement: the robot's own command where it
 declares the verb (`ascend`, `descend`), else a way that it goes like a goal, 0.1 m to what it does in 30 s.
-A magnitude that is not a finite number is refused.
+A magnitude that is not a finite number is refused, and so is a field that the verb does not read: a misspelt
+one with the near miss, a speed other than 0 along another axis by name. A misspelt field of a goal, a mission
+or joint targets is refused as well; fields of other programs are let through at the top of a message.
 """
 
 SIGNED = """\

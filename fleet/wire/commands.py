@@ -27,11 +27,18 @@ from fleet.wire.envelope import (
     tolerant,
 )
 from fleet.wire.samples import json_payload, stamp_of_header
+from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
 STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
+_VELOCITY = frozenset(VELOCITY_FIELDS)
+_VERB_DATA = _VELOCITY | {"distance"}
+_FLAT_TWIST = _VELOCITY | {"angular_x", "angular_y"}  # roll and pitch rates are not used
+_TWIST = frozenset({"linear", "angular"})
+_AXES = frozenset("xyz")
+_BODIES = frozenset({"data", "velocity_command"})
 
 
 Axis = Literal["x", "y", "z", "yaw"]
@@ -150,7 +157,8 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint
     try:
         message = _sampled(payload) if way is Way.BUS else parse_object(payload)
         envelope = _envelope("motion", message, payload, way, request_id)
-        nested = "linear" in message or "angular" in message
+        nested = not message.keys().isdisjoint(_TWIST)
+        refuse_misspelt(message, _TWIST if nested else _FLAT_TWIST)
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
     except WireError as error:
         raise BadCommand(error, command="motion") from None
@@ -182,6 +190,8 @@ def _usual(payload: bytes) -> _Usual | None:
 def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
+    if strict:
+        refuse_misspelt(message, _BODIES)
     origin, stamp = origin_and_stamp(message, way, strict=strict)
     data = tolerant(_data, message, strict=strict)
     return _Envelope(name, data or {}, message, payload, request_id, origin, stamp)
@@ -208,14 +218,22 @@ def _plain(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
 
 
 def _verb(envelope: _Envelope, defaults: MotionDefaults) -> Command | Setpoint:
-    """Read a motion verb: it fixes axis and sign, the data only says how much."""
+    """Read a motion verb: it fixes axis and sign, the data only says how much.
+
+    A speed along another axis than the verb's is refused: ``move`` has them all.
+    """
     verb = VERBS[envelope.name]
+    refuse_unknown(envelope.data, _VERB_DATA, "data")
     given = {field: optional_number(envelope.data, field, "data") for field in VELOCITY_FIELDS}
     distance = optional_number(envelope.data, "distance", "data")
     own = given[verb.own_field]
     if own is None and distance is not None:
         return envelope.command(envelope.name, {"distance": abs(distance)})
-    magnitude = own if own is not None else given["linear_x"]
+    used = verb.own_field if own is not None else "linear_x"
+    for field, value in given.items():
+        if value and field != used:
+            raise WireError(f"{envelope.name} has only {verb.own_field}; move has all", where=f"data.{field}")
+    magnitude = given[used]
     if magnitude is None:
         magnitude = getattr(defaults, verb.default)
     return envelope.setpoint(_along(verb.axis, verb.sign * abs(magnitude)))
@@ -230,7 +248,9 @@ def _along(axis: Axis, value: float) -> Velocity:
 
 def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
     """Read ``move``, whose fields are signed."""
-    return envelope.setpoint(_signed(envelope.data, "data"))
+    velocity = _signed(envelope.data, "data")
+    refuse_unknown(envelope.data, _VELOCITY, "data")
+    return envelope.setpoint(velocity)
 
 
 def _signed(members: Mapping[str, Any], where: str) -> Velocity:
@@ -255,6 +275,7 @@ def _axes(message: Mapping[str, Any], name: str) -> Vector3:
     if name not in message:
         return Vector3()
     members = child(message, name)
+    refuse_unknown(members, _AXES, name)
     return Vector3(*(optional_number(members, axis, name) or 0.0 for axis in "xyz"))
 
 

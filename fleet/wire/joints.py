@@ -20,6 +20,7 @@ from typing import Any
 from fleet.errors import WireError
 from fleet.model.command import Command, Way
 from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp
+from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
 
 JOINT_TARGETS = "joint_targets"
@@ -53,6 +54,8 @@ _NEVER_JOINTS = frozenset(
         *(f"target_{name}" for name in _SETS),
     }
 )
+
+_SET_FIELDS = frozenset({"mode", "update_mode", *_SETS, *(f"target_{name}" for name in _SETS)})
 
 Sets = dict[str, dict[str, float]]
 
@@ -89,6 +92,8 @@ def _measured_form(message: Mapping[str, Any]) -> Sets:
 def _named_sets(message: Mapping[str, Any], prefix: str) -> Sets:
     """Read the sets that are there, each a number for each joint."""
     found = {name: child(message, prefix + name) for name in _SETS if prefix + name in message}
+    if found:
+        refuse_misspelt(message, _SET_FIELDS)
     return {name: _numbers(values, prefix + name) for name, values in found.items() if values}
 
 

@@ -23,6 +23,7 @@ from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo,
 from fleet.wire.envelope import BadCommand, identity, name_of, optional_word, origin_and_stamp, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
+from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, kind, number, parse_object, path, text, whole
 from fleet.wire.strict import without_nulls as given
 
@@ -40,6 +41,32 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "resume": Control.RESUME,
     }
 )
+
+_PLACE = frozenset(
+    {
+        "position",
+        "geodetic_position",
+        "coordinate_frame",
+        "yaw",
+        "rotation",
+        "orientation",
+        "actions",
+        "metadata",
+        "duration_seconds",
+    }
+)
+_FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "": _PLACE
+        | {"waypoints", "constraints", "relative_translation", "frame", "frame_id", "reference_frame"}
+        | {"action_id"},
+        "waypoint": _PLACE | {"id", "x", "y", "z"},
+        "geodetic_position": frozenset({"latitude", "longitude", "altitude"}),
+        "constraints": frozenset({"max_speed_ms", "goal_tolerance_m"}),
+        "metadata": frozenset({"wait_s", "max_loops", "units"}),
+    }
+)
+"""What is read of each object; a field that looks like one of these and is none is refused."""
 
 
 class _Reading(msgspec.Struct, frozen=True):
@@ -102,6 +129,7 @@ def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
     if read is None:
         known = ", ".join([*TASKS, *CONTROLS])
         raise WireError(f"{name!a} is not navigation ({known}); send it as a command", where="command")
+    refuse_misspelt(message, _FIELDS[""])
     _refuse_foreign_frames(message)
     return read(message, reading)
 
@@ -148,6 +176,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
     members = given(item)
     if "position" not in members and {"x", "y"} <= members.keys():
         members["position"] = {axis: members[axis] for axis in "xyz" if axis in members}
+    refuse_misspelt(members, _FIELDS["waypoint"], where)
     turned = members.keys() & {"yaw", "rotation", "orientation"}
     inherited = {name: value for name, value in shared.items() if name != "yaw" or not turned}
     not_negative(members, "duration_seconds", where)
@@ -217,6 +246,7 @@ def _geodetic(members: Mapping[str, Any], where: str, reading: _Reading) -> GeoP
     """Read a place on Earth; its altitude is returned AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
+    refuse_misspelt(point, _FIELDS["geodetic_position"], place)
     latitude = within(point, "latitude", place, 90.0)
     longitude = within(point, "longitude", place, 180.0)
     if reading.planar and "altitude" not in point:
@@ -256,6 +286,7 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
     if "constraints" not in message:
         return Constraints()
     members = given(child(message, "constraints"))
+    refuse_misspelt(members, _FIELDS["constraints"], "constraints")
     return Constraints(
         positive(members, "max_speed_ms", "constraints"), positive(members, "goal_tolerance_m", "constraints")
     )
@@ -263,7 +294,9 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
 
 def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return the metadata, empty when there is none."""
-    return given(child(members, "metadata", where)) if "metadata" in members else {}
+    metadata = given(child(members, "metadata", where)) if "metadata" in members else {}
+    refuse_misspelt(metadata, _FIELDS["metadata"], path(where, "metadata"))
+    return metadata
 
 
 def _wait(members: Mapping[str, Any], where: str) -> float:
