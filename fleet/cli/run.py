@@ -25,6 +25,8 @@ def run(out: Output, file: str, verbose: int) -> ExitCode:
     loaded = load(file, partial=True)
     for problem in loaded.problems:
         out.note(f"left out: {problem}")
+    for warning in loaded.warnings:
+        out.note(f"warning: {warning}")
 
     def started(_edge: Edge) -> None:
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")

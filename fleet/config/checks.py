@@ -61,6 +61,18 @@ def _place(index: int, key: str, document: Document) -> Mark:
     return mark if mark and mark.path[:2] == robot.path else robot
 
 
+def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -> None:
+    """Warn of a battery policy that calls a robot home only when its reserve is used up."""
+    for index, robot in robots.items():
+        policy = robot.battery_policy
+        if policy is None or policy.low >= policy.reserve:
+            continue
+        at = ("robots", index, "battery_policy")
+        mark = document.keys.get((*at, "low")) or document.marks.get(at) or document.marks["robots", index]
+        message = f"low ({policy.low:g} %) is below reserve ({policy.reserve:g} %)"
+        document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
+
+
 def check_groups(data: Mapping[str, Any], document: Document) -> None:
     """Report groups that name no robot, name one twice, or are called like one."""
     groups = data.get("groups")

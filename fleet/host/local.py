@@ -28,6 +28,7 @@ from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Command, Origin, Reply, Setpoint, Way
+from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState, Control
 from fleet.model.report import (
     BatteryReport,
@@ -216,7 +217,7 @@ class LocalRobot:
 
     def state(self) -> RobotState:
         """Return what the robot looks like now."""
-        health = self.runner.health
+        health = self._health()
         return RobotState(
             name=self.name,
             twin=self.twin,
@@ -237,6 +238,11 @@ class LocalRobot:
             last_command=self.desk.last.command,
             last_outcome=self.desk.last.outcome,
         )
+
+    def _health(self) -> Health:
+        """Return how the robot is: its adapter's word, or what its battery made us do with it."""
+        health, forced = self.runner.health, self.desk.guard.forced
+        return Health(Level.DEGRADED, forced) if forced and health.level is Level.OK else health
 
     def _new_handle(self, runner: Runner) -> Handle:
         """Return the handle of a new run."""

@@ -10,10 +10,11 @@ import time
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
+from fleet.host.ticket import Ticket
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
 from fleet.model.geometry import Quaternion, Vector3
-from fleet.model.report import PoseReport
+from fleet.model.report import BatteryReport, PoseReport
 from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
@@ -221,3 +222,41 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken
+
+
+async def test_what_the_battery_made_us_do_is_the_robots_health_with_its_cause(yard, run_edge, asks):
+    place = yard(rex={**HERE, "battery_policy": {"action": "stop"}})
+    edge = place.edge()
+    async with run_edge(edge):
+        robot = edge.process.robots["rex"]
+        await asks.until(lambda: robot.state().health == "ok")
+        robot.desk.receive(asks.setpoint(source="tele"), Ticket("move", lambda _: None))
+        robot.publish(BatteryReport(0.0, 18.0))
+        await asks.until(lambda: "stop" in place.words("rex"))
+        state = robot.state()
+        assert (state.health, state.cause) == ("degraded", "stop by battery_policy: the battery was at 18 %")
+        assert "rex degraded: stop by battery_policy" in edge.state().cause
+
+
+MISSPELT = [
+    ("command", {"command": "move_forward", "source_type": "tele", "data": {"linear_xx": 0.1}}),
+    ("command", {"command": "move_forward", "source_type": "tele", "data": {"distnce": 0.1}}),
+    ("motion", {"source_type": "tele", "linear": {"x": 0.1}, "anguler": {"z": 0.3}}),
+    (
+        "navigate",
+        {"command": "goto", "source_type": "tele", "position": [1, 2, 0], "constraints": {"max_sped_ms": 1}},
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "message"), MISSPELT)
+@pytest.mark.parametrize("way", list(Way))
+async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, way):
+    process, place = served
+    answers = []
+    take = process.robots["rex"].read(kind, json.dumps(message).encode(), way=way)
+    take(answers.append)
+    await asks.settle()
+    assert [answer.ok for answer in answers] == [False]
+    assert "did you mean" in answers[0].reason
+    assert not any(word.startswith(("drive", "navigate")) for word in place.words("rex"))
