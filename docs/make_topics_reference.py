@@ -99,9 +99,10 @@ edge is connected again it says `connected` for each twin that answers.
 """
 
 ENVELOPE = """\
-`{source_type, command, data, timestamp, session_id}`; `type` does for `command`, `ts` for `timestamp`, and
-milliseconds for seconds. `data` may be missing. A message with a `status` is a reply and is ignored. Refused
-are NaN, infinity, numbers in quotes, a key that stands twice, more than 1 MiB, more than 32 levels.
+`{source_type, command, data, timestamp, session_id, twin_uuid}`; `type` does for `command`, `ts` for
+`timestamp`, and milliseconds for seconds. `data` may be missing. A message with a `status` is a reply and is
+ignored. Refused are the `twin_uuid` of another twin (but for a stop), NaN, infinity, numbers in quotes, a key
+that stands twice, more than 1 MiB, more than 32 levels.
 """
 
 VERBS_RULE = """\
@@ -110,7 +111,8 @@ default. A `distance` (m) without the own field makes it a displacement: the rob
 declares the verb (`ascend`, `descend`), else a way that it goes like a goal, 0.1 m to what it does in 30 s.
 A magnitude that is not a finite number is refused, and so is a field that the verb does not read: a misspelt
 one with the near miss, a speed other than 0 along another axis by name. A misspelt field of a goal, a mission
-or joint targets is refused as well; fields of other programs are let through at the top of a message.
+or joint targets is refused as well; fields of other programs are let through at the top of a message. A robot
+that cannot move sideways, or stays on the ground, refuses a velocity that has such a part.
 """
 
 SIGNED = """\

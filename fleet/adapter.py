@@ -80,7 +80,7 @@ class Adapter(ABC, Generic[ConfigT]):
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
-    holonomic: ClassVar[bool] = False  # it also moves sideways
+    holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
 
     def __init__(self, config: ConfigT) -> None:

@@ -44,6 +44,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
     Config = MavlinkConfig
+    holonomic: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
 
     async def run(self, robot: Robot) -> None:

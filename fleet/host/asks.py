@@ -37,6 +37,7 @@ class Decoder:
         planar: bool,
         home_altitude: Callable[[], float | None] = lambda: None,
     ) -> None:
+        self._twin = str(config.twin)
         self._order = config.rotation_order
         self._origin = config.origin
         self._home_altitude = home_altitude
@@ -57,10 +58,12 @@ class Decoder:
     def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
         """Return the ask in a message; None for one that asks nothing (a reply)."""
         if kind == "command":
-            return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
-        return self._decoders[kind](payload, way=way, request_id=request_id)
+            return decode_command(
+                payload, way=way, request_id=request_id, defaults=self._defaults, twin=self._twin
+            )
+        return self._decoders[kind](payload, way=way, request_id=request_id, twin=self._twin)
 
-    def _navigate(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
+    def _navigate(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
         origin = self._origin
         home = self._home_altitude()
@@ -72,8 +75,9 @@ class Decoder:
             planar=self._planar,
             home_altitude=origin.altitude if home is None and origin else home,
             origin_heading=origin.heading if origin else 0.0,
+            twin=twin,
         )
 
-    def _mission(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:  # noqa: ARG002 - the others have it
+    def _mission(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
         """Decode the ``mission/command`` topic's messages."""
-        return decode_mission(payload, way=way)
+        return decode_mission(payload, way=way, twin=twin)

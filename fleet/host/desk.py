@@ -290,7 +290,7 @@ class Desk:
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
-        refusal = self._admission.setpoint(ask) if self._can.drives else f"{self.name} takes no velocities"
+        refusal = self._can.refusal(ask.velocity) or self._admission.setpoint(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
         if refusal is not None or self._adapter is None or self.offline:

@@ -42,7 +42,7 @@ def _refusal(verb: Verb, can: Capabilities, limits: Limits) -> str:
     """Return why a robot cannot go along an axis for a distance; empty when it can."""
     if verb.axis == "yaw":
         return f"a turn has no distance; say {verb.own_field} (rad/s)"
-    if verb.axis == "y" and not (can.navigates or can.holonomic):
+    if verb.axis == "y" and not can.holonomic:
         return "it does not move sideways"
     if verb.axis == "z" and limits.vertical_speed is None:
         return "it stays on the ground"

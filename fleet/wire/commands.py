@@ -118,11 +118,12 @@ class _Envelope(msgspec.Struct, frozen=True):
 
 
 def decode_command(
-    payload: bytes, *, way: Way, request_id: str = "", defaults: MotionDefaults
+    payload: bytes, *, way: Way, request_id: str = "", defaults: MotionDefaults, twin: str = ""
 ) -> Command | Setpoint | None:
     """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
 
-    ``request_id`` is the asker's own (Correlation Data, a query's id). Raises BadCommand, which is a
+    ``request_id`` is the asker's own (Correlation Data, a query's id), ``twin`` is whose topic it is: a
+    message that names another is refused. Raises BadCommand, which is a
     WireError with the name of the command where that could be read.
     """
     name = ""
@@ -140,13 +141,13 @@ def decode_command(
         if "status" in message:
             return None
         name = name_of(message)
-        envelope = _envelope(name, message, payload, way, request_id)
+        envelope = _envelope(name, message, payload, way, request_id, twin=twin)
         return _MEANINGS.get(name, _plain)(envelope, defaults)
     except WireError as error:
         raise BadCommand(error, command=name) from None
 
 
-def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint:
+def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Setpoint:
     """Return the setpoint of a twist: ``T motion/command``, or the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
@@ -156,7 +157,7 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Setpoint
     """
     try:
         message = _sampled(payload) if way is Way.BUS else parse_object(payload)
-        envelope = _envelope("motion", message, payload, way, request_id)
+        envelope = _envelope("motion", message, payload, way, request_id, twin=twin)
         nested = not message.keys().isdisjoint(_TWIST)
         refuse_misspelt(message, _TWIST if nested else _FLAT_TWIST)
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
@@ -187,12 +188,14 @@ def _usual(payload: bytes) -> _Usual | None:
     return read if payload.count(b":") == members else None
 
 
-def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
+def _envelope(
+    name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str, *, twin: str
+) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
     if strict:
         refuse_misspelt(message, _BODIES)
-    origin, stamp = origin_and_stamp(message, way, strict=strict)
+    origin, stamp = origin_and_stamp(message, way, strict=strict, twin=twin)
     data = tolerant(_data, message, strict=strict)
     return _Envelope(name, data or {}, message, payload, request_id, origin, stamp)
 

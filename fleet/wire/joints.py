@@ -43,6 +43,7 @@ _NEVER_JOINTS = frozenset(
         "ts_us",
         "type",
         "mqtt_topic",
+        "twin_uuid",
         "camera_frame_counters",
         "stream_instance_id",
         "applied_position_targets",
@@ -60,14 +61,14 @@ _SET_FIELDS = frozenset({"mode", "update_mode", *_SETS, *(f"target_{name}" for n
 Sets = dict[str, dict[str, float]]
 
 
-def decode_joints(payload: bytes, *, way: Way, request_id: str = "") -> Command | None:
+def decode_joints(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | None:
     """Return the joint targets in a message, as a command; None for joints that somebody measured.
 
     Raises BadCommand, which names the command.
     """
     try:
         message = parse_object(payload)
-        origin, stamp = origin_and_stamp(message, way, strict=True)
+        origin, stamp = origin_and_stamp(message, way, strict=True, twin=twin)
         targets = _named_sets(message, "target_")
         if not targets and origin.source_type in STATE_SENDERS:
             return None

@@ -18,7 +18,7 @@ from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Na
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import child, kind, parse_object, path, text, whole
+from fleet.wire.strict import child, kind, parse_object, path, read_loosely, text, whole
 from fleet.wire.strict import without_nulls as given
 
 CONTRACT = "aerial.mission.v1"
@@ -61,7 +61,7 @@ _ITEM_FIELDS = frozenset(
 )
 
 
-def decode_mission(payload: bytes, *, way: Way) -> Navigate:
+def decode_mission(payload: bytes, *, way: Way, twin: str = "") -> Navigate:
     """Return the mission or the control in a message; raises BadCommand with what could be read of it."""
     name = execution = ""
     try:
@@ -70,9 +70,10 @@ def decode_mission(payload: bytes, *, way: Way) -> Navigate:
         control = CONTROLS.get(name)
         stops = control is Control.STOP
         execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
         ask = control or _started(name, message, execution)
     except WireError as error:
+        execution = execution or read_loosely(payload, EXECUTION)
         raise BadCommand(error, command=name or "mission", action_id=execution) from None
     return Navigate(ask, execution, origin, stamp, MISSION)
 

@@ -24,7 +24,7 @@ from fleet.wire.envelope import BadCommand, identity, name_of, optional_word, or
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
 from fleet.wire.spelling import refuse_misspelt
-from fleet.wire.strict import child, finite, kind, number, parse_object, path, text, whole
+from fleet.wire.strict import child, finite, kind, number, parse_object, path, read_loosely, text, whole
 from fleet.wire.strict import without_nulls as given
 
 MOST_WAYPOINTS = 500
@@ -87,11 +87,13 @@ def decode_navigate(
     planar: bool = False,
     home_altitude: float | None = None,
     origin_heading: float = 0.0,
+    twin: str = "",
 ) -> Navigate | None:
     """Return the goal or control in a message; None for a status that strayed onto the topic.
 
     A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
     a repeat of it does not move the robot once more.
+    ``twin``: whose topic it is; a message that names another is refused.
     ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
     geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
     ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
@@ -105,13 +107,14 @@ def decode_navigate(
         name = name_of(message)
         stops = CONTROLS.get(name) is Control.STOP
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
         order = _order(name, rotation_order)
         reading = _Reading(order, planar, home_altitude, origin_heading)
         ask = CONTROLS.get(name) or _task(name, message, reading)
         if not isinstance(ask, Control):
             action_id = action_id or identity(payload, stamp, request_id, ask)
     except WireError as error:
+        action_id = action_id or read_loosely(payload, "action_id")
         raise BadCommand(error, command=name, action_id=action_id) from None
     return Navigate(ask, action_id, origin, stamp)
 

@@ -14,7 +14,11 @@ from fleet.robot_config import AdapterConfig, Limits
 
 CART = Capabilities({}, drives=True, navigates=False, limits=Limits(speed=0.4))
 BIRD = Capabilities(
-    {"ascend": None}, drives=True, navigates=True, limits=Limits(speed=5.0, vertical_speed=1.0)
+    {"ascend": None},
+    drives=True,
+    navigates=True,
+    limits=Limits(speed=5.0, vertical_speed=1.0),
+    holonomic=True,
 )
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 

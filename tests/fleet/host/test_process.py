@@ -260,3 +260,56 @@ async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, mes
     assert [answer.ok for answer in answers] == [False]
     assert "did you mean" in answers[0].reason
     assert not any(word.startswith(("drive", "navigate")) for word in place.words("rex"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload", "state"),
+    [
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [NaN, 2, 3]}', "a-7"),
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [1e999, 2, 3]}', "a-7"),
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [1, 2], "position": 1}', "a-7"),
+        (
+            "navigate",
+            b'{"command": "goto", "action_id": "a-7", "position": [1, 2, 3], "twin_uuid": "x"}',
+            "a-7",
+        ),
+        ("mission", b'{"command": "start", "mission_execution_uuid": "m-1", "mission": NaN}', "m-1"),
+    ],
+)
+async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(served, kind, payload, state):
+    process, _ = served
+    robot, reports = process.robots["rex"], []
+    robot.publish = reports.append
+    answers = []
+    robot.read(kind, payload, way=Way.CLOUD)(answers.append)
+    (status,) = reports
+    assert (status.action_id, status.state, status.message) == (state, "failed", answers[0].reason)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "why"),
+    [
+        ("command", {"command": "strafe_left"}, "it does not move sideways"),
+        ("command", {"command": "strafe_right", "data": {"linear_y": 0.2}}, "it does not move sideways"),
+        (
+            "command",
+            {"command": "move", "data": {"linear_x": 0.3, "linear_y": 0.2}},
+            "it does not move sideways",
+        ),
+        ("command", {"command": "strafe_left", "data": {"distance": 1}}, "it does not move sideways"),
+        ("command", {"command": "ascend"}, "it stays on the ground"),
+        ("command", {"command": "descend", "data": {"linear_z": 0.2}}, "it stays on the ground"),
+        ("command", {"command": "ascend", "data": {"distance": 1}}, "it stays on the ground"),
+        ("motion", {"linear": {"x": 0.3, "y": 0.2}}, "it does not move sideways"),
+        ("motion", {"linear": {"z": 0.2}}, "it stays on the ground"),
+    ],
+)
+async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(served, asks, kind, message, why):
+    process, place = served
+    answers = []
+    payload = json.dumps({"source_type": "tele", **message}).encode()
+    process.robots["rex"].read(kind, payload, way=Way.CLOUD)(answers.append)
+    await asks.settle()
+    assert [answer.ok for answer in answers] == [False]
+    assert why in answers[0].reason
+    assert not any(word.startswith("drive") for word in place.words("rex"))
