@@ -116,10 +116,15 @@ that cannot move sideways, or stays on the ground, refuses a velocity that has s
 """
 
 SIGNED = """\
-Signed, body frame (x forward, y left, z up, left turn positive), m/s and rad/s: `move`, `set_linear_velocity
-{linear}`, `set_angular_velocity {angular}`, the twist on `T motion/command`, and the contracts
-`locomotion.velocity_command.v1` and `aerial.velocity_command.v1` in the top-level `velocity_command`, whose
-`duration_ms` is the lease (0.15 to 5 s; 0 is a stop). `estop {activate: false}` releases an emergency stop.
+`set_linear_velocity {linear}` (m/s) and `set_angular_velocity {angular}` (rad/s) move nothing. They store the
+magnitude, within the robot's limits, that later verbs of the same session have when they bring none, also
+those with a `distance`, and answer with the applied value in `data`. A stop, anybody else who moves the robot
+(an operator, a pilot) and a restart of the edge or the adapter end the setting.
+
+Signed, body frame (x forward, y left, z up, left turn positive), m/s and rad/s: `move`, the twist on `T
+motion/command`, and the contracts `locomotion.velocity_command.v1` and `aerial.velocity_command.v1` in the
+top-level `velocity_command`, whose `duration_ms` is the lease (0.15 to 5 s; 0 is a stop). `estop {activate:
+false}` releases an emergency stop.
 """
 
 GOALS = """\

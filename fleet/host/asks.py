@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.navigation import Navigate
-from fleet.robot_config import AdapterConfig, Limits
-from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
+from fleet.robot_config import AdapterConfig
+from fleet.wire.commands import Defaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
@@ -15,24 +15,18 @@ from fleet.wire.rules import Kind
 
 Ask = Command | Setpoint | Navigate
 
-VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude
-
-
-def _within(limit: float | None) -> float:
-    """Return the default magnitude, or the limit where that is smaller."""
-    return VERB_SPEED if limit is None else min(VERB_SPEED, limit)
-
 
 class Decoder:
     """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read.
 
-    ``home_altitude`` gives metres above sea level of the take-off point, from which geodetic goals count.
+    ``defaults`` gives the magnitudes of a session's verbs that bring none, ``home_altitude`` metres above sea
+    level of the take-off point, from which geodetic goals count.
     """
 
     def __init__(
         self,
         config: AdapterConfig,
-        limits: Limits,
+        defaults: Defaults,
         *,
         planar: bool,
         home_altitude: Callable[[], float | None] = lambda: None,
@@ -42,12 +36,7 @@ class Decoder:
         self._origin = config.origin
         self._home_altitude = home_altitude
         self._planar = planar
-        self._defaults = MotionDefaults(
-            forward=_within(limits.speed),
-            lateral=_within(limits.speed),
-            vertical=_within(limits.vertical_speed),
-            yaw_rate=_within(limits.yaw_rate),
-        )
+        self._defaults = defaults
         self._decoders: dict[Kind, Callable[..., Ask | None]] = {
             "navigate": self._navigate,
             "motion": decode_motion,

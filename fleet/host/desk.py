@@ -27,6 +27,7 @@ from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.policy import STOPS
+from fleet.host.safety.speeds import Speeds
 from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
@@ -34,6 +35,7 @@ from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
+from fleet.wire.commands import SETTINGS
 
 log = logging.getLogger(__name__)
 
@@ -72,10 +74,15 @@ class Desk:
         self._crashed = crashed
         self._clock = clock
         self._journal = journal
-        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
+        self.speeds = Speeds(limits)
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
         self.pull = self._admission.latch.pull  # any thread; the robot itself hears nothing of it
         self._repeats = journal.repeats(clock.monotonic())
-        self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
+        self._own: dict[str, Callable[[Command], Any]] = {
+            RELEASE: lambda _: self._admission.latch.release(),
+            RESTART: lambda _: restart(),
+            **dict.fromkeys(SETTINGS if capabilities.drives else (), self.speeds.store),
+        }
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
@@ -152,13 +159,14 @@ class Desk:
     def detach(self, why: str) -> None:
         """Take the adapter away."""
         self.lost(why)
+        self._admission.taken_over()
         self._adapter, self.in_control = None, False
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
-        self._admission.lease.free()
+        self._admission.taken_over()
         self.in_control, self.adrift, self.guard.taken = False, False, True
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
@@ -222,15 +230,14 @@ class Desk:
         if first is not None:
             ticket.follow(first)
             return
-        moves, safe = (spec.moves, spec.safe) if spec else (False, True)
+        moves, safe = (spec.moves, spec.safe) if spec else (ask.name in SETTINGS, ask.name not in SETTINGS)
         refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask.name)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
             self._journal.note(ask.id, ask.name)
-            own()
-            ticket.done()
+            ticket.done(own(ask))
         elif spec is not None:
             self._execute(spec, ask, ticket)
         self.last.follow(ask.name, ticket)
@@ -359,14 +366,7 @@ class Desk:
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
-        try:
-            self._driving.stand(adapter)
-        except (CommandError, LinkError) as error:
-            log.warning("%s: %s", self.name, error)
-            self.halt()
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
-            self.halt()
-            self._crashed(error)
+        self._driving.stand(adapter, halt=self.halt, crashed=self._crashed)
 
     def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
         """Stop, pause or resume the running action; a stop and a pause are never a repeat."""

@@ -109,13 +109,6 @@ class LocalRobot:
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         self._refusals = Tally(self._log, clock)
         self._can = can = timed(capabilities(plugin), config)
-        self._limits = config.limits.over(can.limits)
-        self._decoder = Decoder(
-            config,
-            self._limits,
-            planar=can.limits.vertical_speed is None,
-            home_altitude=lambda: self._seen.home_altitude,
-        )
         self.desk = Desk(
             config,
             can,
@@ -124,6 +117,12 @@ class LocalRobot:
             restart=self._restart,
             journal=journal,
             clock=clock,
+        )
+        self._decoder = Decoder(
+            config,
+            self.desk.speeds.of,
+            planar=can.limits.vertical_speed is None,
+            home_altitude=lambda: self._seen.home_altitude,
         )
         self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._changed = changed
@@ -148,7 +147,7 @@ class LocalRobot:
         arrived = self._arrival()
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
-            ask = goal_of(ask, self._can, self._limits)
+            ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
             return partial(self._refuse, kind, error)
         if ask is None:

@@ -54,8 +54,8 @@ class Ticket:
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
     def done(self, data: Any = None) -> None:
-        """Say that the robot was seen to have done it, with what was asked for."""
-        self.accept()
+        """Say that the robot was seen to have done it, with what was asked for, also when nobody waits."""
+        self._receive(Reply(self.command, ReplyStatus.ACCEPTED, data=data))
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
     def reject(self, reason: str, *, hint: str = "") -> None:

@@ -75,10 +75,13 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
     }
 )
 
-AXIS_WORDS: Mapping[str, tuple[Axis, str]] = MappingProxyType(
-    {"set_linear_velocity": ("x", "linear"), "set_angular_velocity": ("yaw", "angular")}
+SETTINGS: Mapping[str, str] = MappingProxyType(
+    {"set_linear_velocity": "linear", "set_angular_velocity": "angular"}
 )
-"""Commands that set the signed speed of one axis, by a field of their data; a joystick sends them in turn."""
+"""Commands that store the magnitude of later verbs, a field of their data in m/s or rad/s; nothing moves."""
+
+Defaults = Callable[[str], MotionDefaults]
+"""The magnitudes for the verbs of a session that bring none."""
 
 _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
@@ -118,7 +121,7 @@ class _Envelope(msgspec.Struct, frozen=True):
 
 
 def decode_command(
-    payload: bytes, *, way: Way, request_id: str = "", defaults: MotionDefaults, twin: str = ""
+    payload: bytes, *, way: Way, request_id: str = "", defaults: Defaults, twin: str = ""
 ) -> Command | Setpoint | None:
     """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
 
@@ -215,12 +218,12 @@ def _data(message: Mapping[str, Any]) -> dict[str, Any]:
     return {} if message.get("data") is None else child(message, "data")
 
 
-def _plain(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+def _plain(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read a command whose data is the adapter's business."""
     return envelope.command(envelope.name, envelope.data)
 
 
-def _verb(envelope: _Envelope, defaults: MotionDefaults) -> Command | Setpoint:
+def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
     """Read a motion verb: it fixes axis and sign, the data only says how much.
 
     A speed along another axis than the verb's is refused: ``move`` has them all.
@@ -238,7 +241,7 @@ def _verb(envelope: _Envelope, defaults: MotionDefaults) -> Command | Setpoint:
             raise WireError(f"{envelope.name} has only {verb.own_field}; move has all", where=f"data.{field}")
     magnitude = given[used]
     if magnitude is None:
-        magnitude = getattr(defaults, verb.default)
+        magnitude = getattr(defaults(envelope.origin.session), verb.default)
     return envelope.setpoint(_along(verb.axis, verb.sign * abs(magnitude)))
 
 
@@ -249,7 +252,7 @@ def _along(axis: Axis, value: float) -> Velocity:
     return Velocity(Vector3(**{axis: value}))
 
 
-def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
     """Read ``move``, whose fields are signed."""
     velocity = _signed(envelope.data, "data")
     refuse_unknown(envelope.data, _VELOCITY, "data")
@@ -282,7 +285,7 @@ def _axes(message: Mapping[str, Any], name: str) -> Vector3:
     return Vector3(*(optional_number(members, axis, name) or 0.0 for axis in "xyz"))
 
 
-def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Command | Setpoint:
+def _velocity_contract(envelope: _Envelope, _defaults: Defaults) -> Command | Setpoint:
     """Read a velocity contract, which stands beside ``data``; a duration of 0 is a stop."""
     inside = "velocity_command" not in envelope.message
     body = envelope.data if inside else child(envelope.message, "velocity_command")
@@ -292,26 +295,27 @@ def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Comman
     return envelope.setpoint(velocity, lease)
 
 
-def _axis(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
-    """Read the signed speed of one axis."""
-    axis, field = AXIS_WORDS[envelope.name]
-    return envelope.setpoint(_along(axis, number(envelope.data, field, "data")))
+def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
+    """Read a magnitude that is to be stored; its sign says nothing, as that of a verb."""
+    field = SETTINGS[envelope.name]
+    refuse_unknown(envelope.data, frozenset({field}), "data")
+    return envelope.command(envelope.name, {field: abs(number(envelope.data, field, "data"))})
 
 
-def _estop(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read the emergency switch of ground robots."""
     return envelope.command("release_emergency_stop" if _releases(envelope.data) else "emergency_stop", {})
 
 
-_MEANINGS: Mapping[str, Callable[[_Envelope, MotionDefaults], Command | Setpoint]] = MappingProxyType(
+_MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = MappingProxyType(
     {
         **dict.fromkeys(VERBS, _verb),
         "move": _move,
         "velocity_command": _velocity_contract,
         "locomotion_velocity": _velocity_contract,
-        **dict.fromkeys(AXIS_WORDS, _axis),
+        **dict.fromkeys(SETTINGS, _setting),
         "estop": _estop,
     }
 )
-VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop"}
+VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop", *SETTINGS}
 """Commands that ask for a velocity, many times a second, and not for something discrete."""

@@ -41,7 +41,8 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
 
 
 def _details(reply: Reply) -> dict[str, Any]:
-    """Return why, in the host's and in the robot's own words, as far as there is anything to say."""
+    """Return why, in the host's and the robot's own words, and what was asked for; nothing that is empty."""
     reason = f"{reply.reason} ({reply.hint})" if reply.hint else reply.reason
     details = {"reason": reason, "device_result": reply.device_result, "messages": reply.messages}
-    return {name: value for name, value in details.items() if value}
+    told = {name: value for name, value in details.items() if value}
+    return told if reply.data is None else {**told, "data": reply.data}

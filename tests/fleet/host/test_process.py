@@ -313,3 +313,24 @@ async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(served
     assert [answer.ok for answer in answers] == [False]
     assert why in answers[0].reason
     assert not any(word.startswith("drive") for word in place.words("rex"))
+
+
+async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, asks):
+    process, place = served
+
+    async def ask(command, **data):
+        answers = []
+        message = {"command": command, "source_type": "tele", "session_id": "anna", "data": data}
+        process.robots["rex"].read("command", json.dumps(message).encode(), way=Way.CLOUD)(answers.append)
+        await asks.settle()
+        return answers[0]
+
+    echo = await ask("set_linear_velocity", linear=0.25)
+    assert (echo.ok, echo.data) == (True, {"linear": 0.25})
+    assert "drive" not in "".join(place.words("rex"))
+    await ask("move_forward")
+    await ask("move_backward", linear_x=0.1)
+    await ask("stop")
+    await ask("move_forward")
+    drives = [word for word in place.words("rex") if word.startswith("drive") and word != "drive:0"]
+    assert drives == ["drive:0.25", "drive:-0.1", "drive:0.5"]

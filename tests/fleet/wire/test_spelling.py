@@ -19,7 +19,7 @@ ENVELOPE = {"command", "source_type", "timestamp", "session_id", "action_id", "i
 
 
 def command(payload):
-    return decode_command(payload, way=Way.CLOUD, defaults=DEFAULTS)
+    return decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS)
 
 
 def motion(payload):

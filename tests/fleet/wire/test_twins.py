@@ -6,12 +6,13 @@ import pytest
 
 from fleet.errors import WireError
 from fleet.host.asks import Decoder
+from fleet.host.safety.speeds import Speeds
 from fleet.model.command import Way
 from fleet.robot_config import AdapterConfig, Limits
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 OTHER = "6f0c9a1e-0000-4000-8000-000000000002"
-DECODER = Decoder(AdapterConfig(name="rex", twin=TWIN), Limits(), planar=False)
+DECODER = Decoder(AdapterConfig(name="rex", twin=TWIN), Speeds(Limits()).of, planar=False)
 POINT = {"latitude": 47, "longitude": 8, "altitude_m": 500}
 PLAN = {
     "contract": "aerial.mission.v1",
