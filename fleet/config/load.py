@@ -20,6 +20,7 @@ from fleet.config.checks import (
     Identity,
     check_groups,
     check_robots,
+    check_stop_inputs,
     identity_of,
     warn_of_batteries,
 )
@@ -101,6 +102,7 @@ def load(
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
+    check_stop_inputs(data, document)
     warn_of_batteries({index: robot.config for index, robot in robots.items()}, document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)

@@ -76,10 +76,10 @@ class Desk:
         self._journal = journal
         self.speeds = Speeds(limits)
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
-        self.pull = self._admission.latch.pull  # any thread; the robot itself hears nothing of it
+        self.latch = self._admission.latch  # any thread; the robot itself hears nothing of it
         self._repeats = journal.repeats(clock.monotonic())
         self._own: dict[str, Callable[[Command], Any]] = {
-            RELEASE: lambda _: self._admission.latch.release(),
+            RELEASE: lambda _: self.latch.release(),
             RESTART: lambda _: restart(),
             **dict.fromkeys(SETTINGS if capabilities.drives else (), self.speeds.store),
         }
@@ -99,7 +99,7 @@ class Desk:
     @property
     def latched(self) -> bool:
         """True while an emergency stop is set."""
-        return self._admission.latch.set
+        return self.latch.set
 
     @property
     def activity(self) -> str:
@@ -186,7 +186,7 @@ class Desk:
 
     def emergency(self, why: str) -> None:
         """Latch, then write the emergency halt, which may hang; any thread. ``receive`` does the rest."""
-        self.pull(why)
+        self.latch.pull(why)
         aside(partial(self.halt, emergency=True), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:

@@ -36,6 +36,7 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
+from fleet.host.stop_inputs import StopInputs
 from fleet.host.stops import take_stops
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
@@ -92,6 +93,15 @@ class Edge:
             self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._stop_inputs = StopInputs(
+            config.stop_inputs,
+            self._groups,
+            self.process.robots,
+            stop=self._stop_robots,
+            renew=self._renew_stops,
+            hold=self._hold_stop,
+            clock=clock,
+        )
         self._cloud_holders: dict[str, str] = {}
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
@@ -138,6 +148,7 @@ class Edge:
                 self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
             self._declare()
             self.process.start()
+            self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
                 self.process.wheel.at_end(self.bridge.turn)
                 self.bridge.start()
@@ -148,6 +159,7 @@ class Edge:
         finally:
             for task in workers:
                 task.cancel()
+            await asyncio.to_thread(self._stop_inputs.end)
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
@@ -179,7 +191,7 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        problems = (self.bus.problem, self.process.journal.problem)
+        problems = (self.bus.problem, self.process.journal.problem, self._stop_inputs.problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -315,6 +327,23 @@ class Edge:
         for robot in self.remote.values():
             if robot.worker == worker:
                 robot.worker_is(cause)
+
+    def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
+        """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
+        self.process.stop_robots(names, why)
+        for robot in self.remote.values():
+            if not names or robot.name in names:
+                robot.emergency(why)
+
+    def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
+        """Set the stop again of robots in workers that do not have it; from any thread."""
+        for robot in self.remote.values():
+            if (not names or robot.name in names) and not robot.state().emergency_stop:
+                robot.emergency(why)
+
+    def _hold_stop(self, name: str, why: str) -> None:
+        """Keep a robot's stop from being released; from any thread."""
+        self.process.robots[name].desk.latch.held = why
 
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""

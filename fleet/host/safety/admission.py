@@ -52,7 +52,9 @@ class Admission:
         refusal = self._policy.refusal(ask.origin) or self._age(
             _asker(ask.origin), ask.stamp, self._command_max_age
         )
-        if refusal or ask.name == RELEASE or safe:
+        if ask.name == RELEASE:
+            return refusal or self.latch.held or None
+        if refusal or safe:
             return refusal
         if not moves:
             return self.latch.refusal()

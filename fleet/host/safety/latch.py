@@ -10,12 +10,14 @@ RELEASE = "release_emergency_stop"
 class Latch:
     """One robot's emergency stop, set from the beginning with a ``why`` of an earlier process.
 
-    ``keep`` is told each change, on any thread: why it is set, or nothing for its release.
+    ``keep`` is told each change, on any thread: why it is set, or nothing for its release. ``held`` says why
+    it cannot be released, and why nothing may move although it is not set; empty when nothing holds.
     """
 
     def __init__(self, why: str = "", keep: Callable[[str], None] = lambda _: None) -> None:
         self._why = why
         self._keep = keep
+        self.held = ""
 
     @property
     def set(self) -> bool:
@@ -36,5 +38,5 @@ class Latch:
     def refusal(self) -> str | None:
         """Return why nothing may move, None when it may."""
         if not self._why:
-            return None
+            return self.held or None
         return f"emergency stop is set ({self._why}); send {RELEASE} first"
