@@ -76,7 +76,7 @@ class Watch:
         return math.dist(span[0][1], span[-1][1]) / (span[-1][0] - span[0][0])
 
     def standstill(self, since):
-        """Return the seconds from ``since`` to the last movement, the farthest metres, and the speed before."""
+        """Return seconds from ``since`` to the last movement, the farthest metres, and the speed before."""
         time.sleep(8.0)
         poses = [pose for pose in self.poses if pose[0] >= since]
         moved = since
