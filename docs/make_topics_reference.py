@@ -12,10 +12,11 @@ from collections.abc import Iterable, Iterator
 
 from fleet.bus import keys
 from fleet.topic_rules import topic_name
-from fleet.wire.commands import STOP_WORDS, VERBS
+from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
 from fleet.wire.rulebook import PROFILES, Change
 from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Form, Rule, Taker
+from fleet.wire.stops import STOP_WORDS
 from fleet.wire.topics import NAMESPACES
 
 TARGET = pathlib.Path(__file__).with_name("topics.md")
@@ -81,16 +82,22 @@ exact identity rotation are moved by 1e-9, because the SDK's readers take them f
 """
 
 REFUSED = """\
-A retained message is refused, and so is what is too large or cannot be read. What is asked of a robot is
-answered: to the Response Topic of a request, else with a status on `T command` (the success of a velocity or
-of joint targets is not told, their refusal once a second), on `T navigate/status`, or on `T mission/status`.
+A retained message is refused, and so is what is too large, cannot be read, or carries the edge's own
+`session_id` at its top. None of that holds for a stop
+([adr 0010](adr/0010-nothing-between-a-stop-and-the-robot.md)): a retained one counts once, and not again
+when the connection is made anew; what is too large to be read is an emergency stop on `T command`, a stop on
+`T navigate/command` and `T mission/command`.
+
+What is asked of a robot is answered: to the Response Topic of a request, else with a status on `T command`
+(the success of a velocity or of joint targets is not told, their refusal once a second), on
+`T navigate/status`, or on `T mission/status`.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
 declare; without it they are refused. Missions are flown by robots with a memory for them.
 
 A twin has one edge. An edge that sees another one that had it first, by the token
 `fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
-the robot, carries nothing for it, says who has it, and takes it when the other has gone. An emergency stop
-is obeyed all the same.
+the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed
+all the same.
 
 An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
 `T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their
@@ -261,7 +268,12 @@ def render() -> str:
         f"At most {MOST_WAYPOINTS} waypoints and {MOST_LOOPS} loops. Frames: {words(sorted(WORLD_FRAMES))}; "
         "any other is refused, and so are actions at a goal."
     )
-    stops = f"{words(sorted(STOP_WORDS))} are obeyed even when their stamp, sender or data is malformed."
+    stops = (
+        f"{words(sorted(STOP_WORDS))} and `estop` are obeyed on each of these topics, from anyone and at any "
+        "age, whatever their stamp, sender or data is; also in other writing (`E-Stop`), beside another "
+        "command, in a message that is cut short, in UTF-16 or in no JSON at all. The answer then says that "
+        "the message was refused, too."
+    )
     sections = [
         INTRODUCTION,
         "## From the edge to the cloud\n",

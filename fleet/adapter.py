@@ -21,6 +21,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.commands import CommandSpec, command, commands_of
 from fleet.errors import Unsupported
+from fleet.link.base import Address, Link
 from fleet.link.framing import Framing, Lines
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
@@ -63,6 +64,14 @@ class Robot(Protocol):
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot (a pilot, another station): end all motion of ours."""
 
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
+        """Leave the frames that halt the robot with the supervisor: it writes them when this process dies.
+
+        They go to ``link``, which the supervisor holds open as well until this ``run`` ends; ``address``: to
+        whom, for datagrams. The robot must take them at any time. The last call counts. For a robot with a
+        ``failsafe`` of its own this is sooner; for one without it is all that stops it.
+        """
+
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Call back about every ``seconds`` on the host's wheel until this ``run`` ends.
 
@@ -82,6 +91,9 @@ class Adapter(ABC, Generic[ConfigT]):
     limits: ClassVar[Limits] = Limits()
     holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
+    failsafe: str = ""
+    """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops
+    0.5 s after the last velocity"). Empty where nothing does: then leave a halt, or its health says so."""
 
     def __init__(self, config: ConfigT) -> None:
         self.config = config
@@ -169,6 +181,7 @@ class FrameAdapter(ABC, Generic[ConfigT]):
     repeat: ClassVar[float] = 0.1
     tick_every: ClassVar[float] = 1.0
     silence: ClassVar[float] = 3.0  # s without a frame after which the link counts as lost; 0: never
+    failsafe: str = ""  # as an Adapter's; the supervisor has the frames of ``halt`` in any case
 
     def __init__(self, config: ConfigT) -> None:
         self.config = config

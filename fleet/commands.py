@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from fleet.decoding import convert
 from fleet.errors import Refused
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
@@ -151,7 +152,7 @@ def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
         if key not in known:
             raise Refused(f"{spec.name} takes no {key!r}", hint=_hint(spec, key))
     try:
-        values = msgspec.convert(dict(data), spec.parameters, strict=True)
+        values = convert(dict(data), spec.parameters)
     except msgspec.ValidationError as error:
         raise Refused(f"{spec.name}: {_plainly(str(error))}") from None
     found = {name: getattr(values, name) for name in known}

@@ -9,6 +9,8 @@
     ├── BusError             the Zenoh session could not be opened
     ├── CloudError           the broker refused us, and why
     ├── StateError           what must outlive the edge cannot be kept where it was to be
+    │   └── StateTaken       another edge that runs has that place
+    ├── MetricsError         the figures for Prometheus cannot be served
     └── CommandError         a command was not carried out
         ├── NotReady         not now; try again (``hint`` says when)
         ├── Refused          this command, for this reason
@@ -63,6 +65,14 @@ class CloudError(FleetError):
 
 class StateError(FleetError):
     """The folder of the edge's lasting state cannot be used, or another edge has it."""
+
+
+class StateTaken(StateError):
+    """Another edge that runs has the folder of the lasting state."""
+
+
+class MetricsError(FleetError):
+    """The figures for Prometheus cannot be served."""
 
 
 class CommandError(FleetError):

@@ -147,7 +147,13 @@ class AdapterConfig(Topics):
     command_max_age: float = Field(
         5.0, gt=0, le=600, description="Oldest discrete command or goal that is obeyed, seconds."
     )
-    clock_skew: float = Field(2.0, ge=0, le=3600, description="How far a sender's clock may be off, seconds.")
+    clock_skew: float = Field(
+        0.3,
+        ge=0,
+        le=3600,
+        description="How far a sender's clock may be off, and a stream of velocities late, seconds. "
+        "`fleet ps --json` shows each sender's.",
+    )
     control_lease: float = Field(
         3.0,
         ge=0,

@@ -107,7 +107,10 @@ class ListenRule(Model):
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
     rate: _Rate | None = Field(None, description="Messages a second at most; for what goes to the bus.")
-    size: _Size | None = Field(None, description="Largest payload in bytes; what is larger is refused.")
+    size: _Size | None = Field(
+        None,
+        description="Largest payload in bytes; what is larger is refused, and where stops come it is one.",
+    )
 
     def change(self) -> Change:
         """Return it as the bridge's own."""

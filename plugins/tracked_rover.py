@@ -28,6 +28,7 @@ class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
 
     Config = TrackedRoverConfig
     limits = fleet.Limits(speed=1.2, yaw_rate=2.0)
+    failsafe = "the rover stops 0.5 s after the last velocity"
 
     def encode(self, ask: fleet.Command | fleet.Velocity) -> Iterable[bytes]:
         """Yield the line that drives."""

@@ -46,6 +46,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     Config = MavlinkConfig
     holonomic: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
+    failsafe = "the autopilot holds 1 to 3 s after the last velocity; what it does then: docs/drone-safety.md"
 
     async def run(self, robot: Robot) -> None:
         """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""

@@ -78,6 +78,10 @@ class Ways:
         except TimeoutError:
             raise LinkLost(f"{self.url}: none of them could be opened") from None
 
+    def fileno(self) -> int:
+        """Return -1: several links have no one descriptor."""
+        return -1
+
     def send(self, data: bytes, address: Address = None) -> None:
         """Write by the way of an address, by all of them without one.
 

@@ -57,6 +57,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     Config = QuadrupedConfig
     limits = Limits(speed=0.8, yaw_rate=1.0)
     holonomic = True
+    failsafe = "its body controller, a process of its own, stops the dog; the drives stop without it"
 
     def __init__(self, config: QuadrupedConfig) -> None:
         super().__init__(config)

@@ -12,6 +12,7 @@ from typing import Self
 import msgspec
 
 from fleet import LinkLost, LinkRefused
+from fleet.decoding import decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
 from fleet_quadruped.control.exchange import Slot, new_memory
 from fleet_quadruped.control.orders import Order, State
@@ -92,7 +93,7 @@ class BodyProcess:
         assert process.stdout is not None
         line = await process.stdout.readline()
         if line:
-            return msgspec.json.decode(line, type=Word)
+            return decode_json(line, Word)
         return Word(lost=f"the body controller ended with status {await process.wait()}")
 
     async def _close(self) -> None:

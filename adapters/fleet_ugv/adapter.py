@@ -56,6 +56,8 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def __init__(self, config: UgvConfig) -> None:
         super().__init__(config)
+        if config.base.timeout is not None:
+            self.failsafe = f"its firmware stops {config.setting.timeout:g} s after the last velocity"
         self._board: Board | None = None
         self._robot: Robot | None = None
         self._lamps = (0, 0)

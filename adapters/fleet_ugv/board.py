@@ -67,6 +67,7 @@ class Board:
         )
         self._asked = self._robot.clock.monotonic()
         self.readiness.opened(self._asked)
+        self._robot.leave_halt(link, (self.codec.stop,))
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
         self._robot.every(LOOK, self.turn)

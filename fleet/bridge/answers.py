@@ -8,7 +8,7 @@ from typing import Protocol
 
 from fleet.clock import Clock
 from fleet.cloud.values import Message
-from fleet.model.command import Reply, Way
+from fleet.model.command import Asked, Reply, Way
 from fleet.tally import Tally
 from fleet.wire.commands import VELOCITY_WORDS
 from fleet.wire.joints import JOINT_TARGETS
@@ -23,10 +23,6 @@ TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
 """What is answered with a status on the command topic when it brings no inbox."""
 
 
-Take = Callable[[Callable[[Reply], None]], None]
-"""Takes a message that was read; it is given what answers."""
-
-
 class Port(Protocol):
     """A robot as the bridge sees it, here or in a worker."""
 
@@ -35,10 +31,13 @@ class Port(Protocol):
     source_type: str
     legacy_status: bool
 
-    def read(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Take | None:
+    def read(
+        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", unread: str = ""
+    ) -> Asked | None:
         """Read a message, from any thread; an emergency stop is made there and then.
 
         What is returned takes the message, on the loop, and answers it once; None: it asks nothing.
+        ``unread``: why its payload must not be read; where stops come it is taken for one.
         """
 
 

@@ -14,17 +14,19 @@ from typing import cast
 
 import msgspec
 
-from fleet.bridge.answers import Answers, Port, Send, Take
+from fleet.bridge.answers import Answers, Port, Send
 from fleet.bridge.counters import Latencies
+from fleet.bridge.kept import KeptStops
 from fleet.bridge.relay import Put, Relay
 from fleet.clock import Clock
 from fleet.cloud.values import Message
 from fleet.errors import WireError
-from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.command import Asked, Reply, ReplyStatus, Way
 from fleet.tally import Tally
 from fleet.wire.envelope import digest
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import ENVIRONMENT, Inward, Kind, Taker
+from fleet.wire.strict import parse_object
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -48,20 +50,23 @@ class Route(msgspec.Struct, frozen=True):
 
 
 class Arrived(msgspec.Struct, frozen=True, gc=False):
-    """A message on its way; ``take`` is what a robot made of it, None where it asks nothing."""
+    """A message on its way; ``asked`` is what a robot made of it, None where it asks nothing."""
 
     route: Route
     message: Message
     at: float
-    take: Take | None
+    asked: Asked | None
 
 
 class Downlink:
     """The cloud-to-edge half of the bridge.
 
+    Nothing in here stands between a stop and its robot: not what it carries of ours, not its size, not that
+    the broker kept it, not how much waits before it, not another edge that has the twin.
+
     ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
     whose uuids nobody knows. ``own`` has what the bridge itself does, by leaf. ``held`` holds the twins that
-    another edge has: nothing but an emergency stop is obeyed for them, and the other edge answers.
+    another edge has: nothing but a stop is obeyed for them, and the other edge answers.
     """
 
     def __init__(
@@ -82,12 +87,15 @@ class Downlink:
         self._ports = ports
         self._books = books
         self._any_run = any_run
-        self._session = f'"{session}"'.encode()
+        self._session = session
+        self._session_bytes = session.encode()
         self._own = own
         self._clock = clock
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
+        self._stops: dict[str, Arrived] = {}  # by robot, the newest that found the inbox full
+        self._kept = KeptStops()
         self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
         self.held: frozenset[str] = frozenset()
         self.refusals = refusals
@@ -99,34 +107,57 @@ class Downlink:
         """Read what has come; from one thread at a time."""
         now = self._clock.monotonic()
         for message in messages:
-            route = self._known.get(message.topic) or self._find(message)
-            if route is None or not self._fresh(message):
-                continue
-            take = self._read(route, route.port, message) if route.port else None
-            if len(self._inbox) < MOST_WAITING:
-                self._inbox.append(Arrived(route, message, now, take))
-            else:
-                self.refusals.add("too many", "a message on %s finds too many before it", message.topic)
+            try:
+                self._arrived(message, now)
+            except Exception:  # there may be a stop among what follows
+                log.exception("a message on %.120r was lost", message.topic)
+
+    def _arrived(self, message: Message, now: float) -> None:
+        """Read one message."""
+        route = self._known.get(message.topic) or self._find(message)
+        if route is None or (message.retain and self._kept.counted(message.topic, message.payload)):
+            return
+        asked = self._read(route, route.port, message) if route.port else None
+        stops = asked is not None and asked.stops
+        if stops:
+            self._kept.note(message.topic, message.payload)
+        elif self._is_barred(message, asked):
+            return
+        self._put(Arrived(route, message, now, asked), stops=stops)
+
+    def _put(self, one: Arrived, *, stops: bool) -> None:
+        """Let a message wait for the loop; of the stops beyond the bound each robot's newest waits."""
+        if len(self._inbox) < MOST_WAITING:
+            self._inbox.append(one)
+            return
+        if stops:
+            self._stops[one.route.topic.twin] = one
+        self.refusals.add("too many", "a message on %s finds too many before it", one.message.topic)
 
     def take(self) -> None:
         """Hand what has arrived to whom it is for; on the loop."""
-        while self._inbox:
-            one = self._inbox.popleft()
+        while self._inbox or self._stops:
+            one = self._inbox.popleft() if self._inbox else self._stops.popitem()[1]
             try:
                 self._hand_over(one)
             except Exception:  # what follows must not wait for the next message: it would be late
                 log.exception("a message on %s could not be taken", one.message.topic)
 
-    def _read(self, route: Route, port: Port, message: Message) -> Take | None:
+    def _read(self, route: Route, port: Port, message: Message) -> Asked | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
+        size, unread = len(message.payload), ""
+        if size > route.rule.size:
+            unread = f"{size} bytes are more than the {route.rule.size} that are read"
+        elif message.flaw and not size:
+            unread = message.flaw
         try:
             asked = message.correlation
             request = _request_id(message.response_topic, asked) if asked else ""
-            return port.read(route.kind, message.payload, way=_CLOUD, request_id=request)
+            return port.read(route.kind, message.payload, way=_CLOUD, request_id=request, unread=unread)
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
             refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
-            return lambda answer: answer(refusal)
+            return Asked(lambda answer: answer(refusal))
 
     def _find(self, message: Message) -> Route | None:
         """Find whom a message is for, None for what is nobody's here; a twin's topic is found once."""
@@ -157,40 +188,49 @@ class Downlink:
             return None
         return topic, rule
 
-    def _fresh(self, message: Message) -> bool:
-        """Return False for what we said ourselves, and for what the broker kept."""
-        if message.payload.find(self._session) >= 0:  # ``in`` takes longer: it tries a number first
-            return False
+    def _is_barred(self, message: Message, asked: Asked | None) -> bool:
+        """Return True for what only a stop gets past, and tell it: kept, damaged, or said by ourselves."""
         if message.retain:
             # The broker kept it from some earlier time: whatever it asks is not asked now.
             line = "refused a retained message on %s; clear it on the broker"
             self.refusals.add("retained", line, message.topic)
-        return not message.retain
+        elif message.flaw:
+            self.refusals.add("damaged", "refused a message on %s: %s", message.topic, message.flaw)
+        elif message.payload.find(self._session_bytes) >= 0 and self._is_ours(message.payload):
+            if asked is not None:
+                line = "refused a message on %s: it carries this edge's own session_id"
+                self.refusals.add("own session", line, message.topic)
+        else:
+            return False
+        return True
+
+    def _is_ours(self, payload: bytes) -> bool:
+        """Return True for a message that we sent: its own ``session_id`` is ours, whatever it carries."""
+        try:
+            return parse_object(payload, limit=len(payload)).get("session_id") == self._session
+        except WireError:
+            return False
 
     def _hand_over(self, one: Arrived) -> None:
         """Hand one message to whom it is for."""
         route = one.route
         self.received[route.kind] += 1
-        if route.port and one.take:
-            self._ask(one, route.port, one.take)
+        if route.port and one.asked:
+            self._ask(one, route.port, one.asked)
         elif route.rule.taker is Taker.RELAY:
             self._relay.take(route.topic, route.rule, one.message)
         elif route.port is None:
             self._do(route.topic, one.message, self._own[route.rule.leaf])
 
-    def _ask(self, one: Arrived, port: Port, take: Take) -> None:
-        """Ask a robot; what is larger than its rule is refused, and answered like anything else."""
+    def _ask(self, one: Arrived, port: Port, asked: Asked) -> None:
+        """Ask a robot; where another edge has its twin, that one answers."""
         route, message = one.route, one.message
         if route.topic.twin in self.held:
             self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
+            if asked.stops:
+                asked(lambda _reply: None)
             return
-        answer = partial(self._answer, port, self._answers.to(port, message, route.kind), one.at)
-        if len(message.payload) > route.rule.size:
-            reason = f"{len(message.payload)} bytes are more than the {route.rule.size} that are read"
-            self.refusals.add("too large", "%s: %s", message.topic, reason)
-            answer(Reply(route.kind, ReplyStatus.REJECTED, reason))
-            return
-        take(answer)
+        asked(partial(self._answer, port, self._answers.to(port, message, route.kind), one.at))
 
     def _answer(self, port: Port, tell: Callable[[Reply], None], arrived: float, reply: Reply) -> None:
         """Answer, and note how long it took."""

@@ -70,6 +70,31 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
     return path
 
 
+def runtime_dirs(environ: Mapping[str, str] = os.environ) -> list[Path]:
+    """Return the directories in which edges may have their sockets that we can stop, none of them made here.
+
+    FLEET_RUNTIME_DIR alone where it is set. Else all of this user's, whatever the environment of who began
+    the edge was; for root, everybody's.
+    """
+    if given := environ.get("FLEET_RUNTIME_DIR"):
+        return [Path(given)]
+    user = os.getuid()
+    whose = "*" if user == 0 else str(user)
+    found = [_runtime_path(environ), *Path("/run/user").glob(f"{whose}/fleet")]
+    for place in (MEMORY, Path(tempfile.gettempdir())):
+        found += place.glob(f"fleet-{whose}")
+    return [path for path in dict.fromkeys(found) if _is_ours(path, user)]
+
+
+def _is_ours(path: Path, user: int) -> bool:
+    """Return True for a directory of this user, and for root of any."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(found.st_mode) and user in (0, found.st_uid)
+
+
 def _runtime_path(environ: Mapping[str, str]) -> Path:
     """Return where the directory is, by the environment."""
     if given := environ.get("FLEET_RUNTIME_DIR"):

@@ -24,7 +24,7 @@ class Asker:
 
     def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> Any:
         """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
-        message = {"command": command, "data": data or {}, "timestamp": time.time()}
+        message = {"command": command, "data": data or {}, "timestamp": time.time()}  # it is sent now
         payload = json.dumps(message, allow_nan=False).encode()
         last: Reply | None = None
         for last in self._edges.command(self.robot, payload, kind="command", wait=True, timeout=timeout):

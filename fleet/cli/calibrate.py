@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import time
 import uuid
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import click
 from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.send import stamped
 from fleet.config.load import load
 from fleet.errors import Refused
 from fleet.model.geometry import Vector3
@@ -104,12 +103,11 @@ def _turn(edges: Edges, name: str) -> None:
 
 def _go(edges: Edges, name: str, command: str, **fields: Any) -> None:
     """Have a robot go somewhere and wait until it is there; raises Refused with the reason."""
-    message = {"command": command, "action_id": uuid.uuid4().hex, "timestamp": time.time(), **fields}
+    message = {"command": command, "action_id": uuid.uuid4().hex, **fields}
     message["constraints"] = {"max_speed_ms": SPEED}
-    payload = json.dumps(message).encode()
     robot, standing = _robot(edges, name), False
     try:
-        for last in edges.command(robot, payload, kind="navigate", wait=True, timeout=WITHIN):
+        for last in edges.command(robot, stamped(message), kind="navigate", wait=True, timeout=WITHIN):
             standing = last.done or not last.ok
             if not last.ok:
                 raise Refused(f"{name}: {last.reason}")
@@ -122,8 +120,8 @@ def _go(edges: Edges, name: str, command: str, **fields: Any) -> None:
 
 def _stop(edges: Edges, robot: RobotState) -> None:
     """Have a robot stand still."""
-    payload = json.dumps({"command": "stop", "data": {}, "timestamp": time.time()}).encode()
-    for _ in edges.command(robot, payload, kind="command", wait=False, timeout=STOP_WITHIN):
+    message = stamped({"command": "stop", "data": {}})
+    for _ in edges.command(robot, message, kind="command", wait=False, timeout=STOP_WITHIN):
         pass
 
 

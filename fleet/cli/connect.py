@@ -17,6 +17,7 @@ from fleet.bus.session import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dir
 from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
+from fleet.decoding import decode_json
 from fleet.errors import BusError, Refused
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
@@ -36,12 +37,12 @@ class UnknownRobot(Refused):
 class Edges:
     """The edges that can be reached: all that run on this machine, or the one of a fleet file.
 
-    ``unreached`` says in words which of them run but let nobody in.
+    ``joined`` are those that let us in, ``unreached`` says in words which of them run but let nobody in.
     """
 
     def __init__(self, lanes: Mapping[str, Lane], unreached: list[str]) -> None:
         self.unreached = unreached
-        self._joined = tuple(lanes)
+        self.joined = tuple(lanes)
         self._lanes = tuple(lanes.values())
         self._ways: dict[tuple[str, str], Lane] = {}
 
@@ -89,7 +90,7 @@ class Edges:
         answered = {state.edge for state in found}
         return [
             f"edge {edge} runs but does not answer: its event loop hangs"
-            for edge in self._joined
+            for edge in self.joined
             if edge not in answered
         ]
 
@@ -123,32 +124,21 @@ class Edges:
         parameters = {"kind": kind, "wait": "1" if wait else "0"}
         key = keys.command(robot.edge, robot.name)
         answers = lane.ask(key, payload, timeout=timeout, parameters=parameters)
-        return (reply for _, reply in _decoded(answers, Reply))
+        return (reply for _, reply in decoded(answers, Reply))
 
-    def stop(self, names: list[str]) -> set[tuple[str, str]]:
-        """Emergency-stop robots on every edge (no name: all); returns edge and name of who was stopped."""
-        stopped: set[tuple[str, str]] = set()
-        # A name that is no text must not hold up the others.
-        payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in names])
-        for _, key, found in self._asked(keys.stop("*"), list[str], payload, urgent=True):
-            stopped.update((key.split("/")[1], name) for name in found)
-        return stopped
-
-    def _asked(
-        self, key: str, kind: type[T], payload: bytes = b"", *, urgent: bool = False
-    ) -> Iterator[tuple[Lane, str, T]]:
+    def _asked(self, key: str, kind: type[T]) -> Iterator[tuple[Lane, str, T]]:
         """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
-        asked = [(lane, lane.ask(key, payload, timeout=ANSWER_WITHIN, urgent=urgent)) for lane in self._lanes]
+        asked = [(lane, lane.ask(key, b"", timeout=ANSWER_WITHIN)) for lane in self._lanes]
         for lane, answers in asked:
-            for answered, answer in _decoded(answers, kind):
+            for answered, answer in decoded(answers, kind):
                 yield lane, answered, answer
 
 
-def _decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
+def decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
     """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
     for key, data in answers:
         try:
-            yield key, msgspec.json.decode(data, type=kind)
+            yield key, decode_json(data, kind)
         except msgspec.DecodeError as error:
             log.warning("an answer on %s cannot be read: %s", key, error)
 

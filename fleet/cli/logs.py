@@ -16,6 +16,7 @@ from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.decoding import convert
 from fleet.errors import Refused
 
 _PIECE = 32 * 1024  # bytes asked for at once
@@ -107,7 +108,7 @@ def _pieces(asker: Asker, log: _Log, at: int) -> Iterator[bytes]:
         asked = {"id": log.id, "offset": at, "count": count}
         said = asker.ask("read_log", asked, timeout=_PIECE_WITHIN)
         try:
-            piece = msgspec.convert(said, _Piece)
+            piece = convert(said, _Piece)
             data = base64.b64decode(piece.data, validate=True)
         except (msgspec.ValidationError, binascii.Error) as error:
             raise Refused(f"{asker.robot.name} answers what is no log: {error}") from None
@@ -121,7 +122,7 @@ def _list(asker: Asker) -> list[_Log]:
     """Return the logs of a robot."""
     said = asker.ask("list_logs", timeout=_LIST_WITHIN)
     try:
-        return msgspec.convert(said, list[_Log])
+        return convert(said, list[_Log])
     except msgspec.ValidationError as error:
         raise Refused(f"{asker.robot.name} answers what are no logs: {error}") from None
 

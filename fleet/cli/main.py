@@ -28,7 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "ps": "fleet.cli.ps:ps",
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.send:goto",
-    "stop": "fleet.cli.send:stop",
+    "stop": "fleet.cli.stop:stop",
     "ready": "fleet.cli.ready:ready",
     "mission": "fleet.cli.mission:mission",
     "params": "fleet.cli.params:params",
@@ -39,6 +39,8 @@ COMMANDS: Mapping[str, str] = {
     "schema": "fleet.cli.schema:schema",
     "can": "fleet_quadruped.cli:can",
 }
+HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
+"""Commands that programs of ours start, and people do not."""
 SUMMARIES: Mapping[str, str] = {
     "init": "Write an example fleet.yaml to begin with.",
     "check": "Check a fleet file and tell every problem in it.",
@@ -69,9 +71,10 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import a command; None when there is none of this name."""
-        if cmd_name not in COMMANDS:
+        found = COMMANDS.get(cmd_name) or HIDDEN.get(cmd_name)
+        if found is None:
             return None
-        module, _, attribute = COMMANDS[cmd_name].partition(":")
+        module, _, attribute = found.partition(":")
         try:
             command: click.Command = getattr(importlib.import_module(module), attribute)
         except ModuleNotFoundError as error:
@@ -84,7 +87,7 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command of a line; an unknown one is told with the nearest."""
-        if args[0] not in COMMANDS and not args[0].startswith("-"):
+        if args[0] not in COMMANDS.keys() | HIDDEN.keys() and not args[0].startswith("-"):
             near = nearest(args[0], COMMANDS)
             ctx.fail(f"there is no command {args[0]!r}{f'; {near}' if near else ''}")
         return super().resolve_command(ctx, args)

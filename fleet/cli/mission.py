@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,7 +49,7 @@ def start(out: Output, robot: str, path: Path, *, wait: bool, timeout: float, fi
         plan = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise Refused(f"{path} is no JSON: {error}") from None
-    message = {"command": "start", EXECUTION: uuid.uuid4().hex, "mission": plan, "timestamp": time.time()}
+    message = {"command": "start", EXECUTION: uuid.uuid4().hex, "mission": plan}
     return ask(out, robot, "mission", message, wait=wait, timeout=timeout, file=file, around=_followed)
 
 
@@ -62,8 +61,7 @@ def _control(name: str, summary: str) -> None:
     @click.pass_obj
     @with_output
     def control(out: Output, robot: str, *, file: str | None) -> ExitCode:
-        message = {"command": name, "timestamp": time.time()}
-        return ask(out, robot, "mission", message, wait=True, timeout=RECEIPT_WITHIN, file=file)
+        return ask(out, robot, "mission", {"command": name}, wait=True, timeout=RECEIPT_WITHIN, file=file)
 
 
 _control("pause", "Hold ROBOT where it is; resume goes on at the item.")
@@ -77,7 +75,7 @@ _control("cancel", "End the mission of ROBOT: it holds where it is.")
 @with_output
 def clear(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Make ROBOT forget the mission in its memory."""
-    message: dict[str, Any] = {"command": "clear_mission", "data": {}, "timestamp": time.time()}
+    message: dict[str, Any] = {"command": "clear_mission", "data": {}}
     return ask(out, robot, "command", message, wait=True, timeout=RECEIPT_WITHIN, file=file)
 
 

@@ -83,7 +83,7 @@ class Output:
         err: TextIO | None = None,
     ) -> None:
         self.as_json = as_json
-        self._color = color
+        self.color = color
         self._width = width
         self._out = out or sys.stdout
         self._err = err or sys.stderr
@@ -111,7 +111,7 @@ class Output:
 
     def colored(self, line: str, colors: Mapping[str, str]) -> str:
         """Return a line with the words of ``colors`` coloured, when colours are on."""
-        if not self._color:
+        if not self.color:
             return line
         return " ".join(
             click.style(word, fg=colors[word]) if word in colors else word for word in line.split(" ")

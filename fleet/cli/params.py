@@ -13,6 +13,7 @@ from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.cli.parameters import read, same, shown, written
+from fleet.decoding import convert
 from fleet.errors import Refused
 
 _ONE_WITHIN = 30.0  # s
@@ -118,6 +119,6 @@ def _read(asker: Asker, names: tuple[str, ...]) -> Found:
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:
     """Return an answer that has the shape it should; raises Refused for another."""
     try:
-        return msgspec.convert(said, kind)
+        return convert(said, kind)
     except msgspec.ValidationError as error:
         raise Refused(f"{robot} answers what are no parameters: {error}") from None

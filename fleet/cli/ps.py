@@ -13,6 +13,8 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import NotRunning, Output, counted, with_output
 from fleet.model.state import EdgeState, RobotState
 
+WORTH_TELLING = 0.2  # s that a sender's clock is off, or its way late
+
 
 @click.command()
 @reach_option
@@ -38,6 +40,9 @@ def ps(out: Output, file: str | None) -> None:
     for name, state in named:
         if state.cause:
             out.say(f"{name}: {state.cause}")
+        for sender, offset in state.senders.items():
+            if abs(offset) > WORTH_TELLING:
+                out.say(f"{name}: the clock of {sender}, or its way, is {offset:.2f} s late")
     for edge in found:
         out.say(edge_line(edge))
 

@@ -9,6 +9,7 @@ from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.decoding import convert
 from fleet.errors import Refused
 
 _WITHIN = 15.0  # s
@@ -42,7 +43,7 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     with Edges.reach(file) as edges:
         said = Asker(edges, robot).ask("check_ready", timeout=_WITHIN)
     try:
-        answer = msgspec.convert(said, _Answer)
+        answer = convert(said, _Answer)
     except msgspec.ValidationError as error:
         raise Refused(f"{robot} answers what is no check list: {error}") from None
     out.data(msgspec.to_builtins(answer))

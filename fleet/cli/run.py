@@ -1,34 +1,41 @@
-"""``fleet run``: the fleet of a fleet file, in the foreground."""
+"""``fleet run``: the fleet of a fleet file, in the foreground, with a supervisor as its parent.
+
+Nothing that can fail is imported here: the supervisor outlives the edge.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
+import sys
+from functools import partial
 
 import click
 
-from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.serve import serve
-from fleet.config.load import load
-from fleet.host.edge import Edge
+from fleet.bus.settings import runtime_dir
+from fleet.cli.output import Output, with_output
+from fleet.clock import SystemClock
+from fleet.supervisor.place import socket_of
+from fleet.supervisor.supervisor import Supervisor
 
 
 @click.command()
 @click.argument("file", default="fleet.yaml", type=click.Path())
 @click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
 @with_output
-def run(out: Output, file: str, verbose: int) -> ExitCode:
+def run(out: Output, file: str, verbose: int) -> int:
     """Run the fleet of FILE (fleet.yaml when left out) until Ctrl-C.
 
     Robots that cannot run are told and left out; the others run, and the exit code is then 7. With --json
-    each change of a robot is one line of JSON.
+    each change of a robot is one line of JSON. An edge that dies is started again at once, and its robots
+    are halted meanwhile.
     """
-    loaded = load(file, partial=True)
-    for problem in loaded.problems:
-        out.note(f"left out: {problem}")
-    for warning in loaded.warnings:
-        out.note(f"warning: {warning}")
+    options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
+    # -P: what lies in the user's folder is not to be imported in place of our own modules.
+    command = [sys.executable, "-P", "-m", "fleet", "run-edge", *options, "--", file]
+    path = socket_of(runtime_dir(), os.getpid())
+    return Supervisor(command, path=path, told=partial(_tell, out), clock=SystemClock()).run()
 
-    def started(_edge: Edge) -> None:
-        out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
 
-    return serve(loaded, Path(file), out, verbose=verbose, started=started)
+def _tell(out: Output, line: str) -> None:
+    """Tell the user what the supervisor has seen."""
+    out.note(f"fleet: {line}")

@@ -1,4 +1,4 @@
-"""``fleet send``, ``fleet goto`` and ``fleet stop``: asking robots from the command line."""
+"""``fleet send`` and ``fleet goto``: asking robots from the command line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.ps import for_programs
-from fleet.host.safety.latch import RELEASE
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
 
@@ -63,7 +62,7 @@ def send(
 
     For example:  fleet send kestrel takeoff altitude=5 --wait
     """
-    message = {"command": command, "data": _data(data), "timestamp": time.time()}
+    message = {"command": command, "data": _data(data)}
     return ask(out, robot, "command", message, wait=wait, timeout=timeout, file=file)
 
 
@@ -99,7 +98,7 @@ def goto(
 
     For example:  fleet goto kestrel 10 0 5 --wait
     """
-    message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex, "timestamp": time.time()}
+    message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
     if geo:
         message["geodetic_position"] = {"latitude": x, "longitude": y, "altitude": z}
     else:
@@ -109,48 +108,6 @@ def goto(
     if speed is not None:
         message["constraints"] = {"max_speed_ms": speed}
     return ask(out, robot, "navigate", message, wait=wait, timeout=timeout, file=file)
-
-
-@click.command()
-@click.argument("robots", nargs=-1)
-@click.option("--all", "everything", is_flag=True, help="Every robot of every edge that runs here.")
-@reach_option
-@with_output
-def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
-    """Stop ROBOTS (or groups) at once and keep them stopped.
-
-    This is the emergency stop: aircraft brake and hold in the air, and nothing moves until it is released
-    with  fleet send ROBOT release_emergency_stop.  It never asks and never waits its turn.
-    """
-    if bool(robots) == everything:
-        raise click.UsageError("name the robots to stop, or --all")
-    with Edges.reach(file) as edges:
-        hit = edges.stop([name.rpartition("/")[2] for name in robots])
-        missing = [*edges.unreached, *_missing(edges, robots, hit)]
-        if everything:
-            missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
-    stopped = sorted({name for _, name in hit})
-    out.data({"stopped": stopped, "missing": missing})
-    for name in stopped:
-        out.say(f"{name}: stopped")
-    if stopped:
-        out.note(f"released with: fleet send ROBOT {RELEASE}")
-    for name in missing:
-        out.note(f"{name}: NOT STOPPED; fleet ps shows the robots there are")
-    if not stopped:
-        return ExitCode.REJECTED
-    return ExitCode.SOME_FAILED if missing else ExitCode.OK
-
-
-def _missing(edges: Edges, names: tuple[str, ...], hit: set[tuple[str, str]]) -> list[str]:
-    """Return the robots and groups that were not, or not wholly, stopped; ``hit`` were, by edge and name."""
-    stopped = {name for pair in hit for name in (pair[1], "/".join(pair))}
-    missing = [name for name in names if name not in stopped]
-    if not missing:
-        return []
-    groups = [edge.groups for edge in edges.edges()]
-    members = {name: {member for group in groups for member in group.get(name, ())} for name in missing}
-    return [name for name in missing if not members[name] or not members[name] <= stopped]
 
 
 def _alone(_out: Output, _edges: Edges, _robots: list[RobotState]) -> contextlib.AbstractContextManager[None]:
@@ -171,17 +128,19 @@ def ask(
 ) -> ExitCode:
     """Ask a robot, or all of a group at once; show every answer; return what they mean together.
 
+    ``message`` is stamped when it is sent: how long it took to find the robots does not make it older.
     ``around`` lasts while the end is waited for.
     """
     try:
-        payload = json.dumps(message, allow_nan=False).encode()
+        json.dumps(message, allow_nan=False)
     except ValueError:
         raise click.UsageError("a number in the command is not finite") from None
     within = timeout if wait else min(timeout, RECEIPT_WITHIN)
     with Edges.reach(file) as edges:
         robots = edges.named(name)
         asked = [
-            (robot, edges.command(robot, payload, kind=kind, wait=wait, timeout=within)) for robot in robots
+            (robot, edges.command(robot, stamped(message), kind=kind, wait=wait, timeout=within))
+            for robot in robots
         ]
         with around(out, edges, robots) if wait else contextlib.nullcontext():
             last = [
@@ -192,6 +151,11 @@ def ask(
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
     codes = {_code(reply) for _, reply in last}
     return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+
+
+def stamped(message: dict[str, Any]) -> bytes:
+    """Return a message that is sent now."""
+    return json.dumps({**message, "timestamp": time.time()}).encode()
 
 
 def _last(out: Output, robot: RobotState, replies: Iterator[Reply], command: str, timeout: float) -> Reply:

@@ -20,22 +20,31 @@ from fleet.event_loop import run as run_loop
 from fleet.host.edge import Edge
 from fleet.host.logs import log_to_stderr
 from fleet.host.signals import end_by_signal
+from fleet.supervisor.client import Supervised
 
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 
 def serve(
-    loaded: Loaded, path: Path, out: Output, *, verbose: int, started: Callable[[Edge], None]
+    loaded: Loaded,
+    path: Path,
+    out: Output,
+    *,
+    verbose: int,
+    started: Callable[[Edge], None],
+    supervised: Supervised | None = None,
 ) -> ExitCode:
     """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
     log_to_stderr(LEVELS[min(verbose, 2)])
-    run_loop(_serve(loaded, path, out, started))
+    run_loop(_serve(loaded, path, out, started, supervised))
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 
-async def _serve(loaded: Loaded, path: Path, out: Output, started: Callable[[Edge], None]) -> None:
+async def _serve(
+    loaded: Loaded, path: Path, out: Output, started: Callable[[Edge], None], supervised: Supervised | None
+) -> None:
     """Run the edge and its live view."""
-    edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock())
+    edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
     end_by_signal(partial(end, ended))
     started(edge)

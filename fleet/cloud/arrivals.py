@@ -11,11 +11,14 @@ from collections.abc import Callable
 import mqtt5
 import msgspec
 
-from fleet.cloud.packets import MORE, Protocol, decode
+from fleet.cloud.packets import MORE, PacketTooLarge, Protocol, decode
 from fleet.cloud.values import Message
+from fleet.errors import WireError
 
 _USUAL = {0x30: 0, 0x32: 1}
 """The QoS of a PUBLISH, by its first byte; none of these was kept, or is sent again."""
+_PUBLISH = 3  # the first half of the first byte
+_QOS = 0x06  # the bits of the QoS in it
 
 
 class Publish(msgspec.Struct, frozen=True):
@@ -26,6 +29,15 @@ class Publish(msgspec.Struct, frozen=True):
 
 
 Arrival = mqtt5.Packet | Publish
+HEAD = 1024  # bytes of a packet that is too large in which its topic stands
+
+
+class Damaged(WireError):
+    """A packet that is none, but a message by its first byte; ``message`` is what can be told of that."""
+
+    def __init__(self, error: WireError, message: Message) -> None:
+        super().__init__(str(error))
+        self.message = message
 
 
 def reader(protocol: Protocol) -> Callable[[bytes, int, int], Arrival]:
@@ -35,14 +47,14 @@ def reader(protocol: Protocol) -> Callable[[bytes, int, int], Arrival]:
 
 def _arrival311(data: bytes, start: int, end: int) -> Arrival:
     """Read a packet of MQTT 3.1.1."""
-    return decode(data, start, end, 311)
+    return _decoded(data, start, end, 311)
 
 
 def _arrival5(data: bytes, start: int, end: int) -> Arrival:
     """Read a packet of MQTT 5."""
     qos = _USUAL.get(data[start])
     plain = None if qos is None else _plain(data, start + 1, end, qos)
-    return decode(data, start, end, 5) if plain is None else plain
+    return _decoded(data, start, end, 5) if plain is None else plain
 
 
 def _plain(data: bytes, at: int, end: int, qos: int) -> Publish | None:
@@ -65,3 +77,55 @@ def _plain(data: bytes, at: int, end: int, qos: int) -> Publish | None:
     if (qos and not identifier) or not topic or "+" in topic or "#" in topic or "\0" in topic:
         return None
     return Publish(Message(topic, data[body + 1 : end], qos), identifier)
+
+
+def _decoded(data: bytes, start: int, end: int, protocol: Protocol) -> mqtt5.Packet:
+    """Have the codec read a packet; raises Damaged for a message that it refuses, WireError for the rest."""
+    try:
+        return decode(data, start, end, protocol)
+    except WireError as error:
+        message = _salvaged(data[start:end], protocol, str(error))
+        if message is None:
+            raise
+        raise Damaged(error, message) from None
+
+
+def salvaged(error: WireError) -> Message | None:
+    """Return the message in bytes that the broker should not have sent; None where there is none.
+
+    Nothing but a stop may be made of it. Of one that is too large only the topic is known.
+    """
+    if isinstance(error, Damaged):
+        return error.message
+    if not isinstance(error, PacketTooLarge):
+        return None
+    topic, _ = _topic(error.head)
+    return Message(topic, b"", flaw=str(error)) if topic else None
+
+
+def _salvaged(packet: bytes, protocol: Protocol, why: str) -> Message | None:
+    """Read a PUBLISH as kindly as can be; None for any other packet, and for one without a topic."""
+    topic, at = _topic(packet)
+    if not topic:
+        return None
+    at += 2 * bool(packet[0] & _QOS)
+    if protocol == 5:
+        size, length = 0, MORE
+        for place in range(4):
+            if length & MORE and at < len(packet):
+                length, at = packet[at], at + 1
+                size |= (length & ~MORE) << 7 * place
+        at += size
+    return Message(topic, packet[at:], flaw=why)
+
+
+def _topic(packet: bytes) -> tuple[str, int]:
+    """Return the topic of a PUBLISH and where it ends; an empty one where there is none."""
+    if packet[0] >> 4 != _PUBLISH:
+        return "", 0
+    at = 1
+    while at < min(len(packet), 4) and packet[at] & MORE:
+        at += 1
+    start = at + 3
+    end = start + int.from_bytes(packet[at + 1 : start])
+    return (packet[start:end].decode(errors="replace"), end) if end <= len(packet) else ("", 0)

@@ -13,7 +13,7 @@ from typing import Any
 import mqtt5
 
 from fleet.clock import Clock
-from fleet.cloud.arrivals import reader
+from fleet.cloud.arrivals import HEAD, reader, salvaged
 from fleet.cloud.keepalive import Due, Keepalive
 from fleet.cloud.packets import Cutter, encode
 from fleet.cloud.session import Session, SessionEnded
@@ -58,7 +58,7 @@ class Connection:
         self._clock = clock
         self._deliver = deliver
         self._take = take
-        self._arrivals = Cutter(reader(settings.protocol), PAYLOAD_LIMIT)
+        self._arrivals = Cutter(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
         self._failure: CloudError | None = None
@@ -149,6 +149,9 @@ class Connection:
         except OSError as error:
             self._failure = CloudError(f"the connection to the broker fell: {error}")
         except WireError as error:
+            message = salvaged(error)
+            if message is not None:
+                self._session.take(message)
             code = mqtt5.DisconnectReasonCode.MALFORMED_PACKET
             self._failure = SessionEnded(f"the broker sent {error}", code)
         except CloudError as error:

@@ -49,19 +49,24 @@ def frame_length(data: bytes, start: int = 0) -> int | None:
 
 
 class PacketTooLarge(WireError):
-    """A packet is larger than was agreed."""
+    """A packet is larger than was agreed; ``head`` is how it begins."""
+
+    def __init__(self, message: str, head: bytes) -> None:
+        super().__init__(message)
+        self.head = head
 
 
 class Cutter(Generic[ReadT]):
     """Cuts one byte stream into packets and remembers the piece that is not whole yet.
 
     ``read`` makes a packet of some bytes, from where to where it stands in them; ``limit`` is the most bytes
-    that one may have.
+    that one may have. Of one that has more, the first ``head`` are waited for.
     """
 
-    def __init__(self, read: Callable[[bytes, int, int], ReadT], limit: int) -> None:
+    def __init__(self, read: Callable[[bytes, int, int], ReadT], limit: int, *, head: int = 0) -> None:
         self._read = read
         self._limit = limit
+        self._head = head
         self._rest = bytearray()
         self._needed = 0
 
@@ -87,7 +92,11 @@ class Cutter(Generic[ReadT]):
             self._needed = 0
             return None
         if length > self._limit:
-            raise PacketTooLarge(f"a packet of {length} bytes, larger than {self._limit}")
+            if len(data) - start < min(length, self._head):
+                self._needed = min(length, self._head)
+                return None
+            head = data[start : start + self._head]
+            raise PacketTooLarge(f"a packet of {length} bytes, larger than {self._limit}", head)
         self._needed = length
         return start + length if start + length <= len(data) else None
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import mqtt5
+import msgspec
 
 from fleet.cloud import reasons
 from fleet.cloud.arrivals import Arrival, Publish
@@ -168,19 +169,20 @@ class Session:
     def _on_publish(self, packet: mqtt5.PublishPacket, _now: float) -> None:
         """Take a message; one of QoS 2 is handed out once, however often it is sent."""
         if packet.topic_alias is not None:
+            self._take_flawed(packet, "a topic alias that was not allowed")
             raise _broken("the broker uses a topic alias that was not allowed")
         identifier = packet.packet_id
         if identifier is None:
-            self._take(_message_of(packet))
+            self.take(_message_of(packet))
         elif packet.qos == mqtt5.QoS.AT_LEAST_ONCE:
-            self._take(_message_of(packet))
+            self.take(_message_of(packet))
             self._replies.append(mqtt5.PubAckPacket(identifier))
         else:
             self._on_publish_twice(packet, identifier)
 
     def _on_plain(self, plain: Publish, _now: float) -> None:
         """Take a message of the usual form."""
-        self._take(plain.message)
+        self.take(plain.message)
         if plain.identifier:
             self._replies.append(mqtt5.PubAckPacket(plain.identifier))
 
@@ -188,13 +190,18 @@ class Session:
         """Take a message of QoS 2, remembering its identifier until the broker releases it."""
         if identifier not in self._half_received:
             if len(self._half_received) >= INBOUND:
+                self._take_flawed(packet, "it has too many before it")
                 code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
                 raise SessionEnded("the broker has too many QoS 2 messages under way", code)
             self._half_received.add(identifier)
-            self._take(_message_of(packet))
+            self.take(_message_of(packet))
         self._replies.append(mqtt5.PubRecPacket(identifier))
 
-    def _take(self, message: Message) -> None:
+    def _take_flawed(self, packet: mqtt5.PublishPacket, why: str) -> None:
+        """Take a message that the broker may not send: it may be a stop."""
+        self.take(msgspec.structs.replace(_message_of(packet), flaw=why))
+
+    def take(self, message: Message) -> None:
         """Add a message to those that are handed out."""
         self._stats.received += 1
         self._messages.append(message)

@@ -18,7 +18,9 @@ class Message(msgspec.Struct, frozen=True):
     """One message from the broker.
 
     ``retain`` is true only for an old message that the broker kept, so a command that carries it is stale.
-    ``response_topic`` and ``correlation`` are MQTT 5's request and response pair.
+    ``response_topic`` and ``correlation`` are MQTT 5's request and response pair. ``flaw`` says what was
+    wrong with the packet of one that is only to be looked at for a stop; without a payload its topic alone
+    counts.
     """
 
     topic: str
@@ -27,6 +29,7 @@ class Message(msgspec.Struct, frozen=True):
     retain: bool = False
     response_topic: str | None = None
     correlation: bytes | None = None
+    flaw: str = ""
 
 
 class Will(msgspec.Struct, frozen=True):

@@ -87,6 +87,37 @@ def read(path: pathlib.Path, environ: Mapping[str, str]) -> Document:
     return reader.document
 
 
+def read_sections(path: pathlib.Path, environ: Mapping[str, str], names: Iterable[str]) -> Document:
+    """Return some sections of a file, each read by itself: what is wrong elsewhere keeps none from it.
+
+    A section is found by its name at the beginning of a line. Where none is, the whole file is read.
+    """
+    try:
+        text = _bytes_of(path).decode("utf-8-sig", errors="replace")
+    except OSError:
+        return read(path, environ)
+    sections = {name: part for name in names if (part := _section(text, name))}
+    if not sections:
+        return read(path, environ)
+    reader = _Reader(path, environ)
+    data: dict[str, Any] = {}
+    for part in sections.values():
+        found = reader.text(part, str(path), ())
+        data |= found if isinstance(found, dict) else {}
+    reader.document.data = data
+    return reader.document
+
+
+def _section(text: str, name: str) -> str:
+    """Return a section of a file in the lines where it stands, all others empty; empty without one."""
+    lines, within = [], False
+    for line in text.splitlines():
+        if line[:1] not in ("", " ", "\t", "#", "}", "]"):
+            within = line.partition(":")[0].strip() == name
+        lines.append(line if within else "")
+    return "\n".join(lines) if any(lines) else ""
+
+
 class _Reader:
     """Walks the nodes of a file and of what it includes."""
 
@@ -105,22 +136,30 @@ class _Reader:
         shown = str(path)
         try:
             text = decoded(_bytes_of(path))
-            self.document.lines[shown] = text.splitlines()
-            node = compose(text)
         except OSError as error:
             hint = "" if where else "fleet init writes an example"
             return self.document.spoil(where, asked_at, f"cannot read {shown}: {error.strerror}", hint)
         except BadYaml as error:
             mark = Mark(shown, error.line, error.column, where)
             return self.document.spoil(where, mark, str(error), error.hint)
+        self._open_files.append(path.resolve())
+        try:
+            return self.text(text, shown, where)
+        finally:
+            self._open_files.pop()
+
+    def text(self, text: str, shown: str, where: Path) -> Any:
+        """Return the data in a file's text that stands at ``where``."""
+        self.document.lines[shown] = text.splitlines()
+        try:
+            node = compose(text)
+        except BadYaml as error:
+            mark = Mark(shown, error.line, error.column, where)
+            return self.document.spoil(where, mark, str(error), error.hint)
         if node is None:
             self.document.marks[where] = Mark(shown, 1, 1, where)
             return None
-        self._open_files.append(path.resolve())
-        try:
-            return self._value(node, where, shown)
-        finally:
-            self._open_files.pop()
+        return self._value(node, where, shown)
 
     def _value(self, node: yaml.Node, where: Path, file: str) -> Any:
         """Return the value of a node, its place noted; None after reporting why it has none."""

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
-from fleet.model.command import Command, Setpoint, Way
-from fleet.model.navigation import Navigate
+import msgspec
+
+from fleet.errors import WireError
+from fleet.model.command import Answer, Command, Origin, Reply, Setpoint, Way
+from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
 from fleet.wire.commands import Defaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
-from fleet.wire.rules import Kind
+from fleet.wire.rules import MIB, Kind
+from fleet.wire.stops import STOP_WORDS, UNREAD, stop_in
+
+log = logging.getLogger(__name__)
 
 Ask = Command | Setpoint | Navigate
+
+LARGEST = MIB  # bytes of a message that is read
 
 
 class Decoder:
@@ -44,8 +53,29 @@ class Decoder:
             "mission": self._mission,
         }
 
-    def decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "") -> Ask | None:
-        """Return the ask in a message; None for one that asks nothing (a reply)."""
+    def decode(
+        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", unread: str = ""
+    ) -> Ask | None:
+        """Return the ask in a message; None for one that asks nothing (a reply).
+
+        ``unread`` says why its payload must not be read, empty for one that is. A stop is returned whatever
+        is wrong with the rest of its message, with its ``flaw``.
+        """
+        if len(payload) > LARGEST:
+            unread = unread or f"{len(payload)} bytes are more than the {LARGEST} that are read"
+        if unread:
+            return _flawed(UNREAD.get(kind, ""), way, WireError(unread))
+        try:
+            return self._decode(kind, payload, way=way, request_id=request_id)
+        except WireError as error:
+            return _flawed(stop_in(payload, kind), way, error)
+        except Exception as error:
+            log.exception("a %s message could not be read", kind)
+            failure = WireError(f"it could not be read ({type(error).__name__}); the edge's log says why")
+            return _flawed(stop_in(payload, kind), way, failure)
+
+    def _decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
+        """Decode a message strictly."""
         if kind == "command":
             return decode_command(
                 payload, way=way, request_id=request_id, defaults=self._defaults, twin=self._twin
@@ -70,3 +100,28 @@ class Decoder:
     def _mission(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
         """Decode the ``mission/command`` topic's messages."""
         return decode_mission(payload, way=way, twin=twin)
+
+
+def _flawed(stop: str, way: Way, error: WireError) -> Command:
+    """Return a stop whose message was refused; raises the refusal when it is no stop."""
+    if not stop:
+        raise error
+    return Command(stop, origin=Origin(way), flaw=str(error))
+
+
+def is_stop(ask: Ask) -> bool:
+    """Return True for what can only end motion."""
+    if isinstance(ask, Navigate):
+        return ask.ask is Control.STOP
+    return isinstance(ask, Command) and ask.name in STOP_WORDS
+
+
+def told_flaw(answer: Answer, flaw: str) -> Answer:
+    """Return what also tells the asker of a stop what was wrong with its message."""
+
+    def tell(reply: Reply) -> None:
+        words = f"taken for {reply.command}, though the message was refused: {flaw}"
+        reason = f"{reply.reason}; {words}" if reply.reason else words
+        answer(msgspec.structs.replace(reply, reason=reason))
+
+    return tell

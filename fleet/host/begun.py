@@ -19,6 +19,8 @@ from pathlib import Path
 
 import msgspec
 
+from fleet.decoding import json_decoder
+
 
 class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """A command that is now carried out, or an action; ``stamp`` is Unix seconds."""
@@ -39,7 +41,7 @@ class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):
 
 Row = Started | Latched
 
-_ROW: msgspec.json.Decoder[Row] = msgspec.json.Decoder(Row)
+_ROW: msgspec.json.Decoder[Row] = json_decoder(Row)
 _encode = msgspec.json.Encoder().encode
 
 SIZE = 1 << 16  # bytes of the file, some five hundred rows; more when the disk takes nothing for long
@@ -72,6 +74,11 @@ class Begun:
             self._map = self._mapped(max(2 * len(self._map), end + 1))
         self._map[self._end : end] = line
         self._end = end
+
+    @property
+    def length(self) -> int:
+        """Bytes of all rows."""
+        return self._end
 
     def clear(self) -> None:
         """Forget all rows."""

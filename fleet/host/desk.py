@@ -15,7 +15,7 @@ from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
 from fleet.errors import CommandError, LinkError, Refused
-from fleet.host.aside import HALT_WAIT, aside
+from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.driving import Driving
 from fleet.host.executor import Executor, may_still_move, takes
 from fleet.host.follow.leader import LEASE, Navigates, leader_of, pilot
@@ -26,7 +26,6 @@ from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.safety.policy import STOPS
 from fleet.host.safety.speeds import Speeds
 from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
@@ -36,11 +35,11 @@ from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
 from fleet.wire.commands import SETTINGS
+from fleet.wire.stops import EMERGENCY, STOP_WORDS
 
 log = logging.getLogger(__name__)
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
-EMERGENCY = "emergency_stop"
 RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the run anew
 
 
@@ -64,7 +63,7 @@ class Desk:
     ) -> None:
         self.name = config.name
         self.last = Last()
-        self._can = capabilities
+        self._can, self.moves = capabilities, capabilities.moves
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         free = partial(getattr, self, "free")
         self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, free=free, publish=publish)
@@ -77,6 +76,7 @@ class Desk:
         self.speeds = Speeds(limits)
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
         self.latch = self._admission.latch  # any thread; the robot itself hears nothing of it
+        self.senders = self._admission.offsets
         self._repeats = journal.repeats(clock.monotonic())
         self._own: dict[str, Callable[[Command], Any]] = {
             RELEASE: lambda _: self.latch.release(),
@@ -185,9 +185,9 @@ class Desk:
     # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
-        """Latch, then write the emergency halt, which may hang; any thread. ``receive`` does the rest."""
+        """Latch, write the emergency halt, record; the last two may hang; any thread. ``receive`` follows."""
         self.latch.pull(why)
-        aside(partial(self.halt, emergency=True), wait=HALT_WAIT)
+        in_turn((partial(self.halt, emergency=True), self.latch.record), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
@@ -218,7 +218,7 @@ class Desk:
 
     def _command(self, ask: Command, ticket: Ticket) -> None:
         """Take a discrete command."""
-        if ask.name in STOPS:
+        if ask.name in STOP_WORDS:
             self._stop(ask, ticket)
             return
         own = self._own.get(ask.name)

@@ -19,6 +19,7 @@ from fleet.bus.session import open_edge
 from fleet.clock import Clock
 from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
+from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
@@ -44,6 +45,7 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.spool.place import state_folder
 from fleet.spool.spool import Spool
+from fleet.supervisor.client import Supervised
 from fleet.version import __version__
 
 if TYPE_CHECKING:
@@ -53,6 +55,7 @@ log = logging.getLogger(__name__)
 
 HEALTH_EVERY = 1.0  # s
 HEARTBEAT_EVERY = 5.0  # s, contract 9.2
+METRICS_EVERY = 5.0  # s between tries to open the port of the figures
 
 
 class Edge:
@@ -61,7 +64,15 @@ class Edge:
     Raises BusError when the bus cannot be opened, CloudError for unusable cloud settings.
     """
 
-    def __init__(self, loaded: Loaded, path: Path, *, directory: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        loaded: Loaded,
+        path: Path,
+        *,
+        directory: Path,
+        clock: Clock,
+        supervised: Supervised | None = None,
+    ) -> None:
         config = loaded.config
         self._config = config
         self._clock = clock
@@ -79,6 +90,7 @@ class Edge:
                 journal=journal,
                 clock=clock,
                 settle=settle_time(config),
+                supervised=supervised,
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
@@ -103,6 +115,7 @@ class Edge:
             clock=clock,
         )
         self._cloud_holders: dict[str, str] = {}
+        self._metrics_problem = ""
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -144,9 +157,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
-            if self.metrics is not None and self._config.metrics is not None:
-                self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
-            self._declare()
+            self._serve_metrics()
+            self._declare(ended)
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
@@ -155,7 +167,9 @@ class Edge:
             workers += [
                 asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
             ]
+            self.process.supervised.running()
             await ended.wait()
+            self.process.supervised.ending()
         finally:
             for task in workers:
                 task.cancel()
@@ -179,6 +193,19 @@ class Edge:
 
         return Metrics(self)
 
+    def _serve_metrics(self) -> None:
+        """Serve the figures, unless that is done; a port that is taken is told, and tried again."""
+        if self.metrics is None or self._config.metrics is None or self.metrics.port:
+            return
+        try:
+            self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
+        except MetricsError as error:
+            if str(error) != self._metrics_problem:
+                log.error("%s; it is tried again", error)  # noqa: TRY400 - one line for a person
+            self._metrics_problem = str(error)
+        else:
+            self._metrics_problem = ""
+
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
         return [*self.process.robots.values(), *self.remote.values()]
@@ -191,7 +218,8 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        problems = (self.bus.problem, self.process.journal.problem, self._stop_inputs.problem)
+        journal, inputs = self.process.journal.problem, self._stop_inputs.problem
+        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -256,10 +284,11 @@ class Edge:
             spool=Spool(spool_settings(self._config), self._clock),
         )
 
-    def _declare(self) -> None:
+    def _declare(self, ended: asyncio.Event) -> None:
         """Show the edge on the bus, and begin what it says about itself."""
         edge = self._config.edge.id
-        take_stops(self.process, self.bus, self._groups, self.remote.values())
+        stop = take_stops(self.process, self.bus, self._groups, self.remote.values())
+        self.process.follow_supervisor(stop, ended)
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
@@ -275,6 +304,8 @@ class Edge:
             self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
+        if self.metrics is not None:
+            self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
         self.bus.control.token(keys.edge(edge))
 
     def _held_in_the_cloud(self, twin: str, holder: str) -> None:

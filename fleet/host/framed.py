@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
@@ -35,6 +35,7 @@ class Framed(Adapter[Any]):
     def __init__(self, inner: FrameAdapter[Any]) -> None:
         super().__init__(inner.config)
         self.inner = inner
+        self.failsafe = inner.failsafe
         self._last_resort = tuple(inner.halt())
         if not self._last_resort:
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
@@ -43,6 +44,7 @@ class Framed(Adapter[Any]):
         self._slot: MotionSlot | None = None
         self._motion: Motion | None = None
         self._peer: Address = None
+        self._leave_halt: Callable[[], None] = lambda: None
 
     async def run(self, robot: Robot) -> None:
         """Open the link and serve it; raises LinkLost, LinkRefused, or what the translation raised."""
@@ -54,13 +56,16 @@ class Framed(Adapter[Any]):
         )
         try:
             slot.peer, self._slot, self._motion = self._peer, slot, motion
+            self._leave_halt = lambda: robot.leave_halt(link, self._last_resort, self._peer)
             if self._peer is not None or not self._robot_speaks_first:
+                self._leave_halt()
                 self.write(self.inner.hello())
             session.begin(motion)
             await _first_failure(link.lost(), session.failure)
         finally:
             motion.halt()
             self._slot = self._motion = None
+            self._leave_halt = lambda: None
             await link.close()
 
     def write(self, frames: Iterable[bytes]) -> None:
@@ -84,6 +89,7 @@ class Framed(Adapter[Any]):
         self._peer = address
         if self._slot is not None:
             self._slot.peer = address
+            self._leave_halt()
             if self._robot_speaks_first:
                 self.write(self.inner.hello())
         return True

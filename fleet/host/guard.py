@@ -10,9 +10,8 @@ import itertools
 import logging
 from collections.abc import Callable, Iterable
 
-import msgspec
-
 from fleet.clock import Clock
+from fleet.decoding import convert
 from fleet.errors import Refused
 from fleet.host.battery import BatteryWatch
 from fleet.host.safety.fence import Fence
@@ -68,7 +67,7 @@ class Guard:
                 config.battery_policy, tell=self._tell, ask=ask, free=lambda: not self.taken and free()
             )
         place = config.origin
-        self._origin = None if place is None else msgspec.convert(place, GeoOrigin, from_attributes=True)
+        self._origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
         self._home: GeoPoint | None = None
         self._pose: Pose | None = None
         self._seen = 0.0

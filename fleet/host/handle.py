@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractAsyncContextManager
 from typing import TypeVar
 
 from fleet.clock import Clock
 from fleet.host.shared import Shared
 from fleet.host.wheel import Spoke, Wheel
+from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report
+from fleet.supervisor.client import Supervised
 
 SharedT = TypeVar("SharedT")
 
@@ -30,8 +32,11 @@ class Handle:
         healthy: Callable[[Health], None],
         lost_authority: Callable[[str], None],
         failed: Callable[[Exception], None],
+        supervised: Supervised,
     ) -> None:
         self.name = name
+        self.has_left_halt = False
+        self._supervised = supervised
         self.clock = clock
         self.log = logging.getLogger(f"fleet.robot.{name}")
         self._wheel = wheel
@@ -57,6 +62,17 @@ class Handle:
         """Say that somebody else took the robot."""
         if not self._closed:
             self._lost_authority(reason)
+
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
+        """Leave what halts the robot with the supervisor."""
+        if not self._closed:
+            self.has_left_halt = self._supervised.keep(self.name, link.fileno(), frames, address)
+
+    async def take_halt_back(self) -> None:
+        """Have the supervisor let go of the robot's link, so that it can be opened again; bounded in time."""
+        if self.has_left_halt:
+            self.has_left_halt = False
+            await self._supervised.drop(self.name)
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Call back about every ``seconds`` until the run ends."""

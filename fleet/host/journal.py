@@ -33,10 +33,12 @@ log = logging.getLogger(__name__)
 GATHER = 0.05
 """Seconds in which changes gather for the disk; a thread that woke for each command would want the
 interpreter just when the command is on its way to the robot."""
+LONGEST = 1 << 22
+"""Bytes of commands that are kept in memory while the disk takes none."""
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
 DONE = "completed"
 ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
-LOST = "the journal could not be read, so nobody knows whether a stop was set"
+LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
 _VERSION = 1
 _SCHEMA = """
@@ -55,6 +57,13 @@ _END = "UPDATE begun SET outcome = ? WHERE robot = ? AND identity = ?"
 _LATCH = "INSERT OR REPLACE INTO latch VALUES (?, ?)"
 _RECOVERED = {Started: _RECOVER, Latched: _LATCH}
 _FORGET = "DELETE FROM begun WHERE stamp < ?"
+_PROBE = (
+    "BEGIN IMMEDIATE",
+    "INSERT INTO latch VALUES ('', '')",
+    "DELETE FROM latch WHERE robot = ''",
+    "COMMIT",
+)
+"""Writes, and leaves nothing: a disk that is full can still be read."""
 
 
 class Past(msgspec.Struct, frozen=True):
@@ -177,38 +186,80 @@ def answer_to(past: Past) -> Ticket:
 class Journal:
     """The journal of one process. Workers of one edge share the file.
 
-    A disk that fails is told in ``problem`` and costs what is remembered, not the robots' obedience. After
-    a file that could not be read every robot's emergency stop is set: somebody may have set it.
+    A disk that fails later is told in ``problem`` and costs what is remembered, not the robots' obedience.
+    After a file that could not be read, or a disk that could not be written at the start, every robot's
+    emergency stop is set: somebody may have set it, and nobody would know.
+
+    A stop that is set stays in ``begun``, too, until it is released: whoever loses one of the two files has
+    the other.
     """
 
     def __init__(self, folder: Path, clock: Clock, begun: Path) -> None:
         self.problem = ""
         self._clock = clock
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
-        self._begun: Begun | None = None
+        self._set: dict[str, str] = {}  # why, by robot: the emergency stops that are set
+        self._begun = self._open_begun(begun)
         self._waiting: deque[Change] = deque()
         self._closing = threading.Event()
         self._using = threading.Lock()  # one thread at a time: a reader would hold a writer up
-        self._database: sqlite3.Connection | None = None
+        self._database = self._open_database(folder)
+        self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
+        self._thread.start()
+
+    def _open_begun(self, path: Path) -> Begun | None:
+        """Open the file in memory; None, and told, where that cannot be."""
+        try:
+            return Begun(path)
+        except OSError as error:
+            self._fail(error)
+            return None
+
+    def _open_database(self, folder: Path) -> sqlite3.Connection | None:
+        """Open the file on disk and bring it up to date; None, and told, where it cannot be written."""
+        database: sqlite3.Connection | None = None
         path = folder / JOURNAL
         try:
             made(folder)
             with locked(path):
-                self._database, aside = open_checked(path, _SCHEMA, _VERSION, "FULL")
+                database, aside = open_checked(path, _SCHEMA, _VERSION, "FULL")
                 if aside is not None:
-                    self._database.execute(_LATCH, (ANY, LOST))
-                self._begun = Begun(begun)
-                with self._begun.everybodys() as rows:
-                    for row in rows:
-                        self._database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
+                    database.execute(_LATCH, (ANY, LOST))
+                for step in _PROBE:
+                    database.execute(step)
+                self._recover(database)
         except (StateError, sqlite3.Error, OSError) as error:
             self._fail(error)
-        self._thread = threading.Thread(target=self._write, name="fleet-journal", daemon=True)
-        self._thread.start()
+            if database is not None:
+                database.close()
+            return None
+        return database
+
+    def _recover(self, database: sqlite3.Connection) -> None:
+        """Write what earlier processes left in memory."""
+        if self._begun is not None:
+            with self._begun.everybodys() as rows:
+                for row in rows:
+                    database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
+
+    def _add(self, row: Row) -> None:
+        """Write a row into the file in memory; never raises."""
+        if self._begun is not None:
+            try:
+                self._begun.add(row)
+            except Exception as error:  # noqa: BLE001 - a stop must not fail by its record
+                self._fail(error)
+
+    def _clear(self) -> None:
+        """Empty the file in memory, but for the stops that are set."""
+        if self._begun is not None:
+            self._begun.clear()
+            for robot, why in self._set.items():
+                self._add(Latched(robot, why))
 
     def robot(self, name: str) -> RobotJournal:
         """Return the part of one robot, with what is known of it from earlier processes."""
-        latched = ""
+        latched = LOST
         past: list[Past] = []
         try:
             with self._using:
@@ -217,6 +268,9 @@ class Journal:
             self._fail(error)
         if latched:
             log.warning("%s: the emergency stop is still set: %s", name, latched)
+            with self._adding:
+                self._set[name] = latched
+                self._add(Latched(name, latched))
         return RobotJournal(name, self._put, latched=latched, past=past, clock=self._clock)
 
     def close(self) -> None:
@@ -226,26 +280,27 @@ class Journal:
         if self._database is not None:
             self._database.close()
         with self._adding:
+            if not self.problem and not self._waiting:
+                self._clear()
             begun, self._begun = self._begun, None
             if begun is not None:
-                if not self.problem and not self._waiting:
-                    begun.clear()
                 begun.close()
 
     def _put(self, change: Change) -> None:
         """Take a change: what is begun, and a stop, outlive the process from here on."""
         with self._adding:
-            if not isinstance(change, Ended) and self._begun is not None:
-                try:
-                    self._begun.add(change)
-                except Exception as error:  # noqa: BLE001 - a stop must not fail by its record
-                    self._fail(error)
+            if not isinstance(change, Ended):
+                self._add(change)
+            if isinstance(change, Latched):
+                self._set[change.robot] = change.why
+                if not change.why:
+                    del self._set[change.robot]
             self._waiting.append(change)
 
     def _recall(self, name: str) -> tuple[str, list[Past]]:
         """Return the robot's emergency stop and its commands, the oldest first."""
         if self._database is None:
-            return "", []
+            return LOST, []
         since = self._clock.time() - REMEMBERED
         latches = dict(
             self._database.execute("SELECT robot, why FROM latch WHERE robot IN (?, ?)", (name, ANY))
@@ -269,8 +324,9 @@ class Journal:
             with self._using:
                 self._commit(changes)
             with self._adding:
-                if self._begun is not None and not self._waiting and not self.problem:
-                    self._begun.clear()
+                full = self._begun is not None and self._begun.length > LONGEST
+                if not self._waiting and (full or not self.problem):
+                    self._clear()
 
     def _commit(self, changes: Sequence[Change]) -> None:
         """Write changes; what the disk does not take is told, once for each kind of trouble.

@@ -12,24 +12,23 @@ from functools import partial
 from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
-from fleet.host.asks import Ask, Decoder
-from fleet.host.desk import EMERGENCY, Desk
+from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
+from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
 from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
-from fleet.host.safety.policy import STOPS
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
-from fleet.host.ticket import Answer, Ticket
+from fleet.host.ticket import Ticket
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
-from fleet.model.command import Command, Origin, Reply, Setpoint, Way
+from fleet.model.command import Answer, Asked, Command, Origin, Reply, Setpoint, Way
 from fleet.model.health import Health, Level
-from fleet.model.navigation import ActionState, Control
+from fleet.model.navigation import ActionState, Control, Navigate
 from fleet.model.report import (
     BatteryReport,
     FlightControllerReport,
@@ -41,8 +40,10 @@ from fleet.model.report import (
 )
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.supervisor.client import Supervised
 from fleet.tally import Tally
 from fleet.wire.rules import Kind
+from fleet.wire.stops import EMERGENCY
 
 READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
 """What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
@@ -57,8 +58,8 @@ def patience(ask: Ask, config: AdapterConfig) -> float:
     """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
     if isinstance(ask, Setpoint):
         return config.max_age
-    stops = ask.name in STOPS if isinstance(ask, Command) else ask.ask in (Control.STOP, Control.PAUSE)
-    return math.inf if stops else config.command_max_age
+    holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
+    return math.inf if holds or is_stop(ask) else config.command_max_age
 
 
 def _is_known(report: Report) -> bool:
@@ -87,8 +88,10 @@ class LocalRobot:
         journal: RobotJournal,
         arrival: Callable[[], float],
         changed: Callable[[str], None],
+        supervised: Supervised,
     ) -> None:
         self.config = config
+        self._supervised = supervised
         self.name = config.name
         self.twin = str(config.twin)
         self.source_type = source_type(config)
@@ -136,28 +139,38 @@ class LocalRobot:
         )
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", waits: bool = False
-    ) -> Callable[[Answer], None] | None:
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
+    ) -> Asked | None:
         """Read a message, from any thread; an emergency stop halts and latches there and then.
 
         What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
         are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
-        too long for a loop that is held up is refused.
+        too long for a loop that is held up is refused. ``unread``: why the payload must not be read.
         """
         arrived = self._arrival()
         try:
-            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
             ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
-            return partial(self._refuse, kind, error)
+            return Asked(partial(self._refuse, kind, error))
         if ask is None:
             return None
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin)
-        return partial(self._take, kind, ask, waits, arrived)
+        return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""
+        if isinstance(ask, Command) and ask.flaw:
+            self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
+            answer = told_flaw(answer, ask.flaw)
         ticket = Ticket(ask.name, answer, waits=waits)
         waited = self._clock.monotonic() - arrived
         if waited <= patience(ask, self.config):
@@ -236,6 +249,7 @@ class LocalRobot:
             emergency_stop=self.desk.latched,
             last_command=self.desk.last.command,
             last_outcome=self.desk.last.outcome,
+            senders=self.desk.senders(),
         )
 
     def _health(self) -> Health:
@@ -254,6 +268,7 @@ class LocalRobot:
             healthy=runner.healthy,
             lost_authority=self.desk.authority_lost,
             failed=runner.crashed,
+            supervised=self._supervised,
         )
 
     def _crashed(self, error: Exception) -> None:

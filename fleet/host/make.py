@@ -41,6 +41,11 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it stays on the ground"
         return None
 
+    @property
+    def moves(self) -> bool:
+        """True where anything that is declared may move the robot."""
+        return self.drives or self.navigates or any(spec.moves for spec in self.commands.values())
+
     def hint(self, name: str) -> str:
         """Say which command was perhaps meant by one that is not declared."""
         near = difflib.get_close_matches(name, self.commands, n=1)

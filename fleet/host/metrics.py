@@ -18,7 +18,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 
 from fleet.bridge.bridge import Bridge
-from fleet.errors import FleetError
+from fleet.errors import MetricsError
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.figures import SpoolFigures
 from fleet.wire.rules import Traffic
@@ -36,10 +36,6 @@ class Served(Protocol):
 
     def states(self) -> list[RobotState]:
         """Return the robots' states."""
-
-
-class MetricsError(FleetError):
-    """The figures cannot be served."""
 
 
 class Metrics(Collector):

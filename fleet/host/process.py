@@ -18,6 +18,7 @@ from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
+from fleet.decoding import decode_json
 from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
@@ -30,7 +31,9 @@ from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.robot_config import AdapterConfig
+from fleet.supervisor.client import Supervised
 from fleet.wire.rules import Kind
+from fleet.wire.stops import stop_in
 
 log = logging.getLogger(__name__)
 
@@ -66,6 +69,7 @@ class RobotProcess:
         clock: Clock,
         worker: str = "",
         settle: float = 0.0,
+        supervised: Supervised | None = None,
     ) -> None:
         self.edge = edge
         self.bus = bus
@@ -75,6 +79,7 @@ class RobotProcess:
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
+        self.supervised = supervised or Supervised()
         self._thread = LoopThread(self.loop)
         self._shared = Shared()
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -120,6 +125,7 @@ class RobotProcess:
             journal=self.journal.robot(config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
+            supervised=self.supervised,
         )
 
     def start(self) -> None:
@@ -157,7 +163,7 @@ class RobotProcess:
     def others_have(self, payload: bytes) -> None:
         """Take the edge's word of who has which twins in the cloud; in a worker, on the bus's thread."""
         try:
-            holders = msgspec.json.decode(payload, type=dict[str, str])
+            holders = decode_json(payload, dict[str, str])
         except msgspec.DecodeError as error:
             log.warning("who has our twins cannot be read: %s", error)
             return
@@ -226,6 +232,7 @@ class RobotProcess:
             # To the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
         await asyncio.to_thread(self.journal.close)
+        self.supervised.close()
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
@@ -234,9 +241,22 @@ class RobotProcess:
             robot.desk.latch.pull(why)
         # One whose halt is held up must not keep the next one moving.
         in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
+        in_turn((robot.desk.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
             robot.follow_emergency(why)
         return [robot.name for robot in stopped]
+
+    def follow_supervisor(self, stop: Callable[[bytes, str], list[str]], ended: asyncio.Event) -> None:
+        """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
+
+        def end(why: str) -> None:
+            log.error("%s: this process ends", why)
+            self.loop.call_soon_threadsafe(ended.set)
+
+        def stop_named(names: tuple[str, ...]) -> list[str]:
+            return stop(msgspec.json.encode(names), "asked by the supervisor")
+
+        self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
 
     def halt_robots(self) -> None:
         """Halt all robots of this process at once, from any thread; no stop is set that stays."""
@@ -298,6 +318,8 @@ class RobotProcess:
             if not (waits and reply.ok and reply.done is None):
                 question.close()
 
+        if kind not in KINDS and stop_in(question.payload):
+            kind = "command"
         if kind not in KINDS:
             refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
             return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))

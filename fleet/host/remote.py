@@ -12,18 +12,19 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.lane import Lane, Question
 from fleet.clock import Clock
+from fleet.decoding import decode_json
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
-from fleet.host.asks import Decoder
-from fleet.host.desk import EMERGENCY
+from fleet.host.asks import Decoder, is_stop, told_flaw
 from fleet.host.local import patience, source_type
 from fleet.host.safety.speeds import Speeds
-from fleet.model.command import Reply, ReplyStatus, Way
+from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.wire.rules import Kind
+from fleet.wire.stops import EMERGENCY
 
 log = logging.getLogger(__name__)
 
@@ -94,28 +95,41 @@ class RemoteRobot:
             log.exception("%s: the emergency stop did not go out at once", self.name)
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = ""
-    ) -> Callable[[Callable[[Reply], None]], None] | None:
+        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", unread: str = ""
+    ) -> Asked | None:
         """Read a message, from any thread; an emergency stop leaves at once, over the stop lane.
 
         What is returned hands the message to the worker; what that answers goes back, or that nobody
-        answered. None for a reply on its way back, which asks nothing.
+        answered. None for a reply on its way back, which asks nothing. ``unread``: why the payload must not
+        be read; then the worker does not get it either.
         """
-        name, until = str(kind), math.inf
-        try:
-            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id)
-        except WireError as error:  # the worker refuses it, with the reason
-            name = getattr(error, "command", "") or kind
-        else:
-            if ask is None:
-                return None
-            name, until = ask.name, self._arrival() + patience(ask, self._config)
-            if name == EMERGENCY:
-                self.emergency("asked over the cloud")
         parameters = {"kind": kind, "way": way.value}
         if request_id:
             parameters["id"] = request_id
-        return partial(self._hand_over, name, payload, parameters, until)
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+        except WireError as error:
+            name = getattr(error, "command", "") or kind
+            if unread:
+                refusal = Reply(name, ReplyStatus.REJECTED, str(error))
+                return Asked(lambda answer: answer(refusal))
+            # The worker refuses it, with the reason.
+            return Asked(partial(self._hand_over, name, payload, parameters, math.inf))
+        if ask is None:
+            return None
+        if ask.name == EMERGENCY:
+            self.emergency("asked over the cloud")
+        if isinstance(ask, Command) and ask.flaw:
+            return Asked(partial(self._hand_over_stop, ask, parameters), stops=True)
+        until = self._arrival() + patience(ask, self._config)
+        return Asked(partial(self._hand_over, ask.name, payload, parameters, until), is_stop(ask))
+
+    def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
+        """Hand a stop to the worker whose message was refused, written as it should be."""
+        log.warning("%s: took a message that was refused for %s: %s", self.name, ask.name, ask.flaw)
+        payload = msgspec.json.encode({"command": ask.name})
+        told = told_flaw(answer, ask.flaw)
+        self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, told)
 
     def _hand_over(
         self,
@@ -132,7 +146,7 @@ class RemoteRobot:
         answered: list[Reply] = []
 
         def on_answer(data: bytes) -> None:
-            reply = msgspec.json.decode(data, type=Reply)
+            reply = decode_json(data, Reply)
             if not answered:
                 answered.append(reply)
                 self._soon(lambda: answer(reply))
@@ -174,7 +188,7 @@ class RemoteRobot:
     def state_arrived(self, payload: bytes) -> None:
         """Take the worker's word; on the bus's thread."""
         try:
-            state = msgspec.json.decode(payload, type=RobotState)
+            state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
             log.warning("%s: a state that cannot be read: %s", self.name, error)
             return

@@ -1,12 +1,9 @@
 """The wall around one robot: runs its adapter, again and again, and keeps its failures to itself.
 
-=====================  ==============================================================  ==========
 what ends a run        what happens                                                    health
-=====================  ==============================================================  ==========
 LinkLost               halted, opened again after a growing wait                       offline
 LinkRefused, Fault     halted, tried again at the longest wait: a person must act      fault
 anything else          traceback, halted, tried again; 3 in 60 s: quarantine           fault
-=====================  ==============================================================  ==========
 """
 
 from __future__ import annotations
@@ -32,6 +29,10 @@ from fleet.wall import called, failure_of, walled
 STRIKES = 3
 STRIKE_WINDOW = 60.0  # s
 SLOW_RETRY = 30.0  # s between tries of what only a person can mend
+NOTHING_STOPS_IT = Health(
+    Level.DEGRADED,
+    "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
+)
 LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
 COMING_UP = 10.0  # s in which the steps of a start are no trouble: a line that is silent yet, a set-up
 
@@ -85,6 +86,7 @@ class Runner:
         self._leaving = False
         self._told = Level.OK
         self._coming_up: asyncio.TimerHandle | None = None
+        self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
 
     async def run(self) -> None:
         """Serve the robot until cancelled; then bring it to a standstill."""
@@ -139,6 +141,7 @@ class Runner:
         end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
             adapter = called(self._make)
+            self._stopped_by = lambda: adapter.failsafe or handle.has_left_halt or not self.desk.moves
             self.desk.attach(adapter)
             await self._serve(adapter, handle)
         except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's
@@ -149,6 +152,7 @@ class Runner:
             self._crash.cancel()
             take_note(self._crash)
             self.desk.detach(end.health.cause)
+            await _uninterrupted(handle.take_halt_back())
         return end
 
     def _judged(self, error: Exception) -> _End:
@@ -233,6 +237,8 @@ class Runner:
         """Take the adapter's own word of how the way to the robot is."""
         if self._leaving:
             return
+        if health.level is Level.OK and not self._stopped_by():
+            health = NOTHING_STOPS_IT
         if health.level is Level.FAULT:
             self.desk.faulted(health.cause)
         elif health.level is Level.OFFLINE:

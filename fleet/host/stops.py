@@ -5,7 +5,7 @@ Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import msgspec
@@ -13,7 +13,10 @@ import msgspec
 from fleet.bus import keys
 from fleet.bus.lane import Question
 from fleet.bus.session import Bus
+from fleet.decoding import decode_json
 from fleet.host.process import RobotProcess
+
+LARGEST = 1 << 20  # bytes of a stop that is read for names
 
 
 class Elsewhere(Protocol):
@@ -27,18 +30,20 @@ class Elsewhere(Protocol):
 
 def take_stops(
     process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[Elsewhere] = ()
-) -> None:
-    """Stop this process's robots when the stop key is published or asked; on the bus's threads."""
+) -> Callable[[bytes, str], list[str]]:
+    """Stop this process's robots when the stop key is published or asked; on the bus's threads.
+
+    Returns what does so for whoever else asks, from any thread: it takes what the key would, and why.
+    """
     others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
-    def stop(payload: bytes) -> list[str]:
+    def stop(payload: bytes, why: str = "the stop key") -> list[str]:
         names = names_in(payload, groups)
-        stopped = process.stop_robots(names, "the stop key")
         for robot in others:
             if not names or robot.name in names:
                 robot.stop_later()
-        return stopped
+        return process.stop_robots(names, why)
 
     def asked(question: Question) -> None:
         stopped = stop(question.payload)
@@ -51,16 +56,21 @@ def take_stops(
     for lane in (bus.control, bus.reports):
         lane.subscribe(key, published)
     bus.control.answer(key, asked)
+    return stop
 
 
 def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:
     """Return the robots that a stop names, groups spelt out; none means all.
 
-    What cannot be read stops everything: a stop is never lost to its trimmings.
+    What cannot be read stops everything, and so does what is too long to be a list of names: a stop is
+    never lost to its trimmings. A robot's edge may stand before its name.
     """
-    try:
-        given = msgspec.json.decode(payload, type=list[str]) if payload else []
-    except msgspec.DecodeError:
+    if len(payload) > LARGEST:
         return ()
+    try:
+        given = decode_json(payload, list[str]) if payload else []
+    except (ValueError, RecursionError):  # of which msgspec's own errors are some
+        return ()
+    plain = (one.strip().casefold().rpartition("/")[2] for one in given)
     # A name stays beside its members: an empty group must not come to mean everything.
-    return tuple(name for one in given for name in (one, *groups.get(one, ())))
+    return (*given, *(name for one in plain for name in (one, *groups.get(one, ()))))

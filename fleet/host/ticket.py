@@ -7,11 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from fleet.errors import CommandError, LinkError, TimedOut, Unsupported
-from fleet.model.command import Reply, ReplyStatus
+from fleet.model.command import Answer, Reply, ReplyStatus
 
 log = logging.getLogger(__name__)
-
-Answer = Callable[[Reply], None]
 
 _STATUS: tuple[tuple[type[Exception], ReplyStatus], ...] = (
     (Unsupported, ReplyStatus.REJECTED),

@@ -30,6 +30,7 @@ from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.signals import end_by_signal
 from fleet.host.stops import take_stops
 from fleet.spool.place import state_folder
+from fleet.supervisor.client import supervised
 
 log = logging.getLogger(__name__)
 
@@ -50,11 +51,21 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     folder = state_folder(edge, loaded.config.edge.spool.path)
     journal = Journal(folder, clock, begun_file(directory, edge, name))
     settle = settle_time(loaded.config)
-    process = RobotProcess(edge, bus, specs, journal=journal, clock=clock, worker=name, settle=settle)
+    process = RobotProcess(
+        edge,
+        bus,
+        specs,
+        journal=journal,
+        clock=clock,
+        worker=name,
+        settle=settle,
+        supervised=supervised(),
+    )
     ended = asyncio.Event()
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
-    take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
+    stop = take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
+    process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
     # Before the robots start: one that hangs at once is noticed too.
@@ -69,8 +80,10 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
 
     process.wheel.every(BEAT, show_life, failed=lambda _: ended.set())
     process.start()
+    process.supervised.running()
     try:
         await ended.wait()
+        process.supervised.ending()
     finally:
         await process.stop()
         stop_logs()

@@ -14,6 +14,9 @@ class Link(Protocol):
 
     url: str
 
+    def fileno(self) -> int:
+        """Return the descriptor that is written to, -1 for a link that has none."""
+
     def send(self, data: bytes, address: Address = None) -> None:
         """Write, never blocking. Without an address: to whom was heard last (datagrams).
 

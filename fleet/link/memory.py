@@ -24,6 +24,10 @@ class MemoryLink:
         self._ending = Ending(url)
         self._loop = asyncio.get_running_loop()
 
+    def fileno(self) -> int:
+        """Return -1: there is nothing outside this process."""
+        return -1
+
     def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - there is one peer
         """Hand the bytes to the robot; raises LinkLost once the link ended."""
         if self._ending.ended:

@@ -51,6 +51,10 @@ class StreamLink:
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(descriptor, self._readable)
 
+    def fileno(self) -> int:
+        """Return the descriptor that is written to."""
+        return self._descriptor
+
     def send(self, data: bytes, address: Address = None) -> None:  # noqa: ARG002 - streams have one peer
         """Write all of ``data`` or raise LinkLost; from any thread, never blocking."""
         with self._lock:

@@ -39,6 +39,10 @@ class UdpLink:
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._readable)
 
+    def fileno(self) -> int:
+        """Return the socket's descriptor, -1 once it is closed."""
+        return self._sock.fileno()
+
     def send(self, data: bytes, address: Address = None) -> None:
         """Write one datagram to ``address``, or to whom was heard last; from any thread, never blocking."""
         target = address or self._peer

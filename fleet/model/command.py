@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -36,7 +36,8 @@ class Command(msgspec.Struct, frozen=True):
 
     ``id`` is what makes a repeat of it recognisable: the asker's request id, or a digest of a stamped
     message, or empty when it cannot be told from a second press of the same button.
-    ``stamp`` is the asker's Unix time, None when it was not given.
+    ``stamp`` is the asker's Unix time, None when it was not given. ``flaw`` is what is wrong with a stop
+    that is obeyed all the same, empty for what could be read; the asker is told.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Command(msgspec.Struct, frozen=True):
     origin: Origin = Origin(Way.BUS)
     id: str = ""
     stamp: float | None = None
+    flaw: str = ""
 
 
 class Setpoint(msgspec.Struct, frozen=True):
@@ -93,3 +95,21 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
         if self.done:
             return "done"
         return self.status.value if self.ok else f"{self.status.value}: {self.reason}"
+
+
+Answer = Callable[[Reply], None]
+"""Gives an answer to who asked."""
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """What a robot made of a message: calling it takes the message, and answers.
+
+    ``stops``: it can only end motion, so it is obeyed where nothing else is.
+    """
+
+    take: Callable[[Answer], None]
+    stops: bool = False
+
+    def __call__(self, answer: Answer) -> None:
+        """Take the message; on the loop."""
+        self.take(answer)

@@ -10,6 +10,8 @@ from fleet.model.geometry import Vector3
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot, now. ``position`` is metres in its world frame; ``health`` a word of ``Level``.
 
+    ``senders`` are those heard lately that stamp what they ask, each with the offset (s) of its clock and
+    the way here together: positive is slow or late.
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -32,6 +34,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     emergency_stop: bool = False
     last_command: str = ""
     last_outcome: str = ""
+    senders: dict[str, float] = {}
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

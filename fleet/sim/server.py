@@ -19,6 +19,8 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import msgspec
 
+from fleet.decoding import decode_json
+
 SpecT = TypeVar("SpecT")
 
 
@@ -85,7 +87,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
     async def answer(self, line: bytes) -> bytes:
         """Carry out one line; return the line that answers it, with its newline."""
         try:
-            told = await self._carry_out(msgspec.json.decode(line, type=_Line))
+            told = await self._carry_out(decode_json(line, _Line))
         except (ValueError, OSError) as error:
             told = {"error": str(error)}
         return msgspec.json.encode(told) + b"\n"
@@ -93,7 +95,7 @@ class SimServer(ABC, Generic[SpecT, RobotT]):
     async def _carry_out(self, ask: _Line) -> dict[str, Any]:
         """Carry out one ask; raises ValueError or OSError."""
         if ask.add:
-            return {"url": (await self.add(msgspec.json.decode(ask.add, type=self.Spec))).url}
+            return {"url": (await self.add(decode_json(ask.add, self.Spec))).url}
         if ask.fault is not None:
             self._robot(ask.fault).fault(ask.fault.name, ask.fault.value)
             return {}

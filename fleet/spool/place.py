@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from fleet.errors import StateError
+from fleet.errors import StateError, StateTaken
 
 SPOOL = "spool.db"
 JOURNAL = "journal.db"
@@ -17,17 +17,18 @@ JOURNAL = "journal.db"
 def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of an edge's lasting state: ``given``, else one of the user's (XDG) for this edge.
 
-    It need not exist. Raises StateError for a user without a home.
+    It need not exist. That of a user without a home is below ``/``, as it is in containers; who may not write
+    there is told when the folder is made.
     """
     if given is not None:
         return given
+    if state := environ.get("XDG_STATE_HOME"):
+        return Path(state) / "fleet" / edge
     try:
-        home = environ.get("XDG_STATE_HOME") or Path(environ.get("HOME") or Path.home()) / ".local" / "state"
+        home = Path(environ.get("HOME") or Path.home())
     except RuntimeError:
-        raise StateError(
-            "this user has no home for the edge's lasting state; set HOME or edge.spool.path"
-        ) from None
-    return Path(home) / "fleet" / edge
+        home = Path("/")
+    return home / ".local" / "state" / "fleet" / edge
 
 
 def made(folder: Path) -> Path:
@@ -49,7 +50,10 @@ class Lock:
         self._file: int | None = None
 
     def take(self, *, wait: bool = False) -> None:
-        """Take the lock, and write our process id beside it; raises StateError when another has it."""
+        """Take the lock, and write our process id beside it; raises StateTaken when another has it.
+
+        Raises StateError when the lock's file cannot be opened.
+        """
         try:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         except OSError as error:
@@ -59,7 +63,7 @@ class Lock:
         except BlockingIOError:
             holder = os.pread(file, 20, 0).decode(errors="replace").strip() or "unknown"
             os.close(file)
-            raise StateError(
+            raise StateTaken(
                 f"{self._path.parent} belongs to another edge that runs (process {holder}); "
                 "give each edge its own edge.spool.path"
             ) from None

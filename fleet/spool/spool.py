@@ -20,7 +20,7 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.clock import Clock
-from fleet.errors import StateError
+from fleet.errors import StateError, StateTaken
 from fleet.spool.database import is_corrupt, set_aside
 from fleet.spool.figures import SpoolFigures
 from fleet.spool.losses import Gap, Reason
@@ -65,9 +65,9 @@ class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
 class Spool:
     """Durable messages on their way out; every method may be called from any thread and none blocks for long.
 
-    Raises StateError when another edge has the folder. A disk that fails, now or later, is told in
-    ``problem``, and what waits is then bounded by memory. ``more`` is called, on the disk's thread, when
-    there is more to take.
+    Raises StateTaken when another edge has the folder. A disk that fails, now or later, is told in
+    ``problem`` and tried again, and what waits is then bounded by memory. ``more`` is called, on the disk's
+    thread, when there is more to take.
     """
 
     def __init__(self, settings: SpoolSettings, clock: Clock) -> None:
@@ -198,16 +198,28 @@ class Spool:
     # -- the disk's thread ---------------------------------------------------------------------------
 
     def _open(self, folder: Path) -> None:
-        """Have the folder and begin to write; only one that another edge has is an error."""
-        self._lock = Lock(made(folder) / SPOOL)
-        self._lock.take()
+        """Begin to write; only a folder that another edge has is an error."""
+        try:
+            self._have(folder)
+        except StateTaken:
+            raise
+        except StateError as error:
+            log.debug("opening the store tells this: %s", error)
         self._open_store(folder / SPOOL)
         self._thread = threading.Thread(target=self._run, name="fleet-spool", daemon=True)
         self._thread.start()
 
+    def _have(self, folder: Path) -> None:
+        """Make the folder and take its lock, unless that is done; raises StateError, StateTaken."""
+        if self._lock is None:
+            lock = Lock(made(folder) / SPOOL)
+            lock.take()
+            self._lock = lock
+
     def _open_store(self, path: Path) -> bool:
         """Open the file, or make it anew; while that fails return False, and memory alone serves."""
         try:
+            self._have(path.parent)
             self._set_aside(path)
             self._store = store = Store(path, self._settings.size)
             self._take_over(store)

@@ -25,6 +25,7 @@ from pydantic import ValidationError
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, Unsupported
+from fleet.host.framed import Framed
 from fleet.host.make import AdapterClass, capabilities, make_adapter, perform
 from fleet.link.framing import Whole
 from fleet.model.command import Command
@@ -50,6 +51,7 @@ class AdapterContract:
 
     adapter: ClassVar[AdapterClass]
     config: ClassVar[Mapping[str, Any]]
+    leaves_halt: ClassVar[bool] = False  # its ``run`` calls ``robot.leave_halt``
 
     def make_config(self, **changes: Any) -> AdapterConfig:
         """Return the example config with changes."""
@@ -100,6 +102,13 @@ class AdapterContract:
             if spec.moves and not spec.safe:
                 with pytest.raises(Refused, match="takes no 'no_such_field'"):
                     arguments(spec, {"no_such_field": 1})
+
+    def test_something_stops_it_when_its_process_dies(self) -> None:
+        adapter = self.make()
+        assert adapter.failsafe or self.leaves_halt or isinstance(adapter, Framed), (
+            "declare failsafe, what of the robot's own stops it and when; or call robot.leave_halt in run "
+            "and set leaves_halt here"
+        )
 
     def test_a_robot_that_drives_says_how_fast(self) -> None:
         can = capabilities(self.adapter)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractAsyncContextManager
 from typing import TypeVar
 
+from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report
 from fleet.testing.clock import LoopClock, ManualClock
@@ -18,7 +19,7 @@ WITHIN = 20.0  # s; how long a test waits for what must happen, on a slow comput
 
 
 class _Robot:
-    """What both robots below record: ``reports``, ``healths`` and ``losses``, oldest first."""
+    """What both robots below record: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -26,6 +27,7 @@ class _Robot:
         self.reports: list[Report] = []
         self.healths: list[Health] = []
         self.losses: list[str] = []
+        self.left_halts: list[tuple[bytes, ...]] = []
         self._told = asyncio.Event()
 
     def report(self, report: Report) -> None:
@@ -46,6 +48,10 @@ class _Robot:
         """Record that somebody else took the robot."""
         self.losses.append(reason)
         self._told.set()
+
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:  # noqa: ARG002 - nobody else opens it here
+        """Record what would halt the robot after the death of its process."""
+        self.left_halts.append(tuple(frames))
 
     def share(
         self,

@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import msgspec
 
+from fleet.decoding import msgpack_decoder
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, PoseReport, Report
@@ -15,7 +16,7 @@ from fleet.wire.encoding import UNSAYABLE
 
 _PACK = msgspec.msgpack.Encoder().encode
 _CHECKS: Mapping[type[Any], msgspec.msgpack.Decoder[Any]] = MappingProxyType(
-    {kind: msgspec.msgpack.Decoder(kind) for kind in get_args(Report)}
+    {kind: msgpack_decoder(kind) for kind in get_args(Report)}
 )
 
 

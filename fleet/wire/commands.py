@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
@@ -24,14 +25,15 @@ from fleet.wire.envelope import (
     origin_and_stamp,
     seconds_of,
     stamp_of,
+    stop_asked,
     tolerant,
 )
 from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.spelling import refuse_misspelt, refuse_unknown
+from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
-STOP_WORDS = frozenset({"stop", "emergency_stop", "hover", "brake"})
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 _VELOCITY = frozenset(VELOCITY_FIELDS)
 _VERB_DATA = _VELOCITY | {"distance"}
@@ -96,7 +98,7 @@ class _Usual(msgspec.Struct):
     session_id: str | None = None
 
 
-_USUAL = msgspec.json.Decoder(_Usual)
+_USUAL: msgspec.json.Decoder[_Usual] = json_decoder(_Usual)
 
 
 class _Envelope(msgspec.Struct, frozen=True):
@@ -137,11 +139,12 @@ def decode_command(
             origin, stamp = Origin(way, read.source_type, read.session_id or ""), seconds_of(read.timestamp)
             meaning = _MEANINGS.get(name)
             if meaning is None:
+                name = stop_word(name) or name
                 same = identity(payload, stamp, request_id, (name, read.data))
                 return Command(name, read.data, origin, same, stamp)
             return meaning(_Envelope(name, read.data, {}, payload, request_id, origin, stamp), defaults)
         message = parse_object(payload)
-        if "status" in message:
+        if is_reply(message):
             return None
         name = name_of(message)
         envelope = _envelope(name, message, payload, way, request_id, twin=twin)
@@ -150,16 +153,19 @@ def decode_command(
         raise BadCommand(error, command=name) from None
 
 
-def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Setpoint:
-    """Return the setpoint of a twist: ``T motion/command``, or the bus channel ``commands/velocity``.
+def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | Setpoint:
+    """Return the setpoint of a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
     signed, body frame, m/s and rad/s. Roll and pitch rates are checked and not used. On the bus a sample may
     have Cyberwave's header, whose stamp counts where the message has none of its own: a recording that is
-    played again moves nothing. Raises BadCommand.
+    played again moves nothing. A message that names a stop is that stop. Raises BadCommand.
     """
     try:
         message = _sampled(payload) if way is Way.BUS else parse_object(payload)
+        stop = stop_asked(message, way)
+        if stop is not None:
+            return stop
         envelope = _envelope("motion", message, payload, way, request_id, twin=twin)
         nested = not message.keys().isdisjoint(_TWIST)
         refuse_misspelt(message, _TWIST if nested else _FLAT_TWIST)
@@ -205,12 +211,7 @@ def _envelope(
 
 def _is_stop(name: str, message: Mapping[str, Any]) -> bool:
     """Return True when the robot is to stand still, however the rest of the message looks."""
-    return name in STOP_WORDS or (name == "estop" and not _releases(message.get("data")))
-
-
-def _releases(data: object) -> bool:
-    """Return True for the data of an ``estop`` that is to be released: only a literal false does it."""
-    return isinstance(data, dict) and data.get("activate") is False
+    return name in STOP_WORDS or (name == "estop" and not releases(name, message.get("data")))
 
 
 def _data(message: Mapping[str, Any]) -> dict[str, Any]:
@@ -304,7 +305,8 @@ def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
 
 def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read the emergency switch of ground robots."""
-    return envelope.command("release_emergency_stop" if _releases(envelope.data) else "emergency_stop", {})
+    freed = releases("estop", envelope.data)
+    return envelope.command("release_emergency_stop" if freed else EMERGENCY, {})
 
 
 _MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = MappingProxyType(

@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar, get_args
 
 import msgspec
 
+from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
@@ -193,7 +194,7 @@ class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
 
 def _shaped(shape: Any) -> _Codec[Any]:
     """Return the codec of a channel whose payload has a shape of its own."""
-    return _Codec(shape.of, shape.report, msgspec.json.Decoder(shape))
+    return _Codec(shape.of, shape.report, json_decoder(shape))
 
 
 def _as_it_is(kind: Any) -> _Codec[Any]:
@@ -203,7 +204,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
     return _Codec(
         lambda report: shape(*msgspec.structs.astuple(report)),
         lambda wire: kind(*msgspec.structs.astuple(wire)),
-        msgspec.json.Decoder(shape),
+        json_decoder(shape),
     )
 
 

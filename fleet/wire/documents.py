@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import stamp_of
@@ -58,9 +59,9 @@ class _Aimed(msgspec.Struct):
     target: str
 
 
-_TARGET = msgspec.json.Decoder(_Aimed)
+_TARGET: msgspec.json.Decoder[_Aimed] = json_decoder(_Aimed)
 _OPEN = Shape()
-_DECODER = msgspec.json.Decoder(dict[str, Any])
+_DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
 
 
 def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) -> bytes:

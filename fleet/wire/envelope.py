@@ -11,7 +11,8 @@ from uuid import UUID
 import msgspec
 
 from fleet.errors import WireError
-from fleet.model.command import Origin, Way
+from fleet.model.command import Command, Origin, Way
+from fleet.wire.stops import stop_named
 from fleet.wire.strict import kind, number
 
 MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
@@ -35,7 +36,13 @@ class BadCommand(WireError):
 
 
 def name_of(message: Mapping[str, Any]) -> str:
-    """Return the name of what is asked; older senders call the field ``type``. Raises WireError."""
+    """Return the name of what is asked; older senders call the field ``type``. Raises WireError.
+
+    A stop that either of the two names is what is asked, written as it should be.
+    """
+    stop = stop_named(message)
+    if stop:
+        return stop
     field = "command" if message.get("command") is not None else "type"
     name = message.get(field)
     if name is None:
@@ -92,6 +99,15 @@ def _require_twin(message: Mapping[str, Any], twin: str) -> None:
         same = False
     if not same:
         raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
+
+
+def stop_asked(message: Mapping[str, Any], way: Way) -> Command | None:
+    """Return the stop that a message names on a topic that has other words; None when it names none."""
+    name = stop_named(message) if "command" in message or "type" in message else ""
+    if not name:
+        return None
+    origin, stamp = origin_and_stamp(message, way, strict=False)
+    return Command(name, origin=origin, stamp=stamp)
 
 
 def tolerant(read: Callable[..., Any], *arguments: Any, strict: bool) -> Any:

@@ -19,7 +19,7 @@ from typing import Any
 
 from fleet.errors import WireError
 from fleet.model.command import Command, Way
-from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp
+from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp, stop_asked
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
 
@@ -64,10 +64,15 @@ Sets = dict[str, dict[str, float]]
 def decode_joints(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | None:
     """Return the joint targets in a message, as a command; None for joints that somebody measured.
 
+    A message that names a stop is that stop.
+
     Raises BadCommand, which names the command.
     """
     try:
         message = parse_object(payload)
+        stop = stop_asked(message, way)
+        if stop is not None:
+            return stop
         origin, stamp = origin_and_stamp(message, way, strict=True, twin=twin)
         targets = _named_sets(message, "target_")
         if not targets and origin.source_type in STATE_SENDERS:

@@ -12,10 +12,10 @@ from types import MappingProxyType
 from typing import Any
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Command, Way
 from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
-from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_asked, tolerant
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, kind, parse_object, path, read_loosely, text, whole
@@ -61,13 +61,19 @@ _ITEM_FIELDS = frozenset(
 )
 
 
-def decode_mission(payload: bytes, *, way: Way, twin: str = "") -> Navigate:
-    """Return the mission or the control in a message; raises BadCommand with what could be read of it."""
+def decode_mission(payload: bytes, *, way: Way, twin: str = "") -> Navigate | Command:
+    """Return the mission, the control or the stop in a message.
+
+    Raises BadCommand with what could be read of it.
+    """
     name = execution = ""
     try:
         message = given(parse_object(payload))
         name = name_of(message)
         control = CONTROLS.get(name)
+        stop = None if control else stop_asked(message, way)
+        if stop is not None:
+            return stop
         stops = control is Control.STOP
         execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
         origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)

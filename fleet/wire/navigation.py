@@ -16,14 +16,23 @@ from typing import Any, Literal
 import msgspec
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Command, Way
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
 from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
-from fleet.wire.envelope import BadCommand, identity, name_of, optional_word, origin_and_stamp, tolerant
+from fleet.wire.envelope import (
+    BadCommand,
+    identity,
+    name_of,
+    optional_word,
+    origin_and_stamp,
+    stop_asked,
+    tolerant,
+)
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
 from fleet.wire.spelling import refuse_misspelt
+from fleet.wire.stops import STOP_WORDS, is_reply
 from fleet.wire.strict import child, finite, kind, number, parse_object, path, read_loosely, text, whole
 from fleet.wire.strict import without_nulls as given
 
@@ -88,8 +97,10 @@ def decode_navigate(
     home_altitude: float | None = None,
     origin_heading: float = 0.0,
     twin: str = "",
-) -> Navigate | None:
+) -> Navigate | Command | None:
     """Return the goal or control in a message; None for a status that strayed onto the topic.
+
+    A stop that only the command topic knows, such as an emergency stop, is returned as the command it is.
 
     A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
     a repeat of it does not move the robot once more.
@@ -102,9 +113,11 @@ def decode_navigate(
     name = action_id = ""
     try:
         message = given(parse_object(payload))
-        if "status" in message:
+        if is_reply(message):
             return None
         name = name_of(message)
+        if name in STOP_WORDS and name not in CONTROLS:
+            return stop_asked(message, way)
         stops = CONTROLS.get(name) is Control.STOP
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
         origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)

@@ -1,15 +1,22 @@
 """What linters do not check: short files, and a public surface that is small and true."""
 
+import ast
 import importlib
 
 import pytest
 
 import fleet
 
+# Without a type msgspec builds nothing: plain values are decoded by code that is always there.
+NEEDS_THE_LOCK = {"decode", "Decoder", "convert"}
+
+
+def sources(root):
+    return [path for folder in ("fleet", "adapters", "plugins") for path in (root / folder).rglob("*.py")]
+
 
 def test_every_source_file_is_short(root):
-    files = [path for folder in ("fleet", "adapters", "plugins") for path in (root / folder).rglob("*.py")]
-    long = {str(path.relative_to(root)): len(path.read_text().splitlines()) for path in files}
+    long = {str(path.relative_to(root)): len(path.read_text().splitlines()) for path in sources(root)}
     assert {name: lines for name, lines in long.items() if lines > 400} == {}
 
 
@@ -26,3 +33,34 @@ def test_the_public_surface_is_small():
 def test_a_name_that_is_not_public_is_told():
     with pytest.raises(AttributeError, match="module 'fleet' has no attribute 'no_such_name'"):
         _ = fleet.no_such_name
+
+
+def _made_elsewhere(path):
+    """Yield the lines that give msgspec a type themselves."""
+    tree = ast.parse(path.read_text())
+    for call in ast.walk(tree):
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Attribute):
+            continue
+        if call.func.attr not in NEEDS_THE_LOCK or not ast.unparse(call.func).startswith("msgspec."):
+            continue
+        typed = call.args[call.func.attr != "Decoder" :] or any(each.arg == "type" for each in call.keywords)
+        if typed:
+            yield call.lineno
+
+
+def test_no_source_but_one_gives_msgspec_a_type_to_decode(root):
+    assert len(sources(root)) > 100
+    found = {
+        f"{path.relative_to(root)}:{line}"
+        for path in sources(root)
+        if path != root / "fleet" / "decoding.py"
+        for line in _made_elsewhere(path)
+    }
+    assert found == set()
+
+
+def test_nobody_takes_decoders_out_of_msgspec_by_name(root):
+    for path in sources(root):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("msgspec"):
+                assert {each.name for each in node.names}.isdisjoint(NEEDS_THE_LOCK), path

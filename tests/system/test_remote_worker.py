@@ -17,6 +17,7 @@ class ArmConfig(AdapterConfig):
 
 class Arm(Adapter[ArmConfig]):
     Config = ArmConfig
+    failsafe = "it moves nothing"
 
     async def run(self, robot):
         robot.health(Health())

@@ -8,6 +8,7 @@ from urllib.parse import parse_qsl
 
 import msgspec
 
+from fleet.decoding import convert
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 
@@ -91,7 +92,7 @@ def _spec(values: dict[str, object], given: dict[str, str]) -> SimSpec:
 def spec_of(values: object) -> SimSpec:
     """Return the spec in plain values (JSON); raises ValueError saying what is wrong."""
     try:
-        return msgspec.convert(values, SimSpec)
+        return convert(values, SimSpec)
     except msgspec.ValidationError as error:
         raise ValueError(f"simulated vehicle: {error}") from None
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock, SystemClock
+from fleet.decoding import decode_json
 from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.alone import make_sure
@@ -53,7 +54,7 @@ def main(arguments: list[str]) -> int:
     logging.getLogger("canopen").setLevel(logging.WARNING)
     for number in _FOR_THE_PARENT:
         signal.signal(number, signal.SIG_IGN)
-    plan = msgspec.json.decode(arguments[0], type=Plan)
+    plan = decode_json(arguments[0], Plan)
     try:
         _run(plan, SystemClock())
     except (LinkError, ConfigError) as error:

@@ -15,6 +15,8 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from fleet.decoding import msgpack_decoder
+
 ValueT = TypeVar("ValueT", bound=msgspec.Struct)
 
 SIZE = 8192  # bytes
@@ -34,7 +36,7 @@ class Slot(Generic[ValueT]):
 
     def __init__(self, descriptor: int, kind: type[ValueT]) -> None:
         self._memory = mmap.mmap(descriptor, SIZE)
-        self._decoder = msgspec.msgpack.Decoder(kind)
+        self._decoder: msgspec.msgpack.Decoder[ValueT] = msgpack_decoder(kind)
         self._encoder = msgspec.msgpack.Encoder()
         self._lock = threading.Lock()
         self._newest = kind()

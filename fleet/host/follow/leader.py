@@ -6,10 +6,9 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Protocol
 
-import msgspec
-
 from fleet.adapter import Adapter
 from fleet.clock import Clock
+from fleet.decoding import convert
 from fleet.errors import NotReady
 from fleet.host.follow.control import NO_LIMIT, Pace
 from fleet.host.follow.course import legs_of
@@ -117,5 +116,5 @@ def leader_of(
 ) -> Leader:
     """Return the follower of a robot of fleet.yaml."""
     place = config.origin
-    origin = None if place is None else msgspec.convert(place, GeoOrigin, from_attributes=True)
+    origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
     return Leader(drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock)

@@ -7,11 +7,12 @@ from fleet.host.safety.age import AgeCheck
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.lease import ControlLease
 from fleet.host.safety.let_go import LetGo
-from fleet.host.safety.policy import STOPS, SourcePolicy
+from fleet.host.safety.policy import SourcePolicy
 from fleet.host.safety.speeds import Speeds
 from fleet.model.command import Command, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
+from fleet.wire.stops import STOP_WORDS
 
 
 class Admission:
@@ -22,6 +23,7 @@ class Admission:
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
+        self.offsets = self._ages.offsets  # of the senders' clocks, s
         self.latch = latch
         self.speeds = speeds
         self.fault = ""  # the robot's own latched fault, in its words
@@ -37,8 +39,9 @@ class Admission:
         self.speeds.forget()
         self.lease.let_go(ask.origin.session)
         self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
-        if ask.origin.session and ask.stamp is not None:
-            self._ages.stopped(_asker(ask.origin), ask.stamp, wall=self._clock.time())
+        wall, now = self._clock.time(), self._clock.monotonic()
+        shared = not ask.origin.session
+        self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
 
     def taken_over(self) -> None:
         """Take note that somebody else has the robot, or that its adapter begins anew."""
@@ -47,10 +50,11 @@ class Admission:
 
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
-        if ask.name in STOPS:
+        if ask.name in STOP_WORDS:
             return None
+        ends_a_stop = ask.name == RELEASE or (moves and not safe)
         refusal = self._policy.refusal(ask.origin) or self._age(
-            _asker(ask.origin), ask.stamp, self._command_max_age
+            _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop
         )
         if ask.name == RELEASE:
             return refusal or self.latch.held or None
@@ -92,7 +96,9 @@ class Admission:
         """Return why nothing may move the robot, whoever asks; None when it may be moved."""
         return self.latch.refusal() or (f"it has a fault: {self.fault}" if self.fault else None)
 
-    def _age(self, asker: str, stamp: float | None, max_age: float, *, ordered: bool = False) -> str | None:
+    def _age(
+        self, asker: str, stamp: float | None, max_age: float, *, ordered: bool = False, moves: bool = True
+    ) -> str | None:
         """Judge the age of a message."""
         return self._ages.refusal(
             asker,
@@ -101,6 +107,7 @@ class Admission:
             now=self._clock.monotonic(),
             max_age=max_age,
             ordered=ordered,
+            moves=moves,
         )
 
     def _turn(self, origin: Origin) -> str | None:

@@ -10,14 +10,16 @@ RELEASE = "release_emergency_stop"
 class Latch:
     """One robot's emergency stop, set from the beginning with a ``why`` of an earlier process.
 
-    ``keep`` is told each change, on any thread: why it is set, or nothing for its release. ``held`` says why
-    it cannot be released, and why nothing may move although it is not set; empty when nothing holds.
+    ``keep`` is told each change, on any thread: why it is set, or nothing for its release. It may hang, so
+    of a stop it is told by ``record``, once the robot was halted. ``held`` says why it cannot be released,
+    and why nothing may move although it is not set; empty when nothing holds.
     """
 
     def __init__(self, why: str = "", keep: Callable[[str], None] = lambda _: None) -> None:
         self._why = why
         self._keep = keep
         self.held = ""
+        self._unrecorded = False
 
     @property
     def set(self) -> bool:
@@ -25,14 +27,19 @@ class Latch:
         return bool(self._why)
 
     def pull(self, why: str) -> None:
-        """Stop; pulling again changes nothing."""
+        """Stop, in memory; pulling again changes nothing."""
         if not self._why:
-            self._why = why
-            self._keep(why)
+            self._why, self._unrecorded = why, True
+
+    def record(self) -> None:
+        """Have the stop kept, if it is not yet."""
+        if self._unrecorded:
+            self._unrecorded = False
+            self._keep(self._why)
 
     def release(self) -> None:
         """Allow motion again; the robot stays as it is until somebody asks for more."""
-        self._why = ""
+        self._why, self._unrecorded = "", False
         self._keep("")
 
     def refusal(self) -> str | None:

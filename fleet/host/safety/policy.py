@@ -14,9 +14,6 @@ REAL_COMMAND = frozenset({"tele"})
 REAL_NAVIGATE = frozenset({"tele", "edge"})
 SIMULATED = frozenset({"sim_tele", "sim"})
 
-STOPS = frozenset({"stop", "emergency_stop", "hover", "brake"})
-"""Commands that can only end motion: from anyone, at any age, past every lock."""
-
 
 class SourcePolicy:
     """The two sets of one robot."""

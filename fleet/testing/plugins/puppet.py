@@ -39,6 +39,7 @@ class Puppet(Adapter[PuppetConfig]):
 
     Config = PuppetConfig
     limits = Limits(speed=100.0, yaw_rate=10.0)
+    failsafe = "it moves nothing"
 
     def __init__(self, config: PuppetConfig) -> None:
         super().__init__(config)

@@ -15,12 +15,12 @@ from fleet.host.asks import Decoder
 from fleet.host.desk import Desk
 from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities, make_adapter
-from fleet.host.safety.policy import STOPS
 from fleet.host.ticket import Ticket
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Setpoint, Way
 from fleet.testing.robot import RecordingRobot
 from fleet.wire.commands import VERBS
+from fleet.wire.stops import STOP_WORDS
 from fleet_ugv import UgvAdapter
 from fleet_ugv.model import Wheels
 from fleet_ugv.sim.spec import SimSpec, board_of
@@ -130,7 +130,7 @@ class Bench:
         except WireError:
             return
         self.desk.receive(ask, Ticket(name, answers.append))
-        if name in STOPS:
+        if name in STOP_WORDS:
             self.may_move_until = self.now
         if isinstance(ask, Setpoint) and answers[0].ok:
             self.may_move_until = self.now + (ask.lease or self.config.setpoint_lease)

@@ -3,7 +3,7 @@ from functools import partial
 
 import pytest
 
-from fleet.model.command import Reply, Way
+from fleet.model.command import Asked, Reply, Way
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import PoseReport
 from fleet.testing.clock import ManualClock
@@ -24,18 +24,21 @@ class FakePort:
         self.twin = twin
         self.source_type = source_type
         self.legacy_status = legacy_status
+        self.unread: list[str] = []
         self.emergencies: list[bytes] = []
         self.received: list[tuple[str, bytes, str]] = []
         self.answers: Callable[[str, bytes], Reply | None] = lambda _kind, _payload: None
         self.raises: Exception | None = None
 
-    def read(self, kind, payload, *, way, request_id=""):
+    def read(self, kind, payload, *, way, request_id="", unread=""):
         assert way is Way.CLOUD
         if self.raises is not None:
             raise self.raises
-        if b"emergency_stop" in payload:
+        if b"emergency_stop" in payload or unread:
             self.emergencies.append(payload)
-        return partial(self.take, (kind, payload, request_id))
+        self.unread.append(unread)
+        stops = bool(unread) or b'"stop"' in payload or b'"emergency_stop"' in payload
+        return Asked(partial(self.take, (kind, payload, request_id)), stops)
 
     def take(self, what, answer):
         self.received.append(what)

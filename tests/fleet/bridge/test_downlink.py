@@ -129,6 +129,66 @@ def test_a_retained_command_is_refused(bench, rex, caplog):
 def test_what_we_said_ourselves_is_not_asked_of_us(bench, rex):
     bench.arrive(Message(f"{T}/command", b'{"command": "land", "session_id": "fleet_us"}'))
     assert rex.received == []
+    assert bench.downlink.refusals.counts() == {"own session": 1}
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b'{"command": "stop", "session_id": "fleet_us"}',
+        b'{"command": "stop", "data": {"trigger": {"session_id": "fleet_us"}}}',
+        b'{"command": "emergency_stop", "session_id": "fleet_us", "data": {"session_id": "fleet_us"}}',
+        b'{"command": "land", "session_id": "sdk", "data": {"trigger": {"session_id": "fleet_us"}}}',
+        b'{"command": "land", "note": "\\"fleet_us\\""}',
+    ],
+)
+def test_a_copy_of_our_own_telemetry_keeps_no_command_from_the_robot_and_our_own_session_no_stop(
+    bench, rex, payload
+):
+    bench.arrive(Message(f"{T}/command", payload))
+    assert [received for _, received, _ in rex.received] == [payload]
+
+
+def test_a_kept_stop_counts_once_and_not_at_each_reconnect(bench, rex):
+    for _ in range(3):
+        bench.arrive(command("stop", retain=True), command("emergency_stop", retain=True))
+    assert [json.loads(payload)["command"] for _, payload, _ in rex.received] == ["stop", "emergency_stop"]
+    assert len(rex.emergencies) == 1
+
+
+def test_a_stop_that_the_broker_keeps_has_counted_when_it_was_sent(bench, rex):
+    bench.arrive(command("emergency_stop"))
+    bench.arrive(command("emergency_stop", retain=True))
+    assert len(rex.emergencies) == len(rex.received) == 1
+    bench.arrive(command("emergency_stop"))
+    assert len(rex.emergencies) == 2, "one that is sent counts however often"
+
+
+def test_of_a_damaged_packet_only_a_stop_is_obeyed(bench, rex):
+    bench.arrive(command("stop", flaw="not UTF-8"), command("takeoff", flaw="not UTF-8"))
+    assert [json.loads(payload)["command"] for _, payload, _ in rex.received] == ["stop"]
+    assert bench.downlink.refusals.counts() == {"damaged": 1}
+
+
+def test_of_a_packet_that_is_too_large_the_topic_alone_counts(bench, rex):
+    bench.arrive(Message(f"{T}/command", b"", flaw="a packet of 40000000 bytes"))
+    assert rex.unread == ["a packet of 40000000 bytes"]
+    assert len(rex.received) == 1
+
+
+def test_no_number_of_messages_before_it_keeps_a_stop_from_its_robot(bench, ports, monkeypatch):
+    monkeypatch.setattr("fleet.bridge.downlink.MOST_WAITING", 2)
+    kestrel = f"cyberwave/twin/{OTHER}/command"
+    flood = [command("takeoff")] * 5
+    stops = [command("stop"), command("stop", topic=kestrel), command("stop")]
+    bench.arrive(*flood, *stops)
+    assert [json.loads(payload)["command"] for _, payload, _ in ports[TWIN].received] == [
+        "takeoff",
+        "takeoff",
+        "stop",
+    ]
+    assert len(ports[OTHER].received) == 1
+    assert bench.downlink.refusals.counts() == {"too many": 6}
 
 
 def test_who_gives_an_inbox_gets_the_one_reply_there(bench, accepting):
@@ -238,13 +298,9 @@ def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting
     assert "could not be taken" in caplog.text
 
 
-def test_a_message_of_32_mib_is_refused_and_answered(bench, rex):
-    payload = b'{"command": "takeoff", "x": "' + b"x" * (32 * 1024 * 1024) + b'"}'
-    bench.arrive(Message(f"{T}/command", payload, response_topic=INBOX))
-    assert rex.received == []
-    ((topic, reply, _),) = bench.sent
-    assert (topic, reply["status"]) == (INBOX, "rejected")
-    assert "are more than the 1048576 that are read" in reply["reason"]
+def test_a_message_beyond_the_size_of_its_topic_is_not_read(bench, rex):
+    bench.arrive(Message(f"{T}/command", b"x" * (32 * 1024 * 1024), response_topic=INBOX))
+    assert rex.unread == ["33554432 bytes are more than the 1048576 that are read"]
 
 
 def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
@@ -333,13 +389,16 @@ def test_what_the_bridge_does_itself_is_handed_to_it_and_its_refusals_are_counte
     assert bench.downlink.refusals.counts() == {"unreadable": 1}
 
 
-def test_only_an_emergency_stop_is_obeyed_for_a_twin_that_another_edge_has(bench, rex):
+def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has(bench, accepting):
     bench.downlink.held = frozenset({TWIN})
-    bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"))
-    assert len(rex.emergencies) == 1
-    assert rex.received == []
+    bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"), command("stop"))
+    assert len(accepting.emergencies) == 1
+    assert [json.loads(payload)["command"] for _, payload, _ in accepting.received] == [
+        "emergency_stop",
+        "stop",
+    ]
     assert bench.sent == [], "the other edge answers"
-    assert bench.downlink.refusals.counts() == {"held elsewhere": 2}
+    assert bench.downlink.refusals.counts() == {"held elsewhere": 3}
 
 
 def test_a_reason_is_told_once_a_minute_however_often_it_comes(bench, caplog, clock):

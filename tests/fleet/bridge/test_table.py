@@ -185,8 +185,9 @@ def test_every_topic_from_the_cloud_goes_where_the_table_says(world, rex, rule):
 
 
 @pytest.mark.parametrize("leaf", INWARD)
-def test_a_retained_message_of_any_topic_does_nothing(world, rex, leaf):
-    world.hear(leaf, MESSAGES[leaf], retain=True)
+def test_a_retained_message_of_any_topic_does_nothing_but_stop(world, rex, leaf):
+    goal = {"command": "goto", "position": [1, 2, 3]}
+    world.hear(leaf, goal if leaf == "navigate/command" else MESSAGES[leaf], retain=True)
     assert (rex.received, rex.emergencies, world.put, world.published, world.claims) == ([], [], [], [], [])
     assert world.bridge.refusals.counts() == {"retained": 1}
 

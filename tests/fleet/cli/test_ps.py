@@ -65,6 +65,13 @@ def test_json_has_every_field_of_everything(fleet, play_edge):
     assert robot["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
 
 
+def test_a_sender_whose_clock_is_off_or_whose_way_is_slow_is_told(fleet, play_edge):
+    play_edge("yard-1", robots={"rex": {"senders": {"cloud/anna": 1.9, "bus/": 0.004}}})
+    assert fleet("ps").out.count("late") == 1
+    assert "rex: the clock of cloud/anna, or its way, is 1.90 s late" in fleet("ps").out
+    assert fleet("ps", "--json").json["robots"][0]["senders"] == {"cloud/anna": 1.9, "bus/": 0.004}
+
+
 def test_what_a_robot_says_cannot_steer_the_terminal(fleet, play_edge):
     play_edge("yard-1", robots={"rex": {"cause": "\x1b[2Jgone\r\nedge", "mode": "\x1b]0;x\x07"}})
     result = fleet("ps")

@@ -1,9 +1,8 @@
 import json
-import os
-import signal
 
 import pytest
 
+from fleet.cli.connect import Edges
 from fleet.model.command import Reply, ReplyStatus
 
 ACCEPTED = Reply("takeoff", ReplyStatus.ACCEPTED)
@@ -30,6 +29,28 @@ def test_a_command_that_was_taken_is_told(fleet, yard):
     )
     assert message["timestamp"] > 1.7e9
     assert asked[0].parameters == {"kind": "command", "wait": "0"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"), [(("send", "rex", "takeoff"), "command"), (("goto", "rex", "1", "2"), "navigate")]
+)
+def test_a_command_is_stamped_when_it_is_sent_and_not_when_it_was_typed(
+    fleet, yard, monkeypatch, arguments, kind
+):
+    named = Edges.named
+
+    def slow(*given):
+        found = named(*given)
+        now.append(now[-1] + 33.0)  # a slow computer
+        return found
+
+    now = [1_800_000_000.0]
+    monkeypatch.setattr(Edges, "named", slow)
+    monkeypatch.setattr("time.time", lambda: now[-1])
+    asked = yard.answers("rex", ACCEPTED)
+    fleet(*arguments)
+    assert asked[0].parameters["kind"] == kind
+    assert json.loads(asked[0].payload)["timestamp"] == 1_800_000_033.0
 
 
 def test_whoever_waits_hears_the_end(fleet, yard):
@@ -233,76 +254,11 @@ def test_no_two_goals_are_the_same_action(fleet, yard):
     assert len({json.loads(question.payload)["action_id"] for question in asked}) == 2
 
 
-def test_robots_are_stopped_and_how_they_are_released_is_told(fleet, yard):
-    result = fleet("stop", "rex")
-    assert (result.code, result.out) == (0, "rex: stopped\n")
-    assert result.err == "released with: fleet send ROBOT release_emergency_stop\n"
-    assert yard.stops == [["rex"]]
-
-
-def test_a_group_is_stopped(fleet, yard):
-    result = fleet("stop", "ground")
-    assert (result.code, result.out) == (0, "beast: stopped\nrex: stopped\n")
-
-
-def test_everything_is_stopped_on_every_edge(fleet, yard, play_edge):
-    barn = play_edge("barn", robots={"mule": {}})
-    result = fleet("stop", "--all", "--json")
-    assert result.code == 0
-    assert result.json == {"stopped": ["beast", "kestrel", "mule", "rex"], "missing": []}
-    assert yard.stops == barn.stops == [[]]
-
-
-def test_who_was_not_stopped_is_told(fleet, yard):
-    result = fleet("stop", "rex", "kestral")
-    assert (result.code, result.out) == (7, "rex: stopped\n")
-    assert "kestral: NOT STOPPED" in result.err
-
-
-def test_a_robot_of_another_edge_is_not_stopped_by_its_namesake(fleet, yard):
-    result = fleet("stop", "yard-1/rex", "barn/rex")
-    assert (result.code, result.out) == (7, "rex: stopped\n")
-    assert "barn/rex: NOT STOPPED" in result.err
-
-
-def test_a_name_that_is_no_text_holds_up_no_stop(fleet, yard):
-    result = fleet("stop", "rex", "kestr\udce9l")
-    assert (result.code, result.out) == (7, "rex: stopped\n")
-    assert yard.stops == [["rex", "kestr?l"]]
-
-
-def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
-    result = fleet("stop", "kestral")
-    assert (result.code, result.out) == (5, "")
-    assert "kestral: NOT STOPPED" in result.err
-
-
-def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
-    yard.falls_silent()
-    result = fleet("stop", "rex", "ghost")
-    assert (result.code, result.out) == (7, "rex: stopped\n")
-
-
-def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
-    yard.also_speaks("mule", cause="worker mule: frozen")
-    result = fleet("stop", "--all")
-    assert result.code == 7
-    assert "mule: NOT STOPPED" in result.err
-
-
 def test_a_robot_that_is_not_found_may_be_of_the_edge_that_answers_nothing(fleet, yard, spawn_edge):
     spawn_edge("barn")
     result = fleet("send", "mule", "land")
     assert result.code == 5
     assert "edge barn runs but does not answer" in result.err
-
-
-def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_edge):
-    os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
-    result = fleet("stop", "--all")
-    assert result.code == 7
-    assert result.out == "beast: stopped\nkestrel: stopped\nrex: stopped\n"
-    assert "edge barn: nobody lets us in" in result.err
 
 
 @pytest.mark.parametrize(

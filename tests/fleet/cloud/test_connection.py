@@ -226,3 +226,20 @@ async def test_a_failure_that_nobody_foresaw_ends_the_connection(connection, bro
     broker.say(mqtt5.PublishPacket("t", b"x"))
     assert "ZeroDivisionError" in str(await asyncio.wait_for(connection.ended, WITHIN))
     assert "not foreseen" in caplog.text
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the codec's panic
+@pytest.mark.parametrize("what", ["too large", "no text"])
+async def test_a_message_for_which_the_connection_ends_is_handed_over_to_be_looked_at_for_a_stop(
+    connection, broker, what
+):
+    if what == "too large":
+        broker.end.sendall(b"\x30\xff\xff\xff\x7f\x00\x01t" + b"x" * 2000)
+    else:
+        packet = mqtt5.PublishPacket("t", b"stop", response_topic="rr").write()
+        broker.end.sendall(packet.replace(b"rr", b"\xff\xff"))
+    await broker.is_taken()
+    (message,) = broker.handed
+    assert (message.topic, message.payload) == ("t", b"" if what == "too large" else b"stop")
+    assert message.flaw
+    await asyncio.wait_for(asyncio.shield(connection.ended), WITHIN)

@@ -45,6 +45,7 @@ class Puppet(Adapter[PuppetConfig]):
 
     Config = PuppetConfig
     limits = Limits(speed=2.0, vertical_speed=1.0, yaw_rate=1.0)
+    failsafe = "it moves nothing"
 
     def __init__(self, config: PuppetConfig) -> None:
         super().__init__(config)
@@ -238,6 +239,7 @@ class ToyConfig(fleet.AdapterConfig):
 class Toy(fleet.Adapter[ToyConfig]):
     Config = ToyConfig
     limits = fleet.Limits(speed=2.0, yaw_rate=1.0)
+    failsafe = "it moves nothing"
 
     def note(self, word):
         with open(self.config.journal, "a") as journal:
@@ -294,6 +296,12 @@ class Yard:
         bus = {"listen": ["tcp/127.0.0.1:0"]}
         fleet = {"edge": {"id": self.id}, "bus": bus, "plugins": ["plugins"], "robots": entries}
         self.file.write_text(json.dumps(fleet))
+
+    def change(self, **parts: Any) -> None:
+        """Change parts of fleet.yaml; those within ``edge`` are added to its id."""
+        fleet = json.loads(self.file.read_text())
+        parts["edge"] = fleet["edge"] | parts.get("edge", {})
+        self.file.write_text(json.dumps(fleet | parts))
 
     def told(self, robot: str = "") -> list[tuple[int, float, str]]:
         """Return what the robots, or one of them, were told: process, monotonic seconds, word."""

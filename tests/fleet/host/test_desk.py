@@ -685,10 +685,65 @@ async def test_what_was_asked_before_a_stop_and_arrives_after_it_is_refused(benc
     await asks.settle()
     refused = await asked(late, "a1", now - 0.3)
     assert refused.reason == "asked before a stop that came before it"
-    assert (await asked(late, "a2", now - 0.3, session="bert")).ok  # whose clock is another
-    bench.ask(asks.command("stop", session="bert"))
+    others = await asked(late, "a2", now - 0.1, session="bert")  # whose clock is another
+    assert others.reason.startswith("asked before somebody's stop, or so soon after it")
+    assert (await asked(late, "a3", now - 0.1)).ok, "who stopped knows what came after it"
+
+
+@pytest.mark.parametrize("who", ["anna", "bert", ""])
+@pytest.mark.parametrize("late", ["setpoint", "goal", "takeoff", "release"])
+async def test_nothing_from_before_a_stop_that_is_the_first_thing_heard_moves_the_robot(
+    bench, asks, late, who
+):
+    now = bench.clock.time()
+    bench.ask(asks.command("emergency_stop" if late == "release" else "stop", stamp=now - 0.05))
     await asks.settle()
-    assert (await asked(late, "a3", now - 0.1)).ok
+    make = {
+        "setpoint": asks.setpoint(stamp=now - 0.1, session=who),
+        "goal": asks.goal("a1", stamp=now - 0.1, session=who),
+        "takeoff": asks.command("takeoff", stamp=now - 0.1, session=who),
+        "release": asks.command("release_emergency_stop", stamp=now - 0.1, session=who),
+    }
+    before = list(bench.puppet.told)
+    (answer, *_) = bench.ask(make[late])
+    await asks.settle()
+    assert statuses([answer]) == [REJECTED]
+    assert "stop" in answer.reason
+    assert bench.puppet.told == before
+    bench.clock.advance(1.0)
+    assert bench.ask(asks.command("release_emergency_stop", stamp=now + 1.0, session=who))[0].ok
+    assert bench.ask(asks.setpoint(stamp=now + 1.0, session=who))[0].ok
+
+
+async def test_those_without_a_session_are_told_apart_by_their_stamps_but_for_velocities(bench, asks):
+    now = bench.clock.time()
+    bench.ask(asks.command("emergency_stop", stamp=now, session=""))
+    await asks.settle()
+    assert not bench.ask(asks.command("release_emergency_stop", stamp=now - 0.01, session=""))[0].ok
+    assert bench.ask(asks.command("release_emergency_stop", stamp=now + 0.01, session=""))[0].ok
+    assert not bench.ask(asks.setpoint(stamp=now + 0.01, session=""))[0].ok
+    bench.clock.advance(0.4)
+    assert bench.ask(asks.setpoint(stamp=now + 0.4, session=""))[0].ok
+
+
+async def test_what_only_makes_it_safer_is_let_through_right_after_somebody_s_stop(bench, asks):
+    now = bench.clock.time()
+    bench.ask(asks.command("stop", stamp=now))
+    await asks.settle()
+    for name in ("land", "battery_check"):
+        answers = bench.ask(asks.command(name, stamp=now + 0.01, session="bert"))
+        await asks.settle()
+        assert answers[0].ok
+
+
+async def test_a_stream_that_is_always_late_moves_nothing_and_is_told_how_late_it_is(bench, asks):
+    answers = []
+    for _ in range(50):
+        answers += bench.ask(asks.setpoint(stamp=bench.clock.time() - 1.9))
+        bench.clock.advance(0.1)
+    assert {answer.ok for answer in answers} == {False}
+    assert "1.90 s late; clock_skew is 0.3 s" in answers[-1].reason
+    assert bench.desk.senders() == {"cloud/anna": 1.9}
 
 
 async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_told_as_done(bench, asks):

@@ -155,7 +155,7 @@ async def test_an_edge_that_cannot_be_built_lets_go_of_the_bus(yard, monkeypatch
 async def test_an_edge_that_cannot_start_still_lets_go_of_everything(yard, monkeypatch):
     place = yard(rex=HERE)
     edge = place.edge()
-    monkeypatch.setattr(edge, "_declare", lambda: 1 / 0)
+    monkeypatch.setattr(edge, "_declare", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         await edge.run(asyncio.Event())
     with pytest.raises(BusError):
@@ -213,3 +213,24 @@ async def test_an_edge_that_the_broker_does_not_let_hear_its_commands_says_so(ya
         assert edge._cloud_health() == (Health(Level.DEGRADED, client.cause) if client.cause else Health())
     async with run_edge(edge):
         pass
+
+
+async def test_an_edge_without_a_state_folder_runs_degraded_and_every_robot_is_stopped(
+    yard, run_edge, asks, tmp_path
+):
+    place = yard(rex=HERE, arm={})
+    (tmp_path / "file").write_text("")
+    place.change(edge={"spool": {"path": str(tmp_path / "file" / "state")}})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.reachable for state in edge.states()))
+        assert "the journal of commands is not kept: cannot make" in edge.state().cause
+        assert [state.emergency_stop for state in edge.states()] == [True, True]
+        lane = await asyncio.to_thread(place.lane)
+        (refused,) = await asyncio.to_thread(command, lane, place, "rex", MOVE)
+        assert "nobody knows whether a stop was set" in refused.reason
+        assert (await asyncio.to_thread(command, lane, place, "rex", {"command": "release_emergency_stop"}))[
+            0
+        ].ok
+        assert (await asyncio.to_thread(command, lane, place, "rex", MOVE))[0].ok
+        await asyncio.to_thread(lane.close)

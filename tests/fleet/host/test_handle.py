@@ -6,6 +6,7 @@ from fleet.host.shared import Shared
 from fleet.host.wheel import Wheel
 from fleet.model.health import Health, Level
 from fleet.model.report import BatteryReport
+from fleet.supervisor.client import Supervised
 from fleet.testing.clock import ManualClock
 
 
@@ -24,6 +25,7 @@ class Heard:
             healthy=self.all.append,
             lost_authority=self.all.append,
             failed=self.all.append,
+            supervised=Supervised(),
         )
 
     def say_everything(self):

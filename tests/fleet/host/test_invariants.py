@@ -34,6 +34,7 @@ class RexConfig(AdapterConfig):
 
 class Rex(Adapter[RexConfig]):
     Config = RexConfig
+    failsafe = "it moves nothing"
 
     def __init__(self, config, life):
         super().__init__(config)

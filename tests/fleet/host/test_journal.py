@@ -3,6 +3,7 @@
 import asyncio
 import itertools
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -221,10 +222,11 @@ def test_a_stop_after_the_end_is_written_into_nobody_elses_file(tmp_path, clock)
     journal = Journal(tmp_path, clock, tmp_path / "begun.main")
     robot, number = journal.robot("rex"), journal._begun._file
     journal.close()
-    with (tmp_path / "another").open("wb", buffering=0) as another:
-        os.dup2(another.fileno(), number)  # the number that was its own is another's now
-        robot.latch("too late")
-        os.close(number)
+    another = os.open(tmp_path / "another", os.O_WRONLY | os.O_CREAT)
+    os.dup2(another, number)  # the number that was its own is another's now
+    robot.latch("too late")
+    for each in {another, number}:
+        os.close(each)
     assert (tmp_path / "another").read_bytes() == b""
 
 
@@ -394,12 +396,15 @@ import os, signal, sys
 from pathlib import Path
 from fleet.testing.clock import ManualClock
 from fleet.host.journal import Journal
+from fleet.testing.waiting import wait_until
 
 def main():
-    folder = Path(sys.argv[1])
-    rex = Journal(folder, ManualClock(), folder / "begun.main").robot("rex")
+    folder, memory = map(Path, sys.argv[1:])
+    journal = Journal(folder, ManualClock(), memory / "begun.main")
+    rex = journal.robot("rex")
     rex.latch("asked by anna")
     rex.note("r1", "takeoff")
+    wait_until("it is on the disk", lambda: not journal._waiting and journal._recall("rex")[0])
     os.kill(os.getpid(), signal.SIGKILL)
 
 main()
@@ -407,11 +412,117 @@ main()
 
 
 def test_a_killed_process_leaves_what_it_began_and_its_stop(tmp_path, opened):
-    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path], check=False)
+    run = subprocess.run([sys.executable, "-c", KILLED, tmp_path, tmp_path], check=False)
     assert run.returncode == -signal.SIGKILL
     rex = opened().robot("rex")
     assert rex.latched == "asked by anna"
     assert [past.identity for past in rex.past] == ["r1"]
+
+
+def _damaged(folder):
+    for path in folder.glob("journal.db*"):
+        path.write_bytes(b"\xff" * max(4096, path.stat().st_size))
+
+
+def _missing(folder):
+    for path in folder.glob("journal.db*"):
+        path.unlink()
+
+
+def _folder_is_a_file(folder):
+    shutil.rmtree(folder)
+    folder.write_text("")
+
+
+LOSSES = {
+    "the journal is damaged": _damaged,
+    "the journal is missing": _missing,
+    "the journal's newest part is missing": lambda folder: (folder / "journal.db-wal").unlink(),
+    "the journal is a folder": lambda folder: (_missing(folder), (folder / "journal.db").mkdir()),
+    "the folder cannot be had": _folder_is_a_file,
+    "the lock cannot be had": lambda folder: (
+        (folder / "journal.db.lock").unlink(),
+        (folder / "journal.db.lock").mkdir(),
+    ),
+    "the file in memory is missing": lambda folder: (folder.parent / "begun.main").unlink(),
+}
+
+
+@pytest.fixture
+def stopped_and_killed(tmp_path):
+    """Return the state folder of a process that set rex's stop, wrote it, and was killed."""
+    folder = tmp_path / "state"
+    assert subprocess.run([sys.executable, "-c", KILLED, folder, tmp_path], check=False).returncode == -9
+    return folder
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_stop_outlives_the_loss_of_what_it_was_written_to(stopped_and_killed, tmp_path, clock, loss):
+    LOSSES[loss](stopped_and_killed)
+    journal = Journal(stopped_and_killed, clock, tmp_path / "begun.main")
+    assert journal.robot("rex").latched
+    journal.close()
+
+
+NOTHING_CAN_BE_WRITTEN = """
+import os, resource, signal, sys
+from pathlib import Path
+from fleet.testing.clock import ManualClock
+from fleet.host.journal import LOST, Journal
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+folder, memory = map(Path, sys.argv[1:])
+journal = Journal(folder, ManualClock(), memory / "begun.main")
+assert journal.robot("max").latched == LOST, journal.robot("max").latched
+assert "journal" in journal.problem
+journal.close()
+"""
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_disk_that_takes_nothing_at_the_start_stops_every_robot(tmp_path, opened, known):
+    if known:
+        opened().close()
+    line = [sys.executable, "-c", NOTHING_CAN_BE_WRITTEN, tmp_path, tmp_path]
+    ended = subprocess.run(line, check=False, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_the_first_start_of_an_edge_stops_nobody(opened):
+    assert opened().robot("rex").latched == ""
+
+
+def test_a_stop_that_was_released_is_in_neither_place_any_more(stopped_and_killed, tmp_path, clock):
+    journal = Journal(stopped_and_killed, clock, tmp_path / "begun.main")
+    journal.robot("rex").latch("")
+    journal.close()
+    assert b"asked by anna" not in (tmp_path / "begun.main").read_bytes()
+    journal = Journal(stopped_and_killed, clock, tmp_path / "begun.main")
+    assert journal.robot("rex").latched == ""
+    journal.close()
+
+
+def test_a_process_keeps_only_its_own_robots_stops_in_memory(tmp_path, clock):
+    main, arm = (Journal(tmp_path, clock, tmp_path / f"begun.{name}") for name in ("main", "arm"))
+    main.robot("rex").latch("panel")
+    main.close()
+    arm.robot("max")
+    arm.close()
+    assert b"rex" not in (tmp_path / "begun.arm").read_bytes()
+
+
+def test_commands_in_memory_are_bounded_while_the_disk_takes_nothing(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr("fleet.host.journal.LONGEST", 10_000)
+    (tmp_path / "state").write_text("")
+    journal = Journal(tmp_path / "state", clock, tmp_path / "begun.main")
+    rex = journal.robot("rex")
+    rex.latch("panel")
+    for number in range(1000):
+        rex.note(f"r{number}", "land")
+    wait_until("it is short again", lambda: journal._begun.length < 10_000)
+    assert b"panel" in (tmp_path / "begun.main").read_bytes()
+    journal.close()
 
 
 def test_two_processes_write_one_journal(tmp_path, clock):

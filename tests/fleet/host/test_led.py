@@ -32,6 +32,7 @@ class Cart(Adapter[CartConfig]):
 
     Config = CartConfig
     limits = Limits(speed=0.5, yaw_rate=1.0)
+    failsafe = "it moves nothing"
     combines_keys = True
 
     def __init__(self, config):

@@ -1,5 +1,4 @@
 import asyncio
-import json
 import socket
 import urllib.request
 
@@ -9,8 +8,9 @@ from prometheus_client.parser import text_string_to_metric_families
 from fleet.bridge.bridge import Bridge, Rules
 from fleet.clock import SystemClock
 from fleet.cloud.values import CloudSettings, Message
-from fleet.host.metrics import Metrics, MetricsError
-from fleet.model.command import Reply, ReplyStatus
+from fleet.errors import MetricsError
+from fleet.host.metrics import Metrics
+from fleet.model.command import Asked, Reply, ReplyStatus
 from fleet.model.state import EdgeState, RobotState
 from fleet.spool.message import Outgoing
 from fleet.wire.rulebook import of_a_twin, rulebook
@@ -23,8 +23,8 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 class Rex:
     name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
-    def read(self, kind, payload, *, way, request_id=""):
-        return lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS"))
+    def read(self, kind, payload, *, way, request_id="", unread=""):
+        return Asked(lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS")))
 
 
 class FakeEdge:
@@ -126,15 +126,34 @@ def test_a_port_that_is_taken_is_said(metrics):
 
 async def test_an_edge_serves_its_figures_when_asked_and_opens_no_port_otherwise(yard, run_edge, asks):
     place = yard(rex={"worker": "main"})
-    fleet = json.loads(place.file.read_text())
-    place.file.write_text(json.dumps({**fleet, "metrics": {"port": 0}}))
+    place.change(metrics={"port": 0})
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: edge.metrics.port)
         await asks.until(lambda: place.words("rex") == ["run"])
         seen = await asyncio.to_thread(read, edge.metrics)
         assert seen["fleet_robot_up", "ok", "rex"] == 1
-    place.file.write_text(json.dumps(fleet))
+    place.change(metrics=None)
     quiet = place.edge()
     async with run_edge(quiet):
         assert quiet.metrics is None
+
+
+async def test_a_taken_port_costs_the_figures_and_not_the_edge_until_it_is_free(
+    yard, run_edge, asks, monkeypatch
+):
+    monkeypatch.setattr("fleet.host.edge.METRICS_EVERY", 0.1)
+    place = yard(rex={"worker": "main"})
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        place.change(metrics={"port": port})
+        edge = place.edge()
+        async with run_edge(edge):
+            await asks.until(lambda: place.words("rex") == ["run"])
+            assert edge.state().health == "degraded"
+            assert f"metrics: 127.0.0.1:{port} cannot be opened" in edge.state().cause
+            taken.close()
+            await asks.until(lambda: edge.metrics.port == port)
+            await asks.until(lambda: edge.state().health == "ok")

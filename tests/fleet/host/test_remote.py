@@ -183,9 +183,28 @@ def test_what_only_speaks_of_a_stop_is_none(bench, message):
     assert bench.stops == []
 
 
-def test_bytes_that_are_no_message_are_no_stop(bench):
-    bench.robot.read("command", b"\xff emergency_stop {", way=Way.CLOUD)
+def test_bytes_that_are_no_message_and_name_no_stop_are_none(bench):
+    bench.robot.read("command", b"\xff no emergency_stop {", way=Way.CLOUD)
     assert bench.stops == []
+
+
+def test_a_stop_whose_message_is_refused_reaches_the_worker_as_it_should_be_written(bench):
+    asked = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
+    answers = bench.ask(b'{"command": "emergency_stop", "data": {')
+    answer = bench.answered(answers)
+    assert bench.stopped() == [["rex"]]
+    assert json.loads(asked[0].payload) == {"command": "emergency_stop"}
+    assert answer.ok
+    assert answer.reason.startswith("taken for emergency_stop, though the message was refused: ")
+
+
+def test_what_is_too_large_to_be_read_stays_here(bench):
+    asked = bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
+    bench.answered(bench.ask(b"x", unread="2000000 bytes are more than are read"))
+    (refused,) = bench.ask(b"x", kind="motion", unread="2000000 bytes are more than are read")
+    assert [question.payload for question in asked] == [b'{"command":"emergency_stop"}']
+    assert (refused.status, refused.reason) == (ReplyStatus.REJECTED, "2000000 bytes are more than are read")
+    assert bench.stopped() == [["rex"]]
 
 
 def test_before_the_worker_speaks_the_robot_is_offline(bench):

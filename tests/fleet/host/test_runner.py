@@ -13,6 +13,7 @@ from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.wheel import Wheel
 from fleet.model.health import Health, Level
+from fleet.supervisor.client import Supervised
 
 
 class Panic(BaseException):
@@ -70,6 +71,7 @@ class Stage:
             healthy=runner.healthy,
             lost_authority=self.bench.desk.authority_lost,
             failed=runner.crashed,
+            supervised=Supervised(),
         )
 
     def waits(self):
@@ -537,3 +539,40 @@ async def test_a_fault_during_the_start_is_told_at_once(stage, asks, caplog):
 
     stage(run)
     await asks.until(lambda: warnings(caplog) == ["fault: a leg is loose"])
+
+
+class Kept(Supervised):
+    """A supervisor that keeps every halt."""
+
+    def keep(self, robot, descriptor, frames, address=None):
+        return True
+
+
+class Line:
+    """A link that is open."""
+
+    def fileno(self):
+        return 1
+
+
+async def serve_with_a_halt_left(robot):
+    robot._supervised = Kept()
+    robot.leave_halt(Line(), [b"halt"])
+    await serve(robot)
+
+
+@pytest.mark.parametrize(
+    ("failsafe", "run", "health"),
+    [("", serve, "degraded"), ("", serve_with_a_halt_left, "ok"), ("its own", serve, "ok")],
+)
+async def test_a_robot_that_nothing_stops_when_its_process_dies_is_degraded(  # noqa: PLR0917 - by name
+    stage, asks, bench, failsafe, run, health
+):
+    type(bench.puppet).failsafe = failsafe
+    try:
+        one = stage(run)
+        await asks.until(lambda: one.runner.health.level is not Level.OFFLINE)
+        assert one.runner.health.level.word == health
+        assert ("nothing stops it" in one.runner.health.cause) is (health == "degraded")
+    finally:
+        type(bench.puppet).failsafe = "it moves nothing"

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -248,10 +249,23 @@ def test_two_edges_do_not_share_a_folder(tmp_path, opened):
         type(first)(tmp_path / "state", first.clock)
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_that_says_what_to_do(tmp_path, opened):
+def test_a_folder_that_cannot_be_made_is_told_and_memory_serves_until_it_can(tmp_path, opened):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StateError, match=r"cannot make .*file/state.*set edge\.spool\.path"):
-        opened(tmp_path / "file" / "state")
+    spool = opened(tmp_path / "file" / "state")
+    assert re.search(r"cannot make .*file/state.*set edge\.spool\.path", spool.spool.problem)
+    spool.put(*payloads(3)).online()
+    assert [payload for _, payload in spool.drain()] == payloads(3)
+    (tmp_path / "file").unlink()
+    spool.spool._wake.set()
+    wait_until("the folder is used", lambda: spool.spool._store is not None)
+
+
+def test_a_lock_that_cannot_be_opened_is_told_and_memory_serves(tmp_path, opened):
+    (tmp_path / "state" / "spool.db.lock").mkdir(parents=True)
+    spool = opened(tmp_path / "state")
+    assert "cannot open" in spool.spool.problem
+    spool.put(*payloads(3)).online()
+    assert [payload for _, payload in spool.drain()] == payloads(3)
 
 
 def test_nobody_waits_for_a_disk_that_hangs(opened):

@@ -51,6 +51,7 @@ class Brainy(Adapter[GoodConfig]):
     """A robot with a brain that keeps every rule."""
 
     Config = GoodConfig
+    failsafe = "it stops after 1 s without a word of ours"
 
     async def run(self, robot): ...
 
@@ -149,6 +150,7 @@ def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
 @pytest.mark.parametrize(
     ("test", "changes"),
     [
+        ("something_stops_it_when_its_process_dies", {"failsafe": ""}),
         ("stop_without_a_link_ends_and_does_not_fail", {"stop": fails}),
         ("halt_works_on_another_thread_while_the_loop_is_stuck", {"halt": fails}),
         ("a_velocity_without_a_link_raises_nothing_but_a_refusal", {"drive": fails}),

@@ -1,7 +1,8 @@
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.host.safety.age import SESSIONS, AgeCheck
+from fleet.host.safety.age import SESSIONS, SHOWN, AgeCheck
 
 WALL = 1_800_000_000.0
 
@@ -64,6 +65,88 @@ def test_sessions_beyond_the_bound_are_forgotten():
     for number in range(SESSIONS * 2):
         check(ages, 0.0, session=str(number))
     assert len(ages._sessions) == SESSIONS
+
+
+@pytest.mark.parametrize("late", [0.31, 0.5, 0.75, 1.9, 60.0])
+def test_a_stream_that_always_lags_more_than_the_skew_is_refused_with_what_it_lags(late):
+    ages = AgeCheck(0.3)
+    for step in range(200):
+        now = step / 10
+        wall = WALL + now
+        refusal = ages.refusal("s", wall - late, wall=wall, now=now, max_age=0.5, ordered=True)
+        assert f"{late:.2f} s late; clock_skew is 0.3 s" in (refusal or "")
+
+
+def test_a_stream_whose_first_message_was_held_up_goes_on_with_the_next():
+    ages = AgeCheck(0.3)
+    assert not check(ages, 0.6, ordered=True)
+    assert check(ages, 0.05, now=0.1, ordered=True)
+    assert check(ages, 0.5, now=0.6, ordered=True)
+
+
+@pytest.mark.parametrize("ordered", [False, True])
+def test_a_command_may_be_later_than_a_velocity(ordered):
+    ages = AgeCheck(0.3)
+    wall = WALL
+    refusal = ages.refusal("s", wall - 2.0, wall=wall, now=0.0, max_age=5.0, ordered=ordered)
+    assert bool(refusal) == ordered
+
+
+def test_a_velocity_from_a_clock_that_is_ahead_is_refused_with_how_far():
+    refusal = AgeCheck(0.3).refusal("s", WALL + 0.4, wall=WALL, now=0.0, max_age=0.5, ordered=True)
+    assert refusal == (
+        "stamped 0.40 s in the future; clock_skew is 0.3 s: set the clock, or allow more in fleet.yaml"
+    )
+
+
+def test_each_sender_s_offset_is_told_of_those_heard_last():
+    ages = AgeCheck(0.3)
+    for number in range(SHOWN + 3):
+        check(ages, number / 100, session=str(number))
+    ages.stopped("stopper", WALL, wall=WALL, now=0.0)
+    offsets = ages.offsets()
+    assert offsets == {str(number): number / 100 for number in range(4, SHOWN + 3)}
+
+
+def test_a_stop_of_nobody_known_bars_what_may_be_from_before_it():
+    ages = AgeCheck(0.3)
+    ages.stopped("", None, wall=WALL, now=0.0)
+    assert not check(ages, 0.0, now=0.29)
+    assert check(ages, 0.0, now=0.31)
+
+
+def test_a_clock_that_is_set_back_after_a_stop_bars_nobody_for_long():
+    ages = AgeCheck(0.3)
+    ages.stopped("s", WALL, wall=WALL, now=0.0)
+    ages.stopped("t", WALL, wall=WALL, now=0.0)
+    for session in ("s", "t", "u"):
+        wall = WALL - 3600.0
+        assert ages.refusal(session, wall, wall=wall, now=5.0, max_age=0.5) is None
+
+
+@given(
+    offsets=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)),
+    same=st.booleans(),
+    heard=st.booleans(),
+    sent=st.floats(0, 2),
+    stopped=st.floats(0, 2),
+    delays=st.tuples(st.floats(0, 3), st.floats(0, 3)),
+)
+def test_no_velocity_that_was_sent_before_a_stop_runs_after_it(
+    *, offsets, same, heard, sent, stopped, delays
+):
+    """Whose clocks are off by no more than the skew; the true time says what was sent when."""
+    ages = AgeCheck(0.3)
+    mine, theirs = offsets[0], offsets[0 if same else 1]
+    driver, stopper = "driver", "driver" if same else "stopper"
+    if heard:
+        ages.refusal(driver, WALL - 9 + mine, wall=WALL - 9, now=-9.0, max_age=0.5, ordered=True)
+    came, stop_came = sent + delays[0], stopped + delays[1]
+    ages.stopped(stopper, WALL + stopped + theirs, wall=WALL + stop_came, now=stop_came)
+    stamp, wall = WALL + sent + mine, WALL + came
+    passes = ages.refusal(driver, stamp, wall=wall, now=came, max_age=0.5, ordered=True) is None
+    if came >= stop_came and sent + 1e-6 < stopped:
+        assert not passes
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(0, 3600)), max_size=30), st.floats(0, 2))

@@ -1,0 +1,31 @@
+"""``fleet run-edge``: the edge itself, as the supervisor of ``fleet run`` starts it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.serve import serve
+from fleet.config.load import load
+from fleet.host.edge import Edge
+from fleet.supervisor.client import supervised
+
+
+@click.command(hidden=True)
+@click.argument("file", type=click.Path())
+@click.option("-v", "--verbose", count=True)
+@with_output
+def run_edge(out: Output, file: str, verbose: int) -> ExitCode:
+    """Run the fleet of FILE until a signal ends it."""
+    loaded = load(file, partial=True)
+    for problem in loaded.problems:
+        out.note(f"left out: {problem}")
+    for warning in loaded.warnings:
+        out.note(f"warning: {warning}")
+
+    def started(_edge: Edge) -> None:
+        out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
+
+    return serve(loaded, Path(file), out, verbose=verbose, started=started, supervised=supervised())

@@ -1,0 +1,214 @@
+"""``fleet stop``: the emergency stop from the command line.
+
+It waits for nothing that can wait: each edge is reached, and stopped, on a thread of its own, the edges of
+this computer before a fleet file is so much as opened. Keep what this module imports light.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Self
+
+import click
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.lane import Lane
+from fleet.bus.session import join_control
+from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
+from fleet.cli.connect import ANSWER_WITHIN, START, Edges, decoded
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, NotRunning, Output, with_output
+from fleet.errors import BusError
+from fleet.host.safety.latch import RELEASE
+from fleet.supervisor.ask import stop_all
+from fleet.supervisor.messages import Stopped
+
+
+class Attempt:
+    """One edge that is reached and stopped; ``names`` empty: all its robots.
+
+    ``hit`` has edge and name of who was stopped, ``problem`` why the edge was not reached.
+    """
+
+    def __init__(self, settings: BusSettings, directory: Path, names: tuple[str, ...]) -> None:
+        self.settings = settings
+        self.lane: Lane | None = None
+        self.hit: set[tuple[str, str]] = set()
+        self.problem = ""
+        self._directory = directory
+        # A name that is no text must not hold up the others.
+        self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in names])
+        self._thread = threading.Thread(target=self._stop, name=f"stop:{settings.edge}", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Wait for the end: joining and answering are bounded."""
+        self._thread.join()
+
+    def _stop(self) -> None:
+        """Join, and stop there and then."""
+        try:
+            self.lane = join_control(self.settings, self._directory)
+            answers = self.lane.ask(keys.stop("*"), self._payload, timeout=ANSWER_WITHIN, urgent=True)
+            for key, names in decoded(answers, list[str]):
+                self.hit.update((key.split("/")[1], name) for name in names)
+        except BusError as error:
+            self.problem = str(error)
+        except Exception as error:  # noqa: BLE001 - told, and the others go on
+            self.problem = f"{type(error).__name__}: {error}"
+
+
+class Supervisors:
+    """The supervisors of one runtime folder: asked without the bus, so also while their edges are away."""
+
+    def __init__(self, directory: Path, names: tuple[str, ...]) -> None:
+        self.answers: list[Stopped] = []
+        self._asked = directory, names
+        self._thread = threading.Thread(target=self._stop, name="stop:supervisors", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Wait for the end: answering is bounded."""
+        self._thread.join()
+
+    def _stop(self) -> None:
+        """Ask all of them."""
+        self.answers = stop_all(*self._asked)
+
+
+class Effort:
+    """All that is tried to stop some robots, together; used as a context, which closes it."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = tuple(name.rpartition("/")[2] for name in names)
+        self._attempts: list[Attempt] = []
+        self._supervisors: list[Supervisors] = []
+        self.problems: list[str] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for attempt in self._attempts:
+            if attempt.lane is not None:
+                attempt.lane.close()
+
+    def try_here(self) -> None:
+        """Begin to stop every edge that runs on this computer."""
+        for directory in runtime_dirs():
+            self._supervisors.append(Supervisors(directory, self._names))
+            for edge in running_edges(directory):
+                self._attempts.append(Attempt(BusSettings(edge), directory, self._names))
+
+    def try_file(self, file: str) -> None:
+        """Begin to stop the edge of a fleet file, which need not be right."""
+        from fleet.cli.outline import outline  # noqa: PLC0415 - not before the others are on their way
+
+        found = outline(file)
+        self.problems += found.problems
+        if found.settings.edge or found.settings.connect:
+            directories = runtime_dirs() or [Path()]
+            self._attempts += [Attempt(found.settings, place, self._names) for place in directories]
+
+    def end(self) -> set[tuple[str, str]]:
+        """Wait for all; return edge and name of who was stopped."""
+        for each in self._supervisors:
+            each.end()
+        for attempt in self._attempts:
+            attempt.end()
+        hit = {(answer.edge, name) for answer in self._answers if not answer.kept for name in answer.names}
+        return hit | {one for attempt in self._attempts for one in attempt.hit}
+
+    @property
+    def _answers(self) -> list[Stopped]:
+        """What the supervisors said."""
+        return [answer for each in self._supervisors for answer in each.answers]
+
+    @property
+    def kept(self) -> list[Stopped]:
+        """The answers for edges that are away, and begin with the stop when they are back."""
+        return [answer for answer in self._answers if answer.kept]
+
+    @property
+    def reached(self) -> Edges:
+        """The edges that were reached, and in words which were not; an edge may be tried more than once."""
+        lanes: dict[str, Lane] = {}
+        for attempt in self._attempts:
+            if attempt.lane is not None:
+                lanes.setdefault(attempt.settings.edge, attempt.lane)
+        failed = {
+            attempt.settings.edge: attempt.problem
+            for attempt in self._attempts
+            if attempt.settings.edge not in lanes
+        }
+        return Edges(lanes, [f"edge {edge or '(unknown)'}: {problem}" for edge, problem in failed.items()])
+
+
+@click.command()
+@click.argument("robots", nargs=-1)
+@click.option("--all", "everything", is_flag=True, help="Every robot of every edge that is reached.")
+@reach_option
+@with_output
+def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
+    """Stop ROBOTS (or groups) at once and keep them stopped.
+
+    This is the emergency stop: aircraft brake and hold in the air, and nothing moves until it is released
+    with  fleet send ROBOT release_emergency_stop.  It never asks and never waits its turn. Every edge that
+    runs on this computer is asked, and that of the file as well, even if there are errors in it.
+    """
+    if bool(robots) == everything:
+        raise click.UsageError("name the robots to stop, or --all")
+    with Effort(robots) as effort:
+        effort.try_here()
+        if file is not None:
+            effort.try_file(file)
+        hit = effort.end()
+        edges = effort.reached
+        missing = [*edges.unreached, *_missing(edges, robots, hit)]
+        if everything:
+            missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
+    return _told(out, effort, edges, hit, missing)
+
+
+def _told(
+    out: Output, effort: Effort, edges: Edges, hit: set[tuple[str, str]], missing: list[str]
+) -> ExitCode:
+    """Say who was stopped, who was not, which edges were reached and what the file was not good for."""
+    problems = effort.problems
+    if not edges.joined and not effort.kept:
+        advice = f"no edge is running here; {START}"
+        raise NotRunning("; ".join([*problems, *(edges.unreached or [advice])]))
+    stopped = sorted({name for _, name in hit})
+    kept = {answer.edge: sorted(answer.names) for answer in effort.kept}
+    document = {"stopped": stopped, "missing": missing, "edges": sorted(edges.joined), "problems": problems}
+    out.data(document | {"kept": kept})
+    for name in stopped:
+        out.say(f"{name}: stopped")
+    for edge, halted in kept.items():
+        halted_now = ", ".join(halted) or "nobody"
+        out.say(f"edge {edge} is away: its stop is set when it is back; halted now: {halted_now}")
+    reached = ", ".join(f"edge {edge}" for edge in sorted(edges.joined))
+    out.note(f"reached: {reached or 'no edge'}")
+    if stopped:
+        out.note(f"released with: fleet send ROBOT {RELEASE}")
+    for name in missing:
+        out.note(f"{name}: NOT STOPPED; fleet ps shows the robots there are")
+    for problem in problems:
+        out.note(f"{problem} (the stop went out all the same)")
+    if not stopped and not kept:
+        return ExitCode.REJECTED
+    return ExitCode.SOME_FAILED if missing else ExitCode.OK
+
+
+def _missing(edges: Edges, names: tuple[str, ...], hit: set[tuple[str, str]]) -> list[str]:
+    """Return the robots and groups that were not, or not wholly, stopped; ``hit`` were, by edge and name."""
+    stopped = {name for pair in hit for name in (pair[1], "/".join(pair))}
+    missing = [name for name in names if name not in stopped]
+    if not missing:
+        return []
+    groups = [edge.groups for edge in edges.edges()]
+    members = {name: {member for group in groups for member in group.get(name, ())} for name in missing}
+    return [name for name in missing if not members[name] or not members[name] <= stopped]

@@ -1,0 +1,45 @@
+"""Decoding with msgspec, safe on several threads: the only place where a type meets a decoder.
+
+msgspec works out how to decode a Struct type when the type is first used, without a lock: two threads that
+do so at the same time end the process with SIGSEGV (msgspec 0.22, docs/adr/0008-decoders-under-a-lock.md).
+Here it happens under one lock, once for each type. A test looks for decoders that are made elsewhere.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, TypeVar
+
+import msgspec
+
+T = TypeVar("T")
+
+_making = threading.Lock()
+_json: dict[Any, msgspec.json.Decoder[Any]] = {}
+
+
+def json_decoder(kind: Any) -> msgspec.json.Decoder[Any]:
+    """Return the decoder of JSON of a type: a Struct, a union, ``list[str]``; the same one each time."""
+    found = _json.get(kind)
+    if found is None:
+        with _making:
+            found = _json.setdefault(kind, msgspec.json.Decoder(kind))
+    return found
+
+
+def msgpack_decoder(kind: Any) -> msgspec.msgpack.Decoder[Any]:
+    """Return a decoder of MessagePack of a type."""
+    with _making:
+        return msgspec.msgpack.Decoder(kind)
+
+
+def decode_json(data: bytes | str, kind: type[T]) -> T:
+    """Decode JSON of a type; raises msgspec.DecodeError, of which ValidationError is one."""
+    decoded: T = json_decoder(kind).decode(data)
+    return decoded
+
+
+def convert(value: object, kind: type[T], *, from_attributes: bool = False) -> T:
+    """Make a value of a type from plain ones, strictly; raises msgspec.ValidationError."""
+    json_decoder(kind)
+    return msgspec.convert(value, kind, strict=True, from_attributes=from_attributes)

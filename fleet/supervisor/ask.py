@@ -1,0 +1,45 @@
+"""Asking supervisors for an emergency stop; needs neither bus nor fleet.yaml, imports next to nothing."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from pathlib import Path
+
+import msgspec
+
+from fleet.supervisor import messages
+from fleet.supervisor.messages import LONGEST, Stop, Stopped
+from fleet.supervisor.place import connected, sockets_in
+
+log = logging.getLogger(__name__)
+
+STOP_WITHIN = 5.0  # s that a supervisor has to answer a stop
+
+
+def stop_all(directory: Path, names: tuple[str, ...] = ()) -> list[Stopped]:
+    """Emergency-stop robots through every supervisor of this user; returns their answers.
+
+    Needs neither the bus nor fleet.yaml. No name means every robot.
+    """
+    asked = []
+    for path in sockets_in(directory):
+        try:
+            sock = connected(path, within=STOP_WITHIN)
+            asked.append(sock)
+            sock.send(messages.encode(Stop(names)))
+        except ConnectionRefusedError:  # a dead one's
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            log.error("the supervisor at %s cannot be reached: %s", path, error.strerror or error)  # noqa: TRY400
+    return [answer for sock in asked if (answer := _answer(sock)) is not None]
+
+
+def _answer(sock: socket.socket) -> Stopped | None:
+    """Return a supervisor's answer, None for none in time."""
+    with sock:
+        try:
+            answer = messages.decode(sock.recv(LONGEST))
+        except (OSError, msgspec.DecodeError):
+            return None
+    return answer if isinstance(answer, Stopped) else None

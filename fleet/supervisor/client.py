@@ -1,0 +1,181 @@
+"""A process with robots and its supervisor: halts are left there, stops come from there."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import logging
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from fleet.supervisor import messages
+from fleet.supervisor.messages import (
+    LONGEST,
+    Beat,
+    Drop,
+    Dropped,
+    Ended,
+    Hello,
+    Keep,
+    Message,
+    Running,
+    Stop,
+    Stopped,
+    Welcome,
+)
+from fleet.supervisor.place import VARIABLE, connected
+
+log = logging.getLogger(__name__)
+
+WELCOME_WITHIN = 5.0  # s that a supervisor has to answer; it is idle but for us
+DROPPED_WITHIN = 0.5  # s
+BEAT = 0.25  # s between signs of life
+
+
+class Supervised:
+    """This process's way to its supervisor. Without one (``sock`` None) nothing is kept and nothing comes.
+
+    ``keep`` and ``drop`` may be called from any thread and never wait.
+    """
+
+    def __init__(self, sock: socket.socket | None = None) -> None:
+        self._sock = sock
+        self._edge = ""
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, Callable[[], None]] = {}
+        self._stop: Callable[[tuple[str, ...]], list[str]] = lambda _names: []
+        self._end: Callable[[str], None] = lambda _why: None
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="fleet-supervised", daemon=True)
+
+    def begin(
+        self,
+        edge: str,
+        worker: str = "",
+        *,
+        stop: Callable[[tuple[str, ...]], list[str]],
+        end: Callable[[str], None],
+    ) -> None:
+        """Say who we are, take the stops that came before us, and serve from now on, on a thread.
+
+        ``stop`` stops robots by name (all without names) and returns which; ``end`` ends this process in
+        order. Both are called on that thread.
+        """
+        if self._sock is None:
+            return
+        self._edge, self._stop, self._end = edge, stop, end
+        self._sock.settimeout(WELCOME_WITHIN)
+        self._send(Hello(edge, worker, os.getpid()))
+        try:
+            welcome = messages.decode(self._sock.recv(LONGEST))
+        except (OSError, msgspec.DecodeError) as error:
+            log.error("the supervisor does not answer (%s): stops that came meanwhile are not known", error)  # noqa: TRY400
+        else:
+            for each in welcome.stops if isinstance(welcome, Welcome) else ():
+                stop(each.names)
+        self._sock.settimeout(BEAT)
+        self._thread.start()
+
+    def running(self) -> None:
+        """Say that the robots are served: from now on our death is followed by a new start."""
+        self._send(Running())
+
+    def ending(self) -> None:
+        """Say that we end because somebody asked us to."""
+        self._send(Ended())
+
+    def close(self) -> None:
+        """End the conversation."""
+        self._closed.set()
+        if self._sock is not None:
+            if self._thread.is_alive() and self._thread is not threading.current_thread():
+                self._thread.join(2 * BEAT)
+            self._sock.close()
+
+    def keep(
+        self, robot: str, descriptor: int, frames: Iterable[bytes], address: tuple[str, int] | None = None
+    ) -> bool:
+        """Leave a robot's halt with the supervisor; False when that cannot be."""
+        if self._sock is None or descriptor < 0:
+            return False
+        message = messages.encode(Keep(robot, tuple(frames), address))
+        try:
+            socket.send_fds(self._sock, [message], [descriptor])
+        except OSError as error:
+            log.error("%s: its halt could not be left with the supervisor: %s", robot, error)  # noqa: TRY400
+            return False
+        return True
+
+    async def drop(self, robot: str) -> None:
+        """Take a robot's halt back; returns when the supervisor has closed its link, to be opened again."""
+        if self._sock is None:
+            return
+        loop = asyncio.get_running_loop()
+        dropped = asyncio.Event()
+
+        def answered() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has been closed
+                loop.call_soon_threadsafe(dropped.set)
+
+        number = next(self._numbers)
+        self._waiting[number] = answered
+        self._send(Drop(robot, number))
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(dropped.wait(), DROPPED_WITHIN)
+        self._waiting.pop(number, None)
+
+    def _send(self, message: Message) -> None:
+        """Send a message; a supervisor that is gone is noticed by the thread."""
+        if self._sock is not None:
+            with contextlib.suppress(OSError):
+                self._sock.send(messages.encode(message))
+
+    def _run(self) -> None:
+        """Be the thread: read, and show that this process is not frozen."""
+        assert self._sock is not None
+        while not self._closed.is_set():
+            try:
+                data = self._sock.recv(LONGEST)
+            except TimeoutError:
+                self._send(Beat())
+                continue
+            except OSError:
+                data = b""
+            if not data:
+                if not self._closed.is_set():
+                    self._end("the supervisor is gone")
+                return
+            try:
+                self._take(messages.decode(data))
+            except Exception:  # what comes next may be a stop
+                log.exception("a message of the supervisor could not be taken")
+
+    def _take(self, message: Message) -> None:
+        """Do what a message says."""
+        match message:
+            case Stop():
+                self._send(Stopped(message.number, self._edge, tuple(self._stop(message.names))))
+            case Dropped():
+                self._waiting.get(message.number, lambda: None)()
+            case Ended():
+                self._end("the edge is gone")
+            case _:
+                log.error("the supervisor sent a %s", type(message).__name__)
+
+
+def supervised(environ: Mapping[str, str] = os.environ) -> Supervised:
+    """Return the way to the supervisor that started this process, if one did."""
+    path = environ.get(VARIABLE, "")
+    if not path:
+        return Supervised()
+    try:
+        return Supervised(connected(Path(path), within=WELCOME_WITHIN))
+    except OSError as error:
+        log.error("the supervisor cannot be reached: %s", error.strerror or error)  # noqa: TRY400
+        return Supervised()

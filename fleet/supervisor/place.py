@@ -1,0 +1,47 @@
+"""Where supervisors listen: sockets in the runtime folder, for this user alone."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+VARIABLE = "FLEET_SUPERVISOR"
+"""The environment variable that tells processes with robots where their supervisor listens."""
+_PREFIX, _SUFFIX = "supervisor-", ".sock"
+
+
+def socket_of(directory: Path, process: int) -> Path:
+    """Return where the supervisor of this process id listens."""
+    return directory / f"{_PREFIX}{process}{_SUFFIX}"
+
+
+def sockets_in(directory: Path) -> Iterator[Path]:
+    """Yield the sockets of all supervisors, those of dead ones included."""
+    yield from sorted(directory.glob(f"{_PREFIX}*{_SUFFIX}"))
+
+
+def listening(path: Path) -> socket.socket:
+    """Return a socket that listens at a path, in place of a dead process's; raises OSError."""
+    path.unlink(missing_ok=True)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        listener.bind(str(path))
+        listener.listen()
+        listener.setblocking(False)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def connected(path: Path, *, within: float) -> socket.socket:
+    """Return a connection to the supervisor at a path; raises OSError."""
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        sock.settimeout(within)
+        sock.connect(str(path))
+    except OSError:
+        sock.close()
+        raise
+    return sock

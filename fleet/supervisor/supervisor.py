@@ -1,0 +1,354 @@
+"""The supervisor: starts an edge, halts the robots of a process that dies, starts the edge again.
+
+It does little, on one thread, so that nothing of an adapter, the bus or the cloud can take it along:
+
+==============================  ===========================================================================
+what happens                    what it does
+==============================  ===========================================================================
+a process with robots dies      writes their halts to their links at once, and a few times more
+the edge dies                   that, ends its workers in order, and starts the edge again, at first at once
+the edge is frozen              writes the halts, kills it, and goes on as above
+a stop comes while it is away   writes all halts; the next edge begins with that stop
+a signal asks for the end       passes it on; ends when the edge has ended, with its exit code
+the supervisor itself dies      the edge and its workers end in order: they hear it at once
+==============================  ===========================================================================
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+import socket
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.link.backoff import backoff
+from fleet.supervisor import messages
+from fleet.supervisor.halts import Halts, kept_halt
+from fleet.supervisor.messages import (
+    LONGEST,
+    Beat,
+    Drop,
+    Dropped,
+    Ended,
+    Hello,
+    Keep,
+    Message,
+    Running,
+    Stop,
+    Stopped,
+    Welcome,
+)
+from fleet.supervisor.place import VARIABLE, listening
+
+LOOK = 0.02  # s between looks, at most
+REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
+FROZEN = 5.0  # s without a beat after which the edge counts as frozen; a busy computer takes a fraction
+ASLEEP = 1.0  # s without a look after which this process counts as having been stopped itself
+ANSWER_WITHIN = 0.5  # s that the edge has to answer a stop
+STABLE_AFTER = 30.0  # s of life after which the next start is quick again
+FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a new start
+PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
+_SENDABLE = (OSError, TimeoutError)
+
+
+class _Peer:
+    """One connection: a process with robots, or who asks for a stop."""
+
+    def __init__(self, sock: socket.socket, now: float) -> None:
+        self.sock = sock
+        self.halts = Halts()
+        self.name = "somebody"
+        self.edge = ""  # of which edge its robots are
+        self.is_edge = False  # the process that we started
+        self.heard = now
+
+    def send(self, message: Message) -> bool:
+        """Send a message; False for who is gone or does not read."""
+        try:
+            self.sock.send(messages.encode(message))
+        except _SENDABLE:
+            return False
+        return True
+
+
+class _Asked:
+    """A stop that was passed on to ``told``; ``until``: when their answers are late (monotonic s)."""
+
+    def __init__(self, peer: _Peer, stop: Stop, until: float) -> None:
+        self.peer = peer
+        self.stop = stop
+        self.until = until
+        self.told: list[_Peer] = []
+        self.names: list[str] = []
+
+
+class _Dead(msgspec.Struct):
+    """The halts of a process that died, written ``left`` times more, next at ``at`` (monotonic s)."""
+
+    halts: Halts
+    left: int
+    at: float
+
+
+class Supervisor:
+    """Runs ``command``, an edge, until it ends because somebody asked it to.
+
+    ``told`` takes lines for people. A worker that was started by hand has a supervisor of its own, for which
+    it is what is called the edge here.
+    """
+
+    def __init__(
+        self, command: Sequence[str], *, path: Path, told: Callable[[str], None], clock: Clock
+    ) -> None:
+        self._command = tuple(command)
+        self._path = path
+        self._told = told
+        self._clock = clock
+        self._selector = selectors.DefaultSelector()
+        self._peers: list[_Peer] = []
+        self._dead: list[_Dead] = []
+        self._asked: dict[int, _Asked] = {}
+        self._stops: list[Stop] = []  # for an edge that is not there
+        self._numbers = 0
+        self._edge_id = ""
+        self._child: subprocess.Popen[bytes] | None = None
+        self._started = self._looked = clock.monotonic()
+        self._start_at = self._started  # when the edge is started next
+        self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
+        self._ran = False  # the edge has served its robots: a death is not a mistake in fleet.yaml
+        self._ending = False
+
+    def run(self) -> int:
+        """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
+        with self._listening(), _signals(self._pass_on):
+            try:
+                while True:
+                    code = self._turn()
+                    if code is not None:
+                        return code
+            finally:
+                for peer in self._peers:
+                    peer.halts.write()
+                    peer.halts.close()
+                    peer.sock.close()
+
+    @contextlib.contextmanager
+    def _listening(self) -> Iterator[None]:
+        """Listen for as long as a ``with`` block lasts."""
+        with listening(self._path) as listener, self._selector:
+            self._selector.register(listener, selectors.EVENT_READ, partial(self._accept, listener))
+            try:
+                yield
+            finally:
+                self._path.unlink(missing_ok=True)
+
+    def _turn(self) -> int | None:
+        """Take what has come and do what is due; return the exit code once there is one."""
+        for key, _ in self._selector.select(LOOK):
+            key.data()
+        now = self._clock.monotonic()
+        self._halt_again(now)
+        self._look_at_edge(now)
+        self._look_at_stops(now)
+        self._looked = now
+        return self._look_at_child(now)
+
+    # -- the edge's process --------------------------------------------------------------------------
+
+    def _look_at_child(self, now: float) -> int | None:
+        """Start the edge when it is time; return the exit code of one that has ended for good."""
+        if self._child is None:
+            if now >= self._start_at:
+                self._start(now)
+            return None
+        code = self._child.poll()
+        if code is None:
+            return None
+        if self._ending or not self._ran:
+            return code if code >= 0 else 128 - code
+        if now - self._started > STABLE_AFTER:
+            self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
+        self._child, self._start_at = None, now + next(self._waits)
+        self._told(f"the edge ended ({_reason(code)}); it is started again")
+        return None
+
+    def _start(self, now: float) -> None:
+        """Start the edge, in a session of its own: a Ctrl-C reaches it once, through us."""
+        environment = os.environ | {VARIABLE: str(self._path)}
+        self._child = subprocess.Popen(self._command, env=environment, start_new_session=True)  # noqa: S603
+        self._started = now
+
+    def _pass_on(self, number: int) -> None:
+        """Pass a signal on to the edge; there is nobody to ask while it is away."""
+        if number != signal.SIGTSTP:
+            self._ending = True
+        if self._child is not None:
+            with contextlib.suppress(ProcessLookupError):
+                self._child.send_signal(number)
+        elif self._ending:
+            raise SystemExit(128 + number)
+
+    def _look_at_edge(self, now: float) -> None:
+        """Kill an edge that is frozen; its end is noticed like any other."""
+        edge = self._edge()
+        if edge is None or self._child is None:
+            return
+        if now - self._looked > ASLEEP:
+            edge.heard = now  # we were stopped as well: what came meanwhile has not been read yet
+        elif now - edge.heard > FROZEN:
+            halted = edge.halts.write()
+            self._told(f"the edge is frozen: killed; halted: {', '.join(halted) or 'nobody'}")
+            self._child.kill()
+            edge.heard = now
+
+    def _edge(self) -> _Peer | None:
+        """Return the connection of the edge's own process."""
+        return next((peer for peer in self._peers if peer.is_edge), None)
+
+    # -- who is connected ----------------------------------------------------------------------------
+
+    def _accept(self, listener: socket.socket) -> None:
+        """Take a connection."""
+        sock, _ = listener.accept()
+        sock.setblocking(False)
+        peer = _Peer(sock, self._clock.monotonic())
+        self._peers.append(peer)
+        self._selector.register(sock, selectors.EVENT_READ, partial(self._read, peer))
+
+    def _read(self, peer: _Peer) -> None:
+        """Take one message of a connection, or its end."""
+        try:
+            data, descriptors, _, _ = socket.recv_fds(peer.sock, LONGEST, 1)
+        except BlockingIOError:
+            return
+        except OSError:
+            data, descriptors = b"", []
+        if not data:
+            self._gone(peer)
+            return
+        peer.heard = self._clock.monotonic()
+        try:
+            self._take(peer, messages.decode(data), descriptors)
+        except (msgspec.DecodeError, OSError) as error:
+            self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
+        for descriptor in descriptors:  # what was kept is taken out of the list
+            os.close(descriptor)
+
+    def _take(self, peer: _Peer, message: Message, descriptors: list[int]) -> None:
+        """Do what a message says; raises OSError for a link that cannot be kept."""
+        match message:
+            case Hello():
+                self._hello(peer, message)
+            case Keep():
+                halt = kept_halt(descriptors[-1], message.frames, message.address) if descriptors else None
+                if halt is not None:
+                    descriptors.pop()
+                    peer.halts.keep(message.robot, halt)
+            case Drop():
+                peer.halts.drop(message.robot)
+                peer.send(Dropped(message.number))
+            case Running():
+                self._ran |= peer.is_edge
+            case Ended():
+                self._ending |= peer.is_edge
+            case Stop():
+                self._stop(peer, message)
+            case Stopped():
+                self._stopped(peer, message)
+            case Beat():
+                pass
+            case _:
+                self._told(f"{peer.name} sent its supervisor a {type(message).__name__}")
+
+    def _hello(self, peer: _Peer, hello: Hello) -> None:
+        """Greet a process with robots; an edge is given the stops that came while there was none."""
+        peer.name = f"worker {hello.worker}" if hello.worker else "the edge"
+        peer.edge = self._edge_id = hello.edge
+        peer.is_edge = self._child is not None and hello.process == self._child.pid
+        stops = tuple(self._stops) if peer.is_edge else ()
+        if peer.send(Welcome(stops)) and peer.is_edge:
+            self._stops.clear()
+
+    def _gone(self, peer: _Peer) -> None:
+        """Halt the robots of a process that has ended without letting go of them."""
+        self._peers.remove(peer)
+        self._selector.unregister(peer.sock)
+        peer.sock.close()
+        halted = peer.halts.write()
+        if peer.halts.robots:
+            self._told(f"{peer.name} has died; halted: {', '.join(halted) or 'nobody'}")
+            self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + LOOK))
+        if peer.is_edge:
+            for other in self._peers:
+                other.send(Ended())
+
+    def _halt_again(self, now: float) -> None:
+        """Write the halts of dead processes once more, and let go of their links at last."""
+        for dead in self._dead:
+            if now >= dead.at:
+                dead.halts.write()
+                dead.left, dead.at = dead.left - 1, now + LOOK
+            if dead.left == 0:
+                dead.halts.close()
+        self._dead = [dead for dead in self._dead if dead.left]
+
+    # -- stops ---------------------------------------------------------------------------------------
+
+    def _stop(self, asker: _Peer, stop: Stop) -> None:
+        """Pass a stop on to every process with robots, or keep it for the next edge."""
+        self._numbers += 1
+        asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
+        self._asked[self._numbers] = asked
+        passed_on = Stop(stop.names, self._numbers)
+        asked.told = [peer for peer in self._peers if peer.edge and peer.send(passed_on)]
+        if not any(peer.is_edge for peer in asked.told):
+            asked.until = self._clock.monotonic()
+
+    def _stopped(self, peer: _Peer, answer: Stopped) -> None:
+        """Take a process's answer; the last one's completes that to who asked."""
+        asked = self._asked.get(answer.number)
+        if asked is None or peer not in asked.told:
+            return
+        asked.names += answer.names
+        asked.told.remove(peer)
+        if not asked.told:
+            del self._asked[answer.number]
+            asked.peer.send(Stopped(asked.stop.number, peer.edge, tuple(asked.names)))
+
+    def _look_at_stops(self, now: float) -> None:
+        """Halt what can be halted for a stop that was not answered by all, and keep it for the next edge."""
+        late = [number for number, asked in self._asked.items() if now >= asked.until]
+        for number in late:
+            asked = self._asked.pop(number)
+            self._stops.append(asked.stop)
+            asked.names += (robot for peer in self._peers for robot in peer.halts.write())
+            asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=True))
+
+
+@contextlib.contextmanager
+def _signals(take: Callable[[int], None]) -> Iterator[None]:
+    """Take the signals that ask for the end; under nohup the end of the terminal is none of them."""
+    taken = [each for each in PASSED_ON if signal.getsignal(each) is not signal.SIG_IGN]
+    before = {each: signal.signal(each, lambda number, _: take(number)) for each in taken}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+def _reason(code: int) -> str:
+    """Say how a process ended."""
+    if code >= 0:
+        return f"exit code {code}"
+    with contextlib.suppress(ValueError):
+        return f"killed by {signal.Signals(-code).name}"
+    return f"killed by signal {-code}"

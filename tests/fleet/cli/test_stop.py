@@ -1,0 +1,192 @@
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from fleet.bus.settings import BusSettings, runtime_dirs
+from fleet.cli.connect import decoded
+from fleet.cli.outline import Outline
+from fleet.testing.waiting import DEADLINE
+
+
+@pytest.fixture
+def yard(play_edge):
+    """Play an edge with three robots, two of them in a group."""
+    robots = {name: {"health": "ok"} for name in ("rex", "beast", "kestrel")}
+    return play_edge("yard-1", robots=robots, groups={"ground": ["rex", "beast"]})
+
+
+def test_robots_are_stopped_and_how_they_are_released_is_told(fleet, yard):
+    result = fleet("stop", "rex")
+    assert (result.code, result.out) == (0, "rex: stopped\n")
+    assert result.err == "reached: edge yard-1\nreleased with: fleet send ROBOT release_emergency_stop\n"
+    assert yard.stops == [["rex"]]
+
+
+def test_a_group_is_stopped(fleet, yard):
+    result = fleet("stop", "ground")
+    assert (result.code, result.out) == (0, "beast: stopped\nrex: stopped\n")
+
+
+def test_everything_is_stopped_on_every_edge(fleet, yard, play_edge):
+    barn = play_edge("barn", robots={"mule": {}})
+    result = fleet("stop", "--all", "--json")
+    assert result.code == 0
+    assert result.json == {
+        "stopped": ["beast", "kestrel", "mule", "rex"],
+        "missing": [],
+        "edges": ["barn", "yard-1"],
+        "problems": [],
+        "kept": {},
+    }
+    assert yard.stops == barn.stops == [[]]
+
+
+def test_who_was_not_stopped_is_told(fleet, yard):
+    result = fleet("stop", "rex", "kestral")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert "kestral: NOT STOPPED" in result.err
+
+
+def test_a_robot_of_another_edge_is_not_stopped_by_its_namesake(fleet, yard):
+    result = fleet("stop", "yard-1/rex", "barn/rex")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert "barn/rex: NOT STOPPED" in result.err
+
+
+def test_a_name_that_is_no_text_holds_up_no_stop(fleet, yard):
+    result = fleet("stop", "rex", "kestr\udce9l")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert yard.stops == [["rex", "kestr?l"]]
+
+
+def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
+    result = fleet("stop", "kestral")
+    assert (result.code, result.out) == (5, "")
+    assert "kestral: NOT STOPPED" in result.err
+
+
+def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
+    yard.falls_silent()
+    result = fleet("stop", "rex", "ghost")
+    assert (result.code, result.out) == (7, "rex: stopped\n")
+
+
+def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
+    yard.also_speaks("mule", cause="worker mule: frozen")
+    result = fleet("stop", "--all")
+    assert result.code == 7
+    assert "mule: NOT STOPPED" in result.err
+
+
+def test_a_frozen_edge_does_not_keep_a_stop_from_the_others(fleet, yard, spawn_edge):
+    os.kill(spawn_edge("barn").pid, signal.SIGSTOP)
+    result = fleet("stop", "--all")
+    assert result.code == 7
+    assert result.out == "beast: stopped\nkestrel: stopped\nrex: stopped\n"
+    assert "edge barn: nobody lets us in" in result.err
+
+
+HANGS = "import time; time.sleep(600)"
+BROKEN = {
+    "no adapter": "edge: {id: yard-1}\nrobots: [{name: rex, adapter: nosuch, twin: 5}]\n",
+    "no secret": "edge: {id: yard-1}\ncloud: {host: h, token: !secret gone}\nrobots: []\n",
+    "no variable": "edge: {id: yard-1}\nbus: {scouting: ${GONE}}\n",
+    "a section that is no YAML": "edge: {id: yard-1}\nrobots: [{name: rex,\nbus: {}\n",
+    "the edge's own section": "edge: {id: yard-1\nrobots: []\n",
+    "a key twice": "edge: {id: yard-1}\nedge: {id: yard-1}\n",
+    "no UTF-8": "edge: {id: yard-1}\nrobots: \udcff\n",
+    "plugins that hang": "edge: {id: yard-1}\nplugins: [hanging]\nrobots: [{name: rex, adapter: hang}]\n",
+    "nothing": "",
+    "no mapping": "- 1\n",
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_stop_needs_no_file_that_is_right(fleet, yard, place, what):
+    (place / "hanging").mkdir()
+    (place / "hanging" / "hang.py").write_text(HANGS)
+    (place / "broken.yaml").write_bytes(BROKEN[what].encode(errors="surrogateescape"))
+    result = fleet("stop", "--all", "-f", "broken.yaml")
+    assert result.out == "beast: stopped\nkestrel: stopped\nrex: stopped\n"
+    assert result.code == 0
+    assert yard.stops
+    assert set(map(str, yard.stops)) == {"[]"}
+
+
+def test_a_file_that_is_not_there_keeps_no_stop(fleet, yard):
+    result = fleet("stop", "--all", "-f", "gone.yaml")
+    assert (result.code, len(result.out.splitlines())) == (0, 3)
+    assert "cannot read gone.yaml" in result.err
+
+
+def test_the_edge_of_a_broken_file_is_stopped_wherever_it_is(fleet, play_edge, place, free_port, monkeypatch):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    far = play_edge("far", robots={"mule": {}}, listen=(endpoint,))
+    monkeypatch.setenv("FLEET_RUNTIME_DIR", str(place))
+    (place / "far.yaml").write_text(f"edge: {{id: far}}\nbus: {{connect: [{endpoint}]}}\nrobots: [oh no\n")
+    result = fleet("stop", "mule", "-f", "far.yaml")
+    assert (result.code, result.out) == (0, "mule: stopped\n")
+    assert far.stops == [["mule"]]
+
+
+def test_a_password_that_cannot_be_read_is_told_with_its_edge(fleet, yard, play_edge, place):
+    shut = play_edge("barn", robots={"mule": {}}, user="me", password="secret")
+    (place / "barn.yaml").write_text("edge: {id: barn}\nbus: {user: me, password: !secret gone}\n")
+    result = fleet("stop", "--all", "-f", "barn.yaml")
+    assert result.code == 7
+    assert len(result.out.splitlines()) == 3
+    assert "edge barn: nobody lets us in" in result.err
+    assert "bus.user and bus.password cannot both be read: tried without" in result.err
+    (place / "barn.yaml").write_text("edge: {id: barn}\nbus: {user: me, password: secret}\nrobots: oh\n")
+    assert fleet("stop", "--all", "-f", "barn.yaml").code == 0
+    assert shut.stops == [[]]
+
+
+def test_a_file_whose_edge_is_not_there_is_told_and_the_others_are_stopped(fleet, yard, place):
+    (place / "far.yaml").write_text("edge: {id: far}\n")
+    result = fleet("stop", "--all", "-f", "far.yaml")
+    assert (result.code, len(result.out.splitlines())) == (7, 3)
+    assert "edge far: edge 'far' does not run here" in result.err
+    assert "reached: edge yard-1" in result.err
+
+
+def test_the_edges_here_are_stopped_before_the_file_is_opened(fleet, yard, place, monkeypatch):
+    stopped = threading.Event()
+
+    def note(answers, kind):
+        found = list(decoded(answers, kind))
+        stopped.set()
+        return iter(found)
+
+    def slow(_file):
+        assert stopped.wait(DEADLINE), "the stop waited for the file"
+        return Outline(BusSettings(""))
+
+    monkeypatch.setattr("fleet.cli.outline.outline", slow)
+    monkeypatch.setattr("fleet.cli.stop.decoded", note)
+    assert fleet("stop", "--all", "-f", "fleet.yaml").code == 0
+    assert yard.stops == [[]]
+
+
+@pytest.mark.parametrize("module", ["fleet.cli.main", "fleet.cli.stop"])
+def test_a_stop_waits_for_no_import_of_models_plugins_or_yaml(module):
+    heavy = "{'pydantic', 'yaml', 'rich', 'asyncio', 'fleet.registry', 'fleet.config.load', 'fleet.adapter'}"
+    script = f"import sys, {module}; print(*sorted({heavy} & set(sys.modules)))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (0, "\n")
+
+
+def test_the_sockets_of_our_edges_are_found_whatever_the_environment_was(tmp_path, monkeypatch):
+    memory, login = tmp_path / "shm", tmp_path / "login"
+    for place in (memory / f"fleet-{os.getuid()}", login / "fleet", memory / "fleet-x"):
+        place.mkdir(parents=True)
+    (memory / "fleet-link").symlink_to(memory)
+    monkeypatch.setattr("fleet.bus.settings.MEMORY", memory)
+    found = runtime_dirs({"XDG_RUNTIME_DIR": str(login)})
+    assert {login / "fleet", memory / f"fleet-{os.getuid()}"} <= set(found)
+    assert memory / "fleet-link" not in found
+    assert runtime_dirs({"FLEET_RUNTIME_DIR": "/only"}) == [place.__class__("/only")]

@@ -1,0 +1,337 @@
+"""No stop is lost: whatever its payload holds, whichever way it comes, whatever state the robot is in."""
+
+import asyncio
+import json
+import logging
+import threading
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fleet.bridge import downlink
+from fleet.bus import keys
+from fleet.cloud.values import Message
+from fleet.host.begun import Latched
+from fleet.host.journal import RobotJournal
+from fleet.host.local import LocalRobot
+from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.remote import RemoteRobot
+from fleet.host.stops import take_stops
+from fleet.model.geometry import Velocity
+from fleet.tally import Tally
+from fleet.testing.clock import ManualClock
+from fleet.wire.rulebook import of_a_twin, rulebook
+from fleet.wire.topics import Topics
+
+TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
+US = "fleet_us"
+T = f"cyberwave/twin/{TWIN}"
+HANGS = 20.0  # s that a journal which is blocked stays so, unless it is freed
+
+
+class FakeLane:
+    """The bus of one computer, in memory: whoever asks and publishes is served at once."""
+
+    def __init__(self):
+        self.takers, self.heard = [], []
+
+    def __getattr__(self, _name):
+        return lambda *_arguments, **_options: None
+
+    def publishers(self, _pattern):
+        return SimpleNamespace(wanted=lambda _key: None)
+
+    def subscribe(self, key, call):
+        self.heard.append((key, call))
+
+    def answer(self, key, call):
+        self.takers.append((key, call))
+
+    def put(self, key, payload, *, urgent=False):
+        for declared, call in self.heard:
+            if key in (declared, declared.replace("yard", "*")):
+                call(declared, payload)
+
+    def ask(self, key, payload, **parameters):
+        """Ask; return what was answered, which may come later."""
+        answers = []
+        question = SimpleNamespace(
+            payload=payload, parameters=parameters, key=key, reply=answers.append, close=lambda: None
+        )
+        for declared, call in self.takers:
+            if declared == key:
+                call(question)
+        return answers
+
+    def ask_later(self, key, payload, *, timeout, parameters, on_answer, on_end):
+        question = SimpleNamespace(
+            payload=payload, parameters=parameters, key=key, reply=on_answer, close=on_end
+        )
+        for declared, call in self.takers:
+            if declared == key:
+                call(question)
+
+
+class FakeJournal:
+    """A journal that remembers nothing, and may block."""
+
+    def __init__(self):
+        self.blocked, self.free, self.latched = False, threading.Event(), []
+        self.problem = ""
+
+    def robot(self, name):
+        return RobotJournal(name, self._put, clock=ManualClock())
+
+    def _put(self, change):
+        if isinstance(change, Latched):
+            if self.blocked:
+                self.free.wait(HANGS)
+            self.latched.append(change)
+
+
+class Rig:
+    """One robot and all the ways to it; with ``worker`` it runs in one, behind the edge's side of it."""
+
+    def __init__(self, puppet, *, worker):
+        self.clock, self.lane, self.journal = ManualClock(), FakeLane(), FakeJournal()
+        self.config = puppet.Config(name="rex", twin=TWIN)
+        loop = asyncio.get_running_loop()
+        self.process = RobotProcess(
+            "yard",
+            SimpleNamespace(control=self.lane, reports=self.lane),
+            [RobotSpec(self.config, puppet, "puppet")],
+            journal=self.journal,
+            clock=self.clock,
+        )
+        self.robot: LocalRobot = self.process.robots["rex"]
+        self.puppet = puppet(self.config)
+        self.robot.desk.attach(self.puppet)
+        self.robot.desk.found()
+        self.process._declare(self.robot)
+        port = self.robot
+        if worker:
+            port = RemoteRobot(
+                self.config,
+                adapter="puppet",
+                edge="yard",
+                control=self.lane,
+                clock=self.clock,
+                soon=loop.call_soon_threadsafe,
+                arrival=self.clock.monotonic,
+                worker="w",
+            )
+        take_stops(self.process, SimpleNamespace(control=self.lane, reports=self.lane), {}, ())
+        self.downlink = downlink.Downlink(
+            Topics(""),
+            {TWIN: port},
+            books={TWIN: of_a_twin(rulebook())},
+            session=US,
+            send=lambda *_, **__: None,
+            put=lambda *_: None,
+            own={},
+            refusals=Tally(logging.getLogger("rig"), self.clock),
+            clock=self.clock,
+        )
+
+    def over_mqtt(self, leaf, payload, **properties):
+        self.downlink.arrived([Message(f"{T}/{leaf}", payload, **properties)])
+        self.downlink.take()
+
+    def over_the_bus(self, payload, **parameters):
+        self.lane.ask(keys.command("yard", "rex"), payload, **parameters)
+
+
+WAYS = {
+    "mqtt command": lambda rig, payload: rig.over_mqtt("command", payload),
+    "mqtt command, kept": lambda rig, payload: rig.over_mqtt("command", payload, retain=True),
+    "mqtt command, damaged": lambda rig, payload: rig.over_mqtt("command", payload, flaw="no UTF-8"),
+    "mqtt navigation": lambda rig, payload: rig.over_mqtt("navigate/command", payload),
+    "mqtt mission": lambda rig, payload: rig.over_mqtt("mission/command", payload),
+    "bus command": lambda rig, payload: rig.over_the_bus(payload),
+    "bus of no kind": lambda rig, payload: rig.over_the_bus(payload, kind="dance", way="cloud"),
+    "stop key": lambda rig, payload: rig.lane.put("fleet/*/stop", payload, urgent=True),
+}
+SMALL = {
+    "mqtt velocity": lambda rig, payload: rig.over_mqtt("motion/command", payload),
+    "bus velocity kind": lambda rig, payload: rig.over_the_bus(payload, kind="motion"),
+}
+"""Ways of velocities: what is too large to be read is refused there, and the velocity's lease ends."""
+
+
+def drive(rig, session="bert"):
+    message = {"command": "move_forward", "source_type": "tele", "session_id": session, "data": {}}
+    rig.robot.read("command", json.dumps(message).encode(), way="cloud")(lambda _: None)
+
+
+def fly(rig):
+    rig.robot.read("command", b'{"command": "takeoff", "source_type": "tele"}', way="cloud")(lambda _: None)
+
+
+def block(rig):
+    rig.journal.blocked = True
+
+
+def hold(rig):
+    rig.downlink.held = frozenset({TWIN})
+
+
+STATES = {
+    "idle": lambda _: None,
+    "led by another": drive,
+    "flying": fly,
+    "latched": lambda rig: rig.robot.desk.emergency("before"),
+    "held elsewhere": hold,
+    "at fault": lambda rig: rig.robot.desk.faulted("motor 3"),
+    "journal blocked": block,
+    "inbox full": lambda rig: rig.downlink.arrived([Message(f"{T}/command", b"{}")] * 3),
+}
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5) | st.just(US),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+FIELDS = st.sampled_from(["timestamp", "ts", "source_type", "session_id", "data", "action_id", "x"])
+NAMES = st.sampled_from(["stop", "emergency_stop", "estop", "hover", "brake", "STOP", "E-Stop", " Stop"])
+EMERGENCIES = {"emergency_stop", "estop", "E-Stop"}
+
+
+@st.composite
+def stops(draw):
+    """Return a payload that names a stop, and the name."""
+    name = draw(NAMES)
+    trimmings = draw(st.dictionaries(FIELDS, JSON, max_size=5))
+    if name == "estop":
+        trimmings.pop("data", None)  # which may make a release of it
+    text = json.dumps({draw(st.sampled_from(["command", "type"])): name, **trimmings})
+    how = draw(st.sampled_from(["whole", "cut", "twice", "list", "quotes", "utf-16", "utf-8-sig", "latin"]))
+    head = text.index(name) + len(name)
+    return {
+        "whole": text.encode,
+        "cut": lambda: text.encode()[: draw(st.integers(head, len(text)))],
+        "twice": lambda: b'{"command": "takeoff", ' + text[1:].encode(),
+        "list": lambda: b"[" + text.encode() + b"]",
+        "quotes": lambda: text.replace('"', "'").encode(),
+        "utf-16": lambda: text.encode("utf-16"),
+        "utf-8-sig": lambda: text.encode("utf-8-sig"),
+        "latin": lambda: text.encode() + b"\xff\xfe",
+    }[how](), name
+
+
+def moves(told):
+    return [one for one in told if isinstance(one, tuple) or (isinstance(one, Velocity) and not one.is_zero)]
+
+
+async def come(puppet, way, state, payload, *, worker):
+    """Let a stop come; return the rig and what the robot was told since."""
+    rig = Rig(puppet, worker=worker)
+    STATES[state](rig)
+    await asyncio.sleep(0)
+    before = len(rig.puppet.told)
+    way(rig, payload)
+    for _ in range(12):
+        await asyncio.sleep(0)
+    rig.journal.free.set()
+    return rig, rig.puppet.told[before:]
+
+
+@pytest.fixture
+def puppet(bench):
+    """Return the class of a robot that writes down what it is told."""
+    return type(bench.puppet)
+
+
+@pytest.fixture(autouse=True)
+def _a_small_inbox(monkeypatch):
+    monkeypatch.setattr(downlink, "MOST_WAITING", 3)
+
+
+PLAYED = settings(max_examples=400, deadline=None)
+
+
+@pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
+def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_is(puppet, caplog, worker):
+    caplog.set_level(logging.CRITICAL)
+
+    @PLAYED
+    @given(st.sampled_from(sorted(WAYS | SMALL)), st.sampled_from(sorted(STATES)), stops())
+    def holds(way, state, stop):
+        payload, name = stop
+        with asyncio.Runner() as runner:
+            rig, told = runner.run(come(puppet, (WAYS | SMALL)[way], state, payload, worker=worker))
+        assert {"stop", "halt"} & set(told)
+        assert not moves(told)
+        if name in EMERGENCIES or way == "stop key":
+            assert rig.robot.desk.latched
+            assert "halt" in told
+
+    holds()
+
+
+@pytest.mark.parametrize("worker", [False, True], ids=["here", "in a worker"])
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog, way, state, worker):
+    caplog.set_level(logging.CRITICAL)
+    payload = b'{"command": "takeoff", "x": "' + b"x" * (2 << 20)
+    with asyncio.Runner() as runner:
+        rig, told = runner.run(come(puppet, WAYS[way], state, payload, worker=worker))
+    if way == "bus of no kind":  # nothing says what it is about
+        return
+    assert {"stop", "halt"} & set(told)
+    assert not moves(told)
+    assert rig.robot.desk.latched or way in ("mqtt navigation", "mqtt mission")
+
+
+@pytest.mark.parametrize("sender", ["tele", "edge", "sim", "preview", "edit", "nobody knows", "", None])
+@pytest.mark.parametrize("name", ["stop", "emergency_stop"])
+def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, sender, name):
+    async def play():
+        rig = Rig(puppet, worker=False)
+        drive(rig)
+        answers = []
+        for word in (name, "release_emergency_stop"):
+            message = json.dumps({"command": word, "source_type": sender}).encode()
+            rig.robot.read("command", message, way="cloud")(answers.append)
+            for _ in range(10):
+                await asyncio.sleep(0)
+        return rig, answers
+
+    with asyncio.Runner() as runner:
+        rig, (stopped, released) = runner.run(play())
+    assert stopped.ok
+    assert released.ok == (sender == "tele")
+    assert rig.robot.desk.latched == (name == "emergency_stop" and not released.ok)
+
+
+def test_a_stop_whose_message_is_refused_is_told_both(puppet):
+    async def play():
+        rig, answers = Rig(puppet, worker=False), []
+        rig.robot.read("command", b'{"command": "stop", "data": {', way="bus")(answers.append)
+        for _ in range(10):
+            await asyncio.sleep(0)
+        return answers
+
+    with asyncio.Runner() as runner:
+        (answer,) = runner.run(play())
+    assert (answer.command, answer.ok) == ("stop", True)
+    assert answer.reason.startswith("taken for stop, though the message was refused: ")
+
+
+def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
+    async def play():
+        rig = Rig(puppet, worker=False)
+        rig.journal.blocked = True
+        await asyncio.to_thread(rig.process.stop_robots, (), "the stop key")
+        told, latched = list(rig.puppet.told), list(rig.journal.latched)
+        rig.journal.free.set()
+        return rig, told, latched
+
+    with asyncio.Runner() as runner:
+        rig, told, latched = runner.run(play())
+    assert "halt" in told
+    assert rig.robot.desk.latched
+    assert latched == []
+    assert [change.why for change in rig.journal.latched] == ["the stop key"]

@@ -1,0 +1,134 @@
+"""The supervisor of a process that is a few lines long: what it passes on, and what it does not believe."""
+
+import contextlib
+import os
+import socket
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fleet.clock import SystemClock
+from fleet.supervisor import messages
+from fleet.supervisor.ask import stop_all
+from fleet.supervisor.client import Supervised
+from fleet.supervisor.messages import Keep, Stop, Stopped, Welcome
+from fleet.supervisor.place import connected, socket_of
+from fleet.supervisor.supervisor import Supervisor
+from fleet.testing.waiting import wait_until
+
+ENDS_WHEN_TOLD = """
+import socket, sys
+with socket.socket(socket.AF_UNIX) as told:
+    told.connect(sys.argv[1])
+    told.recv(1)
+sys.exit(3)
+"""
+
+
+class Field:
+    """A supervisor on a thread, whose child ends with code 3 when it is told to."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.path = socket_of(folder, os.getpid())
+        self.ending = socket.socket(socket.AF_UNIX)
+        self.ending.bind(str(folder / "end"))
+        self.ending.listen()
+        self.lines, self.code = [], None
+        command = [sys.executable, "-c", ENDS_WHEN_TOLD, str(folder / "end")]
+        self.supervisor = Supervisor(command, path=self.path, told=self.lines.append, clock=SystemClock())
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+        self.child, _ = self.ending.accept()
+
+    def _run(self):
+        self.code = self.supervisor.run()
+
+    def end(self):
+        self.child.close()
+        self.thread.join(20)
+        self.ending.close()
+
+
+@pytest.fixture
+def field(monkeypatch):
+    # Only a main thread may take signals; nobody sends this one any.
+    monkeypatch.setattr("fleet.supervisor.supervisor._signals", lambda _: contextlib.nullcontext())
+    with tempfile.TemporaryDirectory() as folder:  # short: the path of a socket must be
+        field = Field(Path(folder))
+        yield field
+        field.end()
+
+
+def test_the_exit_code_is_the_edges_own(field):
+    field.end()
+    assert field.code == 3
+    assert not field.path.exists()
+
+
+def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
+    (answer,) = stop_all(field.folder, ("rex",))
+    assert (answer.kept, answer.names) == (True, ())
+    with contextlib.closing(connected(field.path, within=5.0)) as edge:
+        pid = field.supervisor._child.pid
+        edge.send(messages.encode(messages.Hello("yard", process=pid)))
+        welcome = messages.decode(edge.recv(1000))
+    assert isinstance(welcome, Welcome)
+    assert [stop.names for stop in welcome.stops] == [("rex",)]
+
+
+def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field):
+    stop_all(field.folder)
+    with contextlib.closing(connected(field.path, within=5.0)) as worker:
+        worker.send(messages.encode(messages.Hello("yard", worker="arm", process=1)))
+        assert messages.decode(worker.recv(1000)) == Welcome(())
+    assert len(field.supervisor._stops) == 1
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.one_of(st.binary(min_size=1, max_size=200), st.just(messages.encode(Keep("rex", (b"x",))))))
+def test_whatever_it_is_sent_it_goes_on(field, data):
+    with contextlib.closing(connected(field.path, within=5.0)) as somebody:
+        somebody.send(data)
+    (answer,) = stop_all(field.folder)
+    assert isinstance(answer, Stopped)
+
+
+def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
+    with tempfile.TemporaryDirectory() as folder:
+        path = socket_of(Path(folder), 1)
+        dead = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        dead.bind(str(path))
+        dead.close()
+        assert stop_all(Path(folder)) == []
+        assert not path.exists()
+
+
+async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
+    alone = Supervised()
+    alone.begin("yard", stop=lambda _names: [], end=lambda _why: None)
+    assert not alone.keep("rex", 0, [b"halt"])
+    await alone.drop("rex")
+    alone.running()
+    alone.ending()
+    alone.close()
+
+
+def test_a_process_whose_supervisor_goes_ends():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.send(messages.encode(Welcome((Stop(("rex",)),))))
+    stopped, ended = [], []
+    supervised = Supervised(ours)
+    supervised.begin("yard", stop=lambda names: stopped.append(names) or ["rex"], end=ended.append)
+    assert stopped == [("rex",)], "before anything is served"
+    theirs.send(messages.encode(Stop((), 7)))
+    said = lambda: [messages.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
+    wait_until("the answer", lambda: Stopped(7, "yard", ("rex",)) in said())
+    theirs.close()
+    wait_until("the end", lambda: ended == ["the supervisor is gone"])
+    supervised.close()
