@@ -13,6 +13,7 @@ NAMES = (
     "ugv",
     "quadruped",
     "mavlink",
+    "stops",
     "soak",
     "dog_picture",
 )

@@ -106,23 +106,32 @@ edge is connected again it says `connected` for each twin that answers.
 """
 
 ENVELOPE = """\
-`{source_type, command, data, timestamp, session_id}`; `type` does for `command`, `ts` for `timestamp`, and
-milliseconds for seconds. `data` may be missing. A message with a `status` is a reply and is ignored. Refused
-are NaN, infinity, numbers in quotes, a key that stands twice, more than 1 MiB, more than 32 levels.
+`{source_type, command, data, timestamp, session_id, twin_uuid}`; `type` does for `command`, `ts` for
+`timestamp`, and milliseconds for seconds. `data` may be missing. A message with a `status` is a reply and is
+ignored. Refused are the `twin_uuid` of another twin (but for a stop), NaN, infinity, numbers in quotes, a key
+that stands twice, more than 1 MiB, more than 32 levels.
 """
 
 VERBS_RULE = """\
 The verb fixes axis and sign; the magnitude is the absolute value of its own field, else of `linear_x`, else a
 default. A `distance` (m) without the own field makes it a displacement: the robot's own command where it
 declares the verb (`ascend`, `descend`), else a way that it goes like a goal, 0.1 m to what it does in 30 s.
-A magnitude that is not a finite number is refused.
+A magnitude that is not a finite number is refused, and so is a field that the verb does not read: a misspelt
+one with the near miss, a speed other than 0 along another axis by name. A misspelt field of a goal, a mission
+or joint targets is refused as well; fields of other programs are let through at the top of a message. A robot
+that cannot move sideways, or stays on the ground, refuses a velocity that has such a part.
 """
 
 SIGNED = """\
-Signed, body frame (x forward, y left, z up, left turn positive), m/s and rad/s: `move`, `set_linear_velocity
-{linear}`, `set_angular_velocity {angular}`, the twist on `T motion/command`, and the contracts
-`locomotion.velocity_command.v1` and `aerial.velocity_command.v1` in the top-level `velocity_command`, whose
-`duration_ms` is the lease (0.15 to 5 s; 0 is a stop). `estop {activate: false}` releases an emergency stop.
+`set_linear_velocity {linear}` (m/s) and `set_angular_velocity {angular}` (rad/s) move nothing. They store the
+magnitude, within the robot's limits, that later verbs of the same session have when they bring none, also
+those with a `distance`, and answer with the applied value in `data`. A stop, anybody else who moves the robot
+(an operator, a pilot) and a restart of the edge or the adapter end the setting.
+
+Signed, body frame (x forward, y left, z up, left turn positive), m/s and rad/s: `move`, the twist on `T
+motion/command`, and the contracts `locomotion.velocity_command.v1` and `aerial.velocity_command.v1` in the
+top-level `velocity_command`, whose `duration_ms` is the lease (0.15 to 5 s; 0 is a stop). `estop {activate:
+false}` releases an emergency stop.
 """
 
 GOALS = """\

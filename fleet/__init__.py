@@ -13,7 +13,7 @@ from fleet.version import __version__
 if TYPE_CHECKING:
     from fleet.adapter import Adapter, FrameAdapter, Robot, Send
     from fleet.clock import Clock
-    from fleet.commands import command
+    from fleet.commands import Range, command
     from fleet.errors import (
         Fault,
         LinkLost,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 _HOME = {
     "fleet.adapter": ("Adapter", "FrameAdapter", "Robot", "Send"),
     "fleet.clock": ("Clock",),
-    "fleet.commands": ("command",),
+    "fleet.commands": ("Range", "command"),
     "fleet.errors": (
         "Fault",
         "LinkLost",
@@ -100,6 +100,7 @@ __all__ = [
     "PoseReport",
     "Progress",
     "Quaternion",
+    "Range",
     "Refused",
     "RelativeMove",
     "Robot",

@@ -90,7 +90,7 @@ class Adapter(ABC, Generic[ConfigT]):
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
     separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
-    holonomic: ClassVar[bool] = False  # it also moves sideways
+    holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
     failsafe: str = ""
     """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops

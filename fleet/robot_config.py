@@ -147,12 +147,17 @@ class BatteryPolicy(Model):
     """What is done about a battery that runs low; the autopilot's own fail-safe comes beside it."""
 
     reserve: Percent = Field(
-        20.0, description="Percent that must be left at home; goals and take-offs beyond are refused."
+        15.0,
+        description="Percent that must be left at home; goals and take-offs beyond are refused. "
+        "A take-off needs more than `low` as well.",
     )
     endurance: Positive | None = Field(
         None, description="Seconds that a full battery moves the robot; for the way to a goal and home."
     )
-    low: Percent = Field(15.0, description="Percent at which the action is taken, once.")
+    low: Percent = Field(
+        20.0,
+        description="Percent at which the action is taken, once; below `reserve` the way home ends below it.",
+    )
     action: Literal["return_to_home", "land", "stop", "tell"] = Field(
         "tell", description="What is done then with a robot that is moved by us: a command, or only told."
     )

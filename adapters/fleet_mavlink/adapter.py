@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import AsyncIterator
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from fleet import (
     FlyMission,
@@ -13,6 +12,7 @@ from fleet import (
     Limits,
     NotReady,
     Progress,
+    Range,
     Refused,
     Robot,
     Task,
@@ -34,6 +34,8 @@ from fleet_mavlink.words import Landed
 
 _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
+_Distance = Annotated[float, Range(-1000.0, 1000.0, "m")]  # the word says up or down, whatever the sign
+_Height = Annotated[float, Range(0.0, 10_000.0, "m above home")]  # the vehicle's ceiling is lower
 _TAKE_OVER = frozenset({"hover", "brake", "emergency_stop"})
 """The stops that mean the vehicle itself, whoever has it; the others end what we do with it."""
 _ASKED = _TAKE_OVER | {GENTLE, "pause"}
@@ -44,6 +46,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     """A multirotor on ArduPilot or PX4; which of them it is makes no difference to who commands it."""
 
     Config = MavlinkConfig
+    holonomic: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(speed=5.0, vertical_speed=2.0, yaw_rate=1.0, altitude=120.0)
     failsafe = "the autopilot holds 1 to 3 s after the last velocity; what it does then: docs/drone-safety.md"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
@@ -124,7 +127,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     # -- flying --------------------------------------------------------------------------------------
 
     @command("takeoff", timeout=90.0)
-    async def takeoff(self, *, altitude: float | None = None) -> AsyncIterator[Progress]:
+    async def takeoff(self, *, altitude: _Height | None = None) -> AsyncIterator[Progress]:
         """Arm if need be, and climb to an altitude (m above home)."""
         session = self._open()
         flight, state = session.flight, session.vehicle.state
@@ -163,13 +166,13 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         await session.stop("cancelled", takes_over=True)
 
     @command("ascend", timeout=120.0)
-    async def ascend(self, *, distance: float) -> AsyncIterator[Progress]:
+    async def ascend(self, *, distance: _Distance) -> AsyncIterator[Progress]:
         """Climb by a distance (m)."""
         async for progress in self._climb_by(abs(distance)):
             yield progress
 
     @command("descend", timeout=120.0)
-    async def descend(self, *, distance: float) -> AsyncIterator[Progress]:
+    async def descend(self, *, distance: _Distance) -> AsyncIterator[Progress]:
         """Sink by a distance (m); never to the ground."""
         async for progress in self._climb_by(-abs(distance)):
             yield progress
@@ -212,7 +215,11 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
 
     @command("set_home_location", moves=False)
     async def set_home_location(
-        self, *, latitude: float, longitude: float, altitude: float | None = None
+        self,
+        *,
+        latitude: Annotated[float, Range(-90, 90, "degrees")],
+        longitude: Annotated[float, Range(-180, 180, "degrees")],
+        altitude: Annotated[float, Range(-500, 10_000, "m above mean sea level")] | None = None,
     ) -> None:
         """Make a place home (degrees; m above mean sea level, left out: as high as home is now)."""
         await self._open().flight.set_home(latitude, longitude, altitude)
@@ -231,8 +238,6 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         height = session.vehicle.state.relative_altitude
         if height is None or not session.vehicle.state.in_air:
             raise not_in_the_air()
-        if not math.isfinite(metres):
-            raise Refused("a distance must be a finite number")
         async for progress in self._to_height(session, height + metres):
             yield progress
 

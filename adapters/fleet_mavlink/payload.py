@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from fleet import Refused, command
+from fleet import Range, Refused, command
 from fleet_mavlink.base import SessionAdapter
 from fleet_mavlink.gimbal import Turn
 
 _TENTH = 0.1  # degrees a second: the unit of a speed in ``pitch``, ``yaw`` and ``roll``
-_TENTHS = 3599.0
-_LONGEST = 60.0  # s
 _RATE = 30.0  # degrees a second
+_Angle = Annotated[float, Range(-360, 360, "degrees")]
+_Tenths = Annotated[float, Range(-3599, 3599, "tenths of a degree a second")]
+_Speed = Annotated[float, Range(-360, 360, "degrees a second")]
+_Seconds = Annotated[float, Range(0, 60, "s")]
 
 
 class PayloadCommands(SessionAdapter):
@@ -21,23 +23,21 @@ class PayloadCommands(SessionAdapter):
     async def gimbal_rotate(
         self,
         *,
-        pitch: float | None = None,
-        yaw: float | None = None,
-        roll: float | None = None,
+        pitch: _Angle | None = None,
+        yaw: _Angle | None = None,
+        roll: _Angle | None = None,
         mode: Literal["absolute", "relative"] = "absolute",
-        duration: float = 0.0,
+        duration: _Seconds = 0.0,
     ) -> None:
         """Turn the gimbal to angles (degrees; pitch down is negative, yaw is from the nose)."""
         if roll:
             raise Refused("a gimbal manager takes no roll", hint="give pitch and yaw")
         if pitch is None and yaw is None:
             raise Refused("give pitch, yaw, or both")
-        if not 0 <= duration <= _LONGEST:
-            raise Refused(f"a duration is 0 to {_LONGEST:g} s")
         await self._open().gimbal.turn(Turn(pitch, yaw, mode == "relative", duration))
 
     @command("set_gimbal_pitch", timeout=20.0, moves=False)
-    async def set_gimbal_pitch(self, *, pitch: float) -> None:
+    async def set_gimbal_pitch(self, *, pitch: _Angle) -> None:
         """Turn the gimbal's pitch to an angle (degrees, down is negative)."""
         await self._open().gimbal.turn(Turn(pitch, None))
 
@@ -45,11 +45,11 @@ class PayloadCommands(SessionAdapter):
     async def gimbal_rotate_speed(
         self,
         *,
-        pitch: float | None = None,
-        yaw: float | None = None,
-        roll: float | None = None,
-        pitch_rate: float | None = None,
-        yaw_rate: float | None = None,
+        pitch: _Tenths | None = None,
+        yaw: _Tenths | None = None,
+        roll: _Tenths | None = None,
+        pitch_rate: _Speed | None = None,
+        yaw_rate: _Speed | None = None,
     ) -> None:
         """Turn the gimbal for 1 s: pitch, yaw in 0.1 degrees a second, or the rates in degrees a second."""
         if roll:
@@ -59,12 +59,12 @@ class PayloadCommands(SessionAdapter):
         await self._open().gimbal.spin(_speed(pitch, pitch_rate), _speed(yaw, yaw_rate))
 
     @command("gimbal_pitch_up", moves=False)
-    async def gimbal_pitch_up(self, *, rate: float = _RATE) -> None:
+    async def gimbal_pitch_up(self, *, rate: _Speed = _RATE) -> None:
         """Turn the gimbal up for 1 s (degrees a second)."""
         await self._open().gimbal.spin(abs(rate), 0.0)
 
     @command("gimbal_pitch_down", moves=False)
-    async def gimbal_pitch_down(self, *, rate: float = _RATE) -> None:
+    async def gimbal_pitch_down(self, *, rate: _Speed = _RATE) -> None:
         """Turn the gimbal down for 1 s (degrees a second)."""
         await self._open().gimbal.spin(-abs(rate), 0.0)
 
@@ -77,6 +77,4 @@ class PayloadCommands(SessionAdapter):
 
 def _speed(tenths: float | None, rate: float | None) -> float:
     """Return degrees a second from either unit."""
-    if tenths is not None and not abs(tenths) <= _TENTHS:
-        raise Refused(f"a speed is within {_TENTHS:g} tenths of a degree a second")
     return rate if rate is not None else _TENTH * (tenths or 0.0)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import AsyncIterator
+from typing import Annotated
 
-from fleet import Progress, Refused, command
+from fleet import Progress, Range, Refused, command
 from fleet_mavlink import ready
 from fleet_mavlink.base import SessionAdapter
+from fleet_mavlink.logs import MOST_BYTES
 from fleet_mavlink.parameters import Parameter
+
+_Value = Annotated[float, Range(-3.4e38, 3.4e38, "in the parameter's own unit")]
 
 
 class UpkeepCommands(SessionAdapter):
@@ -31,7 +35,7 @@ class UpkeepCommands(SessionAdapter):
 
     @command("set_parameter", timeout=15.0, moves=False)
     async def set_parameter(
-        self, *, name: str, value: float, force: bool = False
+        self, *, name: str, value: _Value, force: bool = False
     ) -> dict[str, float | int | str | None]:
         """Write a parameter and read it back; on the ground unless ``force``."""
         session = self._open()
@@ -46,7 +50,13 @@ class UpkeepCommands(SessionAdapter):
         return [{"id": log.id, "size": log.size, "time": log.time} for log in await self._open().logs.list()]
 
     @command("read_log", timeout=90.0, moves=False, safe=True)
-    async def read_log(self, *, id: int, offset: int = 0, count: int = 32768) -> dict[str, object]:  # noqa: A002
+    async def read_log(
+        self,
+        *,
+        id: Annotated[int, Range(0, 65_535, "as list_logs numbers them")],  # noqa: A002
+        offset: Annotated[int, Range(0, 2**32 - 1, "bytes")] = 0,
+        count: Annotated[int, Range(1, MOST_BYTES, "bytes")] = 32768,
+    ) -> dict[str, object]:
         """Read a part of a log, as base64; ``fleet logs`` reads it whole."""
         data = await self._open().logs.read(id, offset, count)
         return {"offset": offset, "count": len(data), "data": base64.b64encode(data).decode()}

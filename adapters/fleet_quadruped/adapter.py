@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
+from typing import Annotated
 
 import msgspec
 
@@ -18,6 +19,7 @@ from fleet import (
     LinkLost,
     NotReady,
     Progress,
+    Range,
     Refused,
     Robot,
     TimedOut,
@@ -42,6 +44,7 @@ _ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
 _SILENT = 1.0  # s without a state after which the body controller counts as frozen
 _EMERGENCY = "emergency_stop"
 Condition = Callable[[], bool]
+_Height = Annotated[float, Range(-1.0, 1.0, "m")]  # the word says up or down; the body bounds it further
 _STANDS = frozenset({"standing", "walking"})
 _STILL = frozenset({"standing", "off", "damped"})
 _RECOVERING = "recovering"
@@ -134,13 +137,13 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     # -- commands ------------------------------------------------------------------------------------
 
     @command("stand_up", timeout=8.0)
-    async def stand_up(self, *, delta_z: float | None = None) -> AsyncIterator[Progress]:
+    async def stand_up(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
         """Stand up; with delta_z (m): stand that much higher."""
         async for progress in self._rise_or_lower(delta_z, up=True):
             yield progress
 
     @command("sit_down", timeout=12.0)
-    async def sit_down(self, *, delta_z: float | None = None) -> AsyncIterator[Progress]:
+    async def sit_down(self, *, delta_z: _Height | None = None) -> AsyncIterator[Progress]:
         """Sit down and take the torque off; with delta_z (m): stand that much lower."""
         async for progress in self._rise_or_lower(delta_z, up=False):
             yield progress

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator, Sequence
-from typing import ClassVar, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 from uuid import UUID
 
 from fleet import (
@@ -14,6 +14,7 @@ from fleet import (
     Limits,
     NotReady,
     Pose,
+    Range,
     Refused,
     Robot,
     Unsupported,
@@ -36,6 +37,11 @@ GivenT = TypeVar("GivenT")
 STANDSTILL = 1.0  # s that a stop waits to see the wheels stand
 NUDGE = 0.1  # rad that one camera_up, _down, _left or _right is
 SIMULATOR = "fleet_ugv.sim"
+_Level = Annotated[int, Range(0, 255, "(full brightness)")]
+_Levels = Annotated[list[int], Range(0, 255, "(full brightness)")]
+_Pan = Annotated[float, Range(-math.pi, math.pi, "rad")]
+_Tilt = Annotated[float, Range(-math.pi / 6, math.pi / 2, "rad")]
+_Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 NOT_OPEN = "the line is not open"
 
 # The host makes a new adapter for each attempt; where the robot is outlives its cable.
@@ -127,14 +133,14 @@ class UgvAdapter(Adapter[UgvConfig]):
     async def lights(
         self,
         *,
-        pwm: int | None = None,
-        all: int | None = None,  # noqa: A002 - the word of the wire
-        io4: int | None = None,
-        io5: int | None = None,
-        chassis_light: int | None = None,
-        camera_light: int | None = None,
-        data: list[int] | None = None,
-        leds: list[int] | None = None,
+        pwm: _Level | None = None,
+        all: _Level | None = None,  # noqa: A002 - the word of the wire
+        io4: _Level | None = None,
+        io5: _Level | None = None,
+        chassis_light: _Level | None = None,
+        camera_light: _Level | None = None,
+        data: _Levels | None = None,
+        leds: _Levels | None = None,
     ) -> None:
         """Set the lamps, 0 to 255: pwm or all for both, io4 or chassis_light, io5 or camera_light."""
         both = _first(pwm, all)
@@ -165,10 +171,9 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def _set_lamps(self, chassis: int, camera: int) -> None:
         """Write both lamps and note them."""
-        lamps = (min(max(chassis, 0), 255), min(max(camera, 0), 255))
         board = self._open_board()
-        board.write(board.codec.lights(*lamps))
-        self._lamps = lamps
+        board.write(board.codec.lights(chassis, camera))
+        self._lamps = (chassis, camera)
 
     @command("camera_up", moves=False, timeout=2.0)
     async def camera_up(self) -> None:
@@ -199,10 +204,10 @@ class UgvAdapter(Adapter[UgvConfig]):
     async def camera_servo(
         self,
         *,
-        pan: float | None = None,
-        tilt: float | None = None,
-        pan_delta: float = 0.0,
-        tilt_delta: float = 0.0,
+        pan: _Pan | None = None,
+        tilt: _Tilt | None = None,
+        pan_delta: _Delta = 0.0,
+        tilt_delta: _Delta = 0.0,
     ) -> None:
         """Turn the camera to pan and tilt (rad, right and up positive), or by their deltas."""
         at = self._camera
@@ -212,8 +217,6 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def _turn_camera(self, pan: float, tilt: float) -> None:
         """Turn the camera within what the mount can do."""
-        if not (math.isfinite(pan) and math.isfinite(tilt)):
-            raise Refused("pan and tilt are finite numbers of radians")
         board = self._open_board()
         camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
         board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))

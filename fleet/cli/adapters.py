@@ -80,6 +80,7 @@ def _described(plugin: Plugin) -> dict[str, Any]:
             "safe": spec.safe,
             "moves": spec.moves,
             "parameters": list(spec.parameters.__struct_fields__),
+            "ranges": {name: str(bounds) for name, bounds in spec.ranges.items()},
         }
         for spec in sorted(can.commands.values(), key=lambda spec: spec.name)
     ]

@@ -20,7 +20,7 @@ def check(out: Output, file: str) -> ExitCode:
     """Check a fleet file and tell every problem in it.
 
     Reads FILE (fleet.yaml when left out) and all it includes, and imports the adapters that its robots
-    name. Opens no link and no connection. Exit code 3 when there is a problem.
+    name. Opens no link and no connection. Exit code 3 when there is a problem; a warning changes it not.
     """
     try:
         loaded = load(file)
@@ -30,7 +30,10 @@ def check(out: Output, file: str) -> ExitCode:
         if not out.as_json:
             show_error(error)
         return ExitCode.CONFIG_INVALID
-    out.data({"ok": True, "file": file, **_summary(loaded), "problems": []})
+    warnings = [msgspec.to_builtins(warning) for warning in loaded.warnings]
+    out.data({"ok": True, "file": file, **_summary(loaded), "problems": [], "warnings": warnings})
+    for warning in loaded.warnings:
+        out.note(f"warning: {warning.shown()}")
     out.say(f"{file} is valid: {_sentence(loaded)}")
     return ExitCode.OK
 

@@ -22,6 +22,8 @@ def run_edge(out: Output, file: str, verbose: int) -> ExitCode:
     loaded = load(file, partial=True)
     for problem in loaded.problems:
         out.note(f"left out: {problem}")
+    for warning in loaded.warnings:
+        out.note(f"warning: {warning}")
 
     def started(_edge: Edge) -> None:
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")

@@ -61,6 +61,39 @@ def _place(index: int, key: str, document: Document) -> Mark:
     return mark if mark and mark.path[:2] == robot.path else robot
 
 
+def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -> None:
+    """Warn of a battery policy that calls a robot home only when its reserve is used up."""
+    for index, robot in robots.items():
+        policy = robot.battery_policy
+        if policy is None or policy.low >= policy.reserve:
+            continue
+        at = ("robots", index, "battery_policy")
+        mark = document.keys.get((*at, "low")) or document.marks.get(at) or document.marks["robots", index]
+        message = f"low ({policy.low:g} %) is below reserve ({policy.reserve:g} %)"
+        document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
+
+
+def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:
+    """Report stop inputs of one name, and those that stop what there is not."""
+    inputs, listed, groups = data.get("stop_inputs"), data.get("robots"), data.get("groups")
+    if not isinstance(inputs, list) or not isinstance(listed, list):
+        return
+    names = {str(robot["name"]) for robot in listed if isinstance(robot, dict) and "name" in robot}
+    names |= set(groups) if isinstance(groups, dict) else set()
+    taken: set[str] = set()
+    for index, one in enumerate(inputs):
+        if not isinstance(one, dict):
+            continue
+        if one.get("name") in taken:
+            document.report(document.marks["stop_inputs", index, "name"], "another stop input has this name")
+        taken.add(str(one.get("name")))
+        stopped = one.get("robots")
+        for at, name in enumerate(stopped if isinstance(stopped, list) else ()):
+            if isinstance(name, str) and name not in names:
+                mark = document.marks["stop_inputs", index, "robots", at]
+                document.report(mark, f"there is no robot or group {name!r}", nearest(name, names))
+
+
 def check_groups(data: Mapping[str, Any], document: Document) -> None:
     """Report groups that name no robot, name one twice, or are called like one."""
     groups = data.get("groups")

@@ -16,7 +16,14 @@ from typing import Any
 import msgspec
 from pydantic import ConfigDict, Field
 
-from fleet.config.checks import Identity, check_groups, check_robots, identity_of
+from fleet.config.checks import (
+    Identity,
+    check_groups,
+    check_robots,
+    check_stop_inputs,
+    identity_of,
+    warn_of_batteries,
+)
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated
 from fleet.config.problems import InvalidConfig, Path, Problem
@@ -35,13 +42,14 @@ class Loaded(msgspec.Struct, frozen=True):
 
     ``robots`` pairs each robot's config with its plugin (always loaded). ``problems`` is empty unless the
     fleet was loaded partially: then it says why the other robots cannot run, and ``config`` (its groups
-    too) holds only those that can.
+    too) holds only those that can. ``warnings``: what a person should look at, though it can run.
     """
 
     config: FleetConfig
     registry: Registry
     robots: tuple[tuple[AdapterConfig, Plugin], ...]
     problems: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
 
 
 class _Made(msgspec.Struct, frozen=True):
@@ -94,6 +102,8 @@ def load(
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
+    check_stop_inputs(data, document)
+    warn_of_batteries({index: robot.config for index, robot in robots.items()}, document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
     fatal = not runnable or any(not _ROBOT_PATH.match(problem.path) for problem in problems)
@@ -106,7 +116,7 @@ def load(
             "robots": tuple(config for config, _ in runnable),
         }
     )
-    return Loaded(config, registry, runnable, problems)
+    return Loaded(config, registry, runnable, problems, tuple(document.warnings))
 
 
 def registry_for(

@@ -234,6 +234,39 @@ class SiteConfig(Model):
         return self
 
 
+class StopInputConfig(Model):
+    """A device whose heartbeat lets robots move: without it they are stopped. Not safety-rated."""
+
+    name: Name = Field(description="What it is called in logs and health.")
+    kind: Literal["serial", "gpio", "hid"] = Field(
+        description="What is heard: bytes of a serial line, rising edges of a GPIO line, reports of HID."
+    )
+    device: str = Field(
+        pattern=r"^/",
+        description="/dev/serial/by-id/..., /dev/gpiochipN or /dev/hidrawN; what it is, is "
+        "seen when the edge runs: one that cannot be opened stops the robots.",
+    )
+    baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400] = Field(
+        9600, description="Of a serial line."
+    )
+    heartbeat: str = Field(
+        "", max_length=64, description="Text that a serial line must say; left out, any byte will do."
+    )
+    line: int | None = Field(None, ge=0, le=65535, description="Of a GPIO chip: the line's offset.")
+    timeout: float = Field(
+        0.5, ge=0.1, le=5.0, description="Seconds without a heartbeat after which the robots are stopped."
+    )
+    robots: tuple[Name, ...] = Field((), description="Robots and groups that it stops. None: all.")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if (self.kind == "gpio") != (self.line is not None):
+            raise wrong("line" if self.line is not None else "kind", "a GPIO line, and no other, has line:")
+        if self.heartbeat and self.kind != "serial":
+            raise wrong("heartbeat", "only a serial line says text")
+        return self
+
+
 class Sections(Model):
     """Everything in fleet.yaml but the robots themselves."""
 
@@ -256,6 +289,9 @@ class Sections(Model):
         {}, description="Merged under every robot; what a robot says itself wins."
     )
     groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
+    stop_inputs: tuple[StopInputConfig, ...] = Field(
+        (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
+    )
 
 
 class FleetConfig(Sections):

@@ -43,16 +43,25 @@ class Document(msgspec.Struct):
     spoiled: set[Path] = set()
     secrets: set[str] = set()
     problems: list[Problem] = []
+    warnings: list[Problem] = []
     lines: dict[str, list[str]] = {}
 
     def report(self, mark: Mark, message: str, hint: str = "") -> None:
         """Add a problem with its line of text; secrets are taken out of the words."""
+        self.problems.append(self._told(mark, message, hint))
+
+    def warn(self, mark: Mark, message: str, hint: str = "") -> None:
+        """Add what a person should look at, though the file can be used."""
+        self.warnings.append(self._told(mark, message, hint))
+
+    def _told(self, mark: Mark, message: str, hint: str) -> Problem:
+        """Return what is wrong, with its line of text and without secrets."""
         lines = self.lines.get(mark.file, [])
         text = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""
         for secret in sorted(self.secrets, key=len, reverse=True):
             if len(secret) >= SHORTEST_SECRET:
                 message, hint = message.replace(secret, "****"), hint.replace(secret, "****")
-        self.problems.append(problem_at(mark, message, text=text, hint=hint))
+        return problem_at(mark, message, text=text, hint=hint)
 
     def copy_places(self, source: Path, target: Path, value: Any) -> None:
         """Let ``value``, which stands at ``source``, be told there when it is used at ``target`` too."""

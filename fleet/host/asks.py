@@ -10,8 +10,8 @@ import msgspec
 from fleet.errors import WireError
 from fleet.model.command import Answer, Command, Origin, Reply, Setpoint, Way
 from fleet.model.navigation import Control, Navigate
-from fleet.robot_config import AdapterConfig, Limits
-from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
+from fleet.robot_config import AdapterConfig
+from fleet.wire.commands import Defaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
@@ -23,38 +23,29 @@ log = logging.getLogger(__name__)
 Ask = Command | Setpoint | Navigate
 
 LARGEST = MIB  # bytes of a message that is read
-VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude
-
-
-def _within(limit: float | None) -> float:
-    """Return the default magnitude, or the limit where that is smaller."""
-    return VERB_SPEED if limit is None else min(VERB_SPEED, limit)
 
 
 class Decoder:
     """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read.
 
-    ``home_altitude`` gives metres above sea level of the take-off point, from which geodetic goals count.
+    ``defaults`` gives the magnitudes of a session's verbs that bring none, ``home_altitude`` metres above sea
+    level of the take-off point, from which geodetic goals count.
     """
 
     def __init__(
         self,
         config: AdapterConfig,
-        limits: Limits,
+        defaults: Defaults,
         *,
         planar: bool,
         home_altitude: Callable[[], float | None] = lambda: None,
     ) -> None:
+        self._twin = str(config.twin)
         self._order = config.rotation_order
         self._origin = config.origin
         self._home_altitude = home_altitude
         self._planar = planar
-        self._defaults = MotionDefaults(
-            forward=_within(limits.speed),
-            lateral=_within(limits.speed),
-            vertical=_within(limits.vertical_speed),
-            yaw_rate=_within(limits.yaw_rate),
-        )
+        self._defaults = defaults
         self._decoders: dict[Kind, Callable[..., Ask | None]] = {
             "navigate": self._navigate,
             "motion": decode_motion,
@@ -86,10 +77,12 @@ class Decoder:
     def _decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
         """Decode a message strictly."""
         if kind == "command":
-            return decode_command(payload, way=way, request_id=request_id, defaults=self._defaults)
-        return self._decoders[kind](payload, way=way, request_id=request_id)
+            return decode_command(
+                payload, way=way, request_id=request_id, defaults=self._defaults, twin=self._twin
+            )
+        return self._decoders[kind](payload, way=way, request_id=request_id, twin=self._twin)
 
-    def _navigate(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
+    def _navigate(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:
         """Decode the ``navigate/command`` topic's messages."""
         origin = self._origin
         home = self._home_altitude()
@@ -101,11 +94,12 @@ class Decoder:
             planar=self._planar,
             home_altitude=origin.altitude if home is None and origin else home,
             origin_heading=origin.heading if origin else 0.0,
+            twin=twin,
         )
 
-    def _mission(self, payload: bytes, *, way: Way, request_id: str) -> Ask | None:  # noqa: ARG002 - the others have it
+    def _mission(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
         """Decode the ``mission/command`` topic's messages."""
-        return decode_mission(payload, way=way)
+        return decode_mission(payload, way=way, twin=twin)
 
 
 def _flawed(stop: str, way: Way, error: WireError) -> Command:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from fleet.host.safety.reserve import Reserve
 from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Way
+from fleet.model.command import Command, Origin, Reply, Way
 from fleet.robot_config import BatteryPolicy
 
 
@@ -14,7 +14,8 @@ class BatteryWatch:
     """One robot's battery, by its policy.
 
     ``tell`` says what happened, by a word and its fields; ``ask`` sends the robot a command of ours; ``free``
-    tells whether nobody else has it, and nothing makes it safer already.
+    tells whether nobody else has it, and nothing makes it safer already. ``forced`` says what was done with
+    the robot because of its battery, until that was charged; empty while nothing was.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class BatteryWatch:
         self._free = free
         self._percent: float | None = None
         self._told_low = self._acted = False
+        self.forced = ""
 
     def see(self, percent: float | None) -> None:
         """Tell once of a low battery, and act on it once the robot is free; again after it was charged."""
@@ -40,6 +42,7 @@ class BatteryWatch:
             return
         if self._reserve.is_charged(percent):
             self._told_low = self._acted = False
+            self.forced = ""
         if not self._reserve.is_low(percent):
             return
         if not self._told_low:
@@ -49,6 +52,17 @@ class BatteryWatch:
             ticket = Ticket(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
             self._acted = ticket.ended is None  # else it was refused at once: it is asked again
+            self.forced = f"{self._action} by battery_policy: the battery was at {percent:.0f} %"
+            ticket.watch(self._ended)
+
+    def _ended(self, reply: Reply) -> None:
+        """Note that what was done about the battery failed."""
+        if reply.done is False and self.forced:
+            self.forced = f"{self._action} by battery_policy failed: {reply.reason}"
+
+    def start_trouble(self) -> str:
+        """Return why a flight may not begin; empty: it may."""
+        return self._reserve.start_trouble(self._percent)
 
     def trouble(self, metres: float = 0.0, speed: float | None = None) -> str:
         """Return why a way of ``metres`` (there and home, at ``speed`` m/s) may not begin; empty: it may."""

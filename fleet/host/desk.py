@@ -26,6 +26,7 @@ from fleet.host.make import Capabilities
 from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
+from fleet.host.safety.speeds import Speeds
 from fleet.host.standstill import stand_still, write_halt
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
@@ -33,6 +34,7 @@ from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report, TelemetryReport
 from fleet.robot_config import AdapterConfig
+from fleet.wire.commands import SETTINGS
 from fleet.wire.stops import EMERGENCY, STOP_WORDS
 
 log = logging.getLogger(__name__)
@@ -71,11 +73,16 @@ class Desk:
         self._crashed = crashed
         self._clock = clock
         self._journal = journal
-        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch))
-        self.pull = self._admission.latch.pull  # any thread; the robot itself hears nothing of it
-        self.record, self.senders = self._admission.latch.record, self._admission.offsets
+        self.speeds = Speeds(limits)
+        self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
+        self.latch = self._admission.latch  # any thread; the robot itself hears nothing of it
+        self.senders = self._admission.offsets
         self._repeats = journal.repeats(clock.monotonic())
-        self._own = {RELEASE: self._admission.latch.release, RESTART: restart}
+        self._own: dict[str, Callable[[Command], Any]] = {
+            RELEASE: lambda _: self.latch.release(),
+            RESTART: lambda _: restart(),
+            **dict.fromkeys(SETTINGS if capabilities.drives else (), self.speeds.store),
+        }
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
@@ -93,7 +100,7 @@ class Desk:
     @property
     def latched(self) -> bool:
         """True while an emergency stop is set."""
-        return self._admission.latch.set
+        return self.latch.set
 
     @property
     def activity(self) -> str:
@@ -153,13 +160,14 @@ class Desk:
     def detach(self, why: str) -> None:
         """Take the adapter away."""
         self.lost(why)
+        self._admission.taken_over()
         self._adapter, self.in_control = None, False
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
         log.warning("%s: authority lost: %s", self.name, reason)
         self._end_motion(f"authority lost: {reason}")
-        self._admission.lease.free()
+        self._admission.taken_over()
         self.in_control, self.adrift, self.guard.taken = False, False, True
         self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
@@ -179,8 +187,8 @@ class Desk:
 
     def emergency(self, why: str) -> None:
         """Latch, write the emergency halt, record; the last two may hang; any thread. ``receive`` follows."""
-        self.pull(why)
-        in_turn((partial(self.halt, emergency=True), self.record), wait=HALT_WAIT)
+        self.latch.pull(why)
+        in_turn((partial(self.halt, emergency=True), self.latch.record), wait=HALT_WAIT)
 
     def halt(self, *, emergency: bool = False) -> None:
         """Write the halt at once; from any thread (the watchdog's); never raises."""
@@ -221,15 +229,14 @@ class Desk:
         if first is not None:
             ticket.follow(first)
             return
-        moves, safe = (spec.moves, spec.safe) if spec else (False, True)
+        moves, safe = (spec.moves, spec.safe) if spec else (ask.name in SETTINGS, ask.name not in SETTINGS)
         refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:
             log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
             self._journal.note(ask.id, ask.name)
-            own()
-            ticket.done()
+            ticket.done(own(ask))
         elif spec is not None:
             self._execute(spec, ask, ticket)
         self.last.follow(ask.name, ticket)
@@ -289,7 +296,7 @@ class Desk:
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
         """Take a velocity: the newest wins, at once."""
-        refusal = self._admission.setpoint(ask) if self._can.drives else f"{self.name} takes no velocities"
+        refusal = self._can.refusal(ask.velocity) or self._admission.setpoint(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
         if refusal is not None or self._adapter is None or self.offline:
@@ -358,14 +365,7 @@ class Desk:
 
     def _zero(self, adapter: Adapter[Any]) -> None:
         """Hold zero velocity; an adapter that cannot even do that is halted."""
-        try:
-            self._driving.stand(adapter)
-        except (CommandError, LinkError) as error:
-            log.warning("%s: %s", self.name, error)
-            self.halt()
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
-            self.halt()
-            self._crashed(error)
+        self._driving.stand(adapter, halt=self.halt, crashed=self._crashed)
 
     def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
         """Stop, pause or resume the running action; a stop and a pause are never a repeat."""

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from fleet.errors import WireError
-from fleet.host.asks import VERB_SPEED, Ask
+from fleet.host.asks import Ask
 from fleet.host.follow.follower import TIGHTEST
 from fleet.host.make import Capabilities
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Constraints, Navigate, RelativeMove
-from fleet.robot_config import Limits
-from fleet.wire.commands import VERBS, Verb
+from fleet.wire.commands import VERBS, Defaults, Verb
 from fleet.wire.envelope import BadCommand
 
 SHORTEST = 2 * TIGHTEST  # m; less is within what counts as arrived
 LONGEST = 30.0  # s that such a way may take
 
 
-def goal_of(ask: Ask | None, can: Capabilities, limits: Limits) -> Ask | None:
+def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | None:
     """Return the goal that a verb with a distance means; any other ask as it is.
 
     Verbs that the adapter declares are its own business. Raises BadCommand for what is no way, with the
-    reason, and for one that takes longer than ``LONGEST`` at the speed of a verb.
+    reason, and for one that takes longer than ``LONGEST`` at the speed of a verb, which ``defaults`` gives.
     """
     if not isinstance(ask, Command) or ask.name not in VERBS or ask.name in can.commands:
         return ask
     verb, distance = VERBS[ask.name], float(ask.data["distance"])
-    speed = min(VERB_SPEED, limits.speed or VERB_SPEED)
-    refusal = _refusal(verb, can, limits)
+    speed = getattr(defaults(ask.origin.session), verb.default)
+    refusal = _refusal(verb, can) or ("" if speed else "its speed is set to 0")
     if not refusal and not SHORTEST <= distance <= speed * LONGEST:
         refusal = f"{distance:g} m is not {SHORTEST:g} to {speed * LONGEST:g} m; send a goal for more"
     if refusal:
@@ -38,12 +37,12 @@ def goal_of(ask: Ask | None, can: Capabilities, limits: Limits) -> Ask | None:
     return Navigate(RelativeMove(way, constraints=constraints), ask.id, ask.origin, ask.stamp, ask.name)
 
 
-def _refusal(verb: Verb, can: Capabilities, limits: Limits) -> str:
+def _refusal(verb: Verb, can: Capabilities) -> str:
     """Return why a robot cannot go along an axis for a distance; empty when it can."""
     if verb.axis == "yaw":
         return f"a turn has no distance; say {verb.own_field} (rad/s)"
-    if verb.axis == "y" and not (can.navigates or can.holonomic):
+    if verb.axis == "y" and not can.holonomic:
         return "it does not move sideways"
-    if verb.axis == "z" and limits.vertical_speed is None:
+    if verb.axis == "z" and can.limits.vertical_speed is None:
         return "it stays on the ground"
     return ""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.clock import Clock
+from fleet.errors import CommandError, LinkError
 from fleet.host.guard import Guard
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.keys import Keys
@@ -14,6 +17,8 @@ from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
 from fleet.wall import called
+
+log = logging.getLogger(__name__)
 
 
 class Driving:
@@ -65,10 +70,19 @@ class Driving:
             self._guard.held = velocity
             called(self._adapter.drive, velocity)
 
-    def stand(self, adapter: Adapter[Any]) -> None:
-        """Have the adapter hold zero velocity; raises what the adapter raises."""
+    def stand(
+        self, adapter: Adapter[Any], *, halt: Callable[[], None], crashed: Callable[[Exception], None]
+    ) -> None:
+        """Have the adapter hold zero velocity; one that cannot even do that is halted."""
         self.let_go()
-        called(adapter.drive, ZERO_VELOCITY)
+        try:
+            called(adapter.drive, ZERO_VELOCITY)
+        except (CommandError, LinkError) as error:
+            log.warning("%s: %s", adapter.config.name, error)
+            halt()
+        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
+            halt()
+            crashed(error)
 
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""

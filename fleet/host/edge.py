@@ -37,6 +37,7 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
+from fleet.host.stop_inputs import StopInputs
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
@@ -106,6 +107,15 @@ class Edge:
             self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._stop_inputs = StopInputs(
+            config.stop_inputs,
+            self._groups,
+            self.process.robots,
+            stop=self._stop_robots,
+            renew=self._renew_stops,
+            hold=self._hold_stop,
+            clock=clock,
+        )
         self._cloud_holders: dict[str, str] = {}
         self._metrics_problem = ""
 
@@ -152,6 +162,7 @@ class Edge:
             self._serve_metrics()
             self._declare(ended)
             self.process.start()
+            self._stop_inputs.start(self.process.watchdog.add)
             if self.bridge is not None:
                 self.process.wheel.at_end(self.bridge.turn)
                 self.bridge.start()
@@ -164,6 +175,7 @@ class Edge:
         finally:
             for task in workers:
                 task.cancel()
+            await asyncio.to_thread(self._stop_inputs.end)
             await self.process.stop()
             await asyncio.gather(*workers, return_exceptions=True)
             if self.bridge is not None:
@@ -208,7 +220,8 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        problems = (self.bus.problem, self.process.journal.problem, self._metrics_problem)
+        journal, inputs = self.process.journal.problem, self._stop_inputs.problem
+        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -347,6 +360,23 @@ class Edge:
         for robot in self.remote.values():
             if robot.worker == worker:
                 robot.worker_is(cause)
+
+    def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
+        """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
+        self.process.stop_robots(names, why)
+        for robot in self.remote.values():
+            if not names or robot.name in names:
+                robot.emergency(why)
+
+    def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
+        """Set the stop again of robots in workers that do not have it; from any thread."""
+        for robot in self.remote.values():
+            if (not names or robot.name in names) and not robot.state().emergency_stop:
+                robot.emergency(why)
+
+    def _hold_stop(self, name: str, why: str) -> None:
+        """Keep a robot's stop from being released; from any thread."""
+        self.process.robots[name].desk.latch.held = why
 
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""

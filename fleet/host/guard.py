@@ -133,6 +133,11 @@ class Guard:
         log.warning("%s: %s %s", self._name, kind, fields)
         self._publish(TelemetryReport(self._clock.time(), kind, fields))
 
+    @property
+    def forced(self) -> str:
+        """What the battery made us do with the robot; empty while that is nothing."""
+        return self._battery.forced if self._battery is not None else ""
+
     # -- what may be asked of it ---------------------------------------------------------------------
 
     def beginning(self, ask: Command) -> str | None:
@@ -160,7 +165,7 @@ class Guard:
             return None
         if self._trouble:
             return f"it is {self._trouble}"
-        return (self._battery.trouble() or None) if self._battery else None
+        return (self._battery.start_trouble() or None) if self._battery else None
 
     def task(self, task: Task | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
@@ -173,6 +178,8 @@ class Guard:
             return str(error)
         home = self._home_point()
         trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
+        if not trouble and self._battery is not None and isinstance(task, FlyMission):
+            trouble = self._battery.start_trouble()
         if not trouble and self._battery is not None:
             trouble = self._battery.trouble(_length((start, *points, home)), self._speed(task))
         if not trouble and self.apart is not None:

@@ -115,13 +115,6 @@ class LocalRobot:
         self._log = logging.getLogger(f"fleet.robot.{config.name}")
         self._refusals = Tally(self._log, clock)
         self._can = can = timed(capabilities(plugin), config)
-        self._limits = config.limits.over(can.limits)
-        self._decoder = Decoder(
-            config,
-            self._limits,
-            planar=can.limits.vertical_speed is None,
-            home_altitude=lambda: self._seen.home_altitude,
-        )
         self.desk = Desk(
             config,
             can,
@@ -130,6 +123,12 @@ class LocalRobot:
             restart=self._restart,
             journal=journal,
             clock=clock,
+        )
+        self._decoder = Decoder(
+            config,
+            self.desk.speeds.of,
+            planar=can.limits.vertical_speed is None,
+            home_altitude=lambda: self._seen.home_altitude,
         )
         self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._changed = changed
@@ -149,7 +148,7 @@ class LocalRobot:
         apart = Apart(
             self.config,
             self.config.separation.over(self._can.separation),
-            self._limits,
+            self.config.limits.over(self._can.limits),
             clock=self._clock,
             others=traffic,
             mover=self.desk,
@@ -181,7 +180,7 @@ class LocalRobot:
         arrived = self._arrival()
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
-            ask = goal_of(ask, self._can, self._limits)
+            ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
             return Asked(partial(self._refuse, kind, error))
         if ask is None:
@@ -281,11 +280,10 @@ class LocalRobot:
         )
 
     def _health(self) -> Health:
-        """Return how the robot is; one that is well but held or slowed for another is degraded."""
-        health, apart = self.runner.health, self.desk.guard.apart
-        if health.level is Level.OK and apart is not None and apart.cause:
-            return Health(Level.DEGRADED, apart.cause)
-        return health
+        """Return how the robot is: well, but for what its battery or another robot made us do with it."""
+        health, guard = self.runner.health, self.desk.guard
+        cause = guard.forced or (guard.apart.cause if guard.apart is not None else "")
+        return Health(Level.DEGRADED, cause) if cause and health.level is Level.OK else health
 
     def _new_handle(self, runner: Runner) -> Handle:
         """Return the handle of a new run."""

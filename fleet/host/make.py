@@ -13,10 +13,12 @@ from fleet.adapter import Adapter, FrameAdapter
 from fleet.commands import CommandSpec, arguments, commands_of
 from fleet.host.framed import Framed
 from fleet.model.command import Command
+from fleet.model.geometry import Velocity
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
 _VERB_TIMEOUT = 10.0  # s
+_NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
 
 
 class Capabilities(msgspec.Struct, frozen=True):
@@ -29,6 +31,16 @@ class Capabilities(msgspec.Struct, frozen=True):
     separation: Separation = Adapter.separation
     holonomic: bool = False
     combines_keys: bool = False
+
+    def refusal(self, velocity: Velocity) -> str | None:
+        """Return why the robot cannot move like this at all; None when it can."""
+        if not self.drives:
+            return "it takes no velocities"
+        if not self.holonomic and abs(velocity.linear.y) > _NOTHING:
+            return "it does not move sideways"
+        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
+            return "it stays on the ground"
+        return None
 
     @property
     def moves(self) -> bool:

@@ -260,10 +260,10 @@ class RobotProcess:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
         for robot in stopped:
-            robot.desk.pull(why)
+            robot.desk.latch.pull(why)
         # One whose halt is held up must not keep the next one moving.
         in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
-        in_turn((robot.desk.record for robot in stopped), wait=HALT_WAIT)
+        in_turn((robot.desk.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
             robot.follow_emergency(why)
         return [robot.name for robot in stopped]

@@ -18,6 +18,7 @@ from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.asks import Decoder, is_stop, told_flaw
 from fleet.host.local import patience, source_type
+from fleet.host.safety.speeds import Speeds
 from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
@@ -70,7 +71,7 @@ class RemoteRobot:
             worker=self.worker,
         )
         # Only to see what is asked: the worker decodes with the robot's own limits.
-        self._decoder = Decoder(config, config.limits, planar=False)
+        self._decoder = Decoder(config, Speeds(config.limits).of, planar=False)
         control.answer(keys.state(edge, self.name), self._state_asked)
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 

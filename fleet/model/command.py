@@ -71,7 +71,8 @@ class Reply(msgspec.Struct, frozen=True, omit_defaults=True):
     """The one answer to a command, and, for whoever waits, how it ended.
 
     ``done`` is None in the receipt, True once the robot was seen to have done it. ``data`` is what was
-    asked for, plain JSON values, in the end of a command that asks for something.
+    asked for, plain JSON values, in the end of a command that asks for something, and in its receipt when it
+    was done at once.
     """
 
     command: str

@@ -18,11 +18,12 @@ import typing
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import msgspec
 import pytest
 from pydantic import ValidationError
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
-from fleet.commands import CommandSpec
+from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, Unsupported
 from fleet.host.framed import Framed
 from fleet.host.make import AdapterClass, capabilities, make_adapter, perform
@@ -88,6 +89,19 @@ class AdapterContract:
     def test_every_command_method_says_what_it_does(self) -> None:
         methods = {name: spec for name, spec in self._commands().items() if spec.method != "encode"}
         assert [name for name, spec in methods.items() if not spec.summary] == []
+
+    def test_every_number_of_a_command_has_a_range_and_a_unit(self) -> None:
+        for name, spec in self._commands().items():
+            fields = msgspec.structs.fields(spec.parameters)
+            numbers = [field.name for field in fields if _is_number(field.type)]
+            assert [each for each in numbers if each not in spec.ranges] == [], f"{name} needs a Range"
+            assert all(bounds.unit and bounds.least < bounds.most for bounds in spec.ranges.values()), name
+
+    def test_data_that_a_command_does_not_know_is_refused_before_anything_moves(self) -> None:
+        for spec in self._commands().values():
+            if spec.moves and not spec.safe:
+                with pytest.raises(Refused, match="takes no 'no_such_field'"):
+                    arguments(spec, {"no_such_field": 1})
 
     def test_something_stops_it_when_its_process_dies(self) -> None:
         adapter = self.make()
@@ -218,6 +232,11 @@ class FrameContract(AdapterContract):
     def _encoded(inner: FrameAdapter[Any], ask: Command | Velocity) -> list[bytes]:
         """Return the frames that carry something out."""
         return list(inner.encode(ask))
+
+
+def _is_number(form: object) -> bool:
+    """Return True for a type whose values are numbers, or lists of them, or nothing."""
+    return any(_is_number(inner) for inner in typing.get_args(form)) or form in (int, float)
 
 
 async def _refused(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> bool:

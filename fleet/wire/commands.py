@@ -29,11 +29,18 @@ from fleet.wire.envelope import (
     tolerant,
 )
 from fleet.wire.samples import json_payload, stamp_of_header
+from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
 
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
+_VELOCITY = frozenset(VELOCITY_FIELDS)
+_VERB_DATA = _VELOCITY | {"distance"}
+_FLAT_TWIST = _VELOCITY | {"angular_x", "angular_y"}  # roll and pitch rates are not used
+_TWIST = frozenset({"linear", "angular"})
+_AXES = frozenset("xyz")
+_BODIES = frozenset({"data", "velocity_command"})
 
 
 Axis = Literal["x", "y", "z", "yaw"]
@@ -70,10 +77,13 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
     }
 )
 
-AXIS_WORDS: Mapping[str, tuple[Axis, str]] = MappingProxyType(
-    {"set_linear_velocity": ("x", "linear"), "set_angular_velocity": ("yaw", "angular")}
+SETTINGS: Mapping[str, str] = MappingProxyType(
+    {"set_linear_velocity": "linear", "set_angular_velocity": "angular"}
 )
-"""Commands that set the signed speed of one axis, by a field of their data; a joystick sends them in turn."""
+"""Commands that store the magnitude of later verbs, a field of their data in m/s or rad/s; nothing moves."""
+
+Defaults = Callable[[str], MotionDefaults]
+"""The magnitudes for the verbs of a session that bring none."""
 
 _Integer = Annotated[int, msgspec.Meta(ge=-LARGEST_INTEGER, le=LARGEST_INTEGER)]
 
@@ -113,11 +123,12 @@ class _Envelope(msgspec.Struct, frozen=True):
 
 
 def decode_command(
-    payload: bytes, *, way: Way, request_id: str = "", defaults: MotionDefaults
+    payload: bytes, *, way: Way, request_id: str = "", defaults: Defaults, twin: str = ""
 ) -> Command | Setpoint | None:
     """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
 
-    ``request_id`` is the asker's own (Correlation Data, a query's id). Raises BadCommand, which is a
+    ``request_id`` is the asker's own (Correlation Data, a query's id), ``twin`` is whose topic it is: a
+    message that names another is refused. Raises BadCommand, which is a
     WireError with the name of the command where that could be read.
     """
     name = ""
@@ -136,13 +147,13 @@ def decode_command(
         if is_reply(message):
             return None
         name = name_of(message)
-        envelope = _envelope(name, message, payload, way, request_id)
+        envelope = _envelope(name, message, payload, way, request_id, twin=twin)
         return _MEANINGS.get(name, _plain)(envelope, defaults)
     except WireError as error:
         raise BadCommand(error, command=name) from None
 
 
-def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Command | Setpoint:
+def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | Setpoint:
     """Return the setpoint of a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
@@ -155,8 +166,9 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "") -> Command 
         stop = stop_asked(message, way)
         if stop is not None:
             return stop
-        envelope = _envelope("motion", message, payload, way, request_id)
-        nested = "linear" in message or "angular" in message
+        envelope = _envelope("motion", message, payload, way, request_id, twin=twin)
+        nested = not message.keys().isdisjoint(_TWIST)
+        refuse_misspelt(message, _TWIST if nested else _FLAT_TWIST)
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
     except WireError as error:
         raise BadCommand(error, command="motion") from None
@@ -185,10 +197,14 @@ def _usual(payload: bytes) -> _Usual | None:
     return read if payload.count(b":") == members else None
 
 
-def _envelope(name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str) -> _Envelope:
+def _envelope(
+    name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str, *, twin: str
+) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
-    origin, stamp = origin_and_stamp(message, way, strict=strict)
+    if strict:
+        refuse_misspelt(message, _BODIES)
+    origin, stamp = origin_and_stamp(message, way, strict=strict, twin=twin)
     data = tolerant(_data, message, strict=strict)
     return _Envelope(name, data or {}, message, payload, request_id, origin, stamp)
 
@@ -203,22 +219,30 @@ def _data(message: Mapping[str, Any]) -> dict[str, Any]:
     return {} if message.get("data") is None else child(message, "data")
 
 
-def _plain(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+def _plain(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read a command whose data is the adapter's business."""
     return envelope.command(envelope.name, envelope.data)
 
 
-def _verb(envelope: _Envelope, defaults: MotionDefaults) -> Command | Setpoint:
-    """Read a motion verb: it fixes axis and sign, the data only says how much."""
+def _verb(envelope: _Envelope, defaults: Defaults) -> Command | Setpoint:
+    """Read a motion verb: it fixes axis and sign, the data only says how much.
+
+    A speed along another axis than the verb's is refused: ``move`` has them all.
+    """
     verb = VERBS[envelope.name]
+    refuse_unknown(envelope.data, _VERB_DATA, "data")
     given = {field: optional_number(envelope.data, field, "data") for field in VELOCITY_FIELDS}
     distance = optional_number(envelope.data, "distance", "data")
     own = given[verb.own_field]
     if own is None and distance is not None:
         return envelope.command(envelope.name, {"distance": abs(distance)})
-    magnitude = own if own is not None else given["linear_x"]
+    used = verb.own_field if own is not None else "linear_x"
+    for field, value in given.items():
+        if value and field != used:
+            raise WireError(f"{envelope.name} has only {verb.own_field}; move has all", where=f"data.{field}")
+    magnitude = given[used]
     if magnitude is None:
-        magnitude = getattr(defaults, verb.default)
+        magnitude = getattr(defaults(envelope.origin.session), verb.default)
     return envelope.setpoint(_along(verb.axis, verb.sign * abs(magnitude)))
 
 
@@ -229,9 +253,11 @@ def _along(axis: Axis, value: float) -> Velocity:
     return Velocity(Vector3(**{axis: value}))
 
 
-def _move(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
+def _move(envelope: _Envelope, _defaults: Defaults) -> Setpoint:
     """Read ``move``, whose fields are signed."""
-    return envelope.setpoint(_signed(envelope.data, "data"))
+    velocity = _signed(envelope.data, "data")
+    refuse_unknown(envelope.data, _VELOCITY, "data")
+    return envelope.setpoint(velocity)
 
 
 def _signed(members: Mapping[str, Any], where: str) -> Velocity:
@@ -256,10 +282,11 @@ def _axes(message: Mapping[str, Any], name: str) -> Vector3:
     if name not in message:
         return Vector3()
     members = child(message, name)
+    refuse_unknown(members, _AXES, name)
     return Vector3(*(optional_number(members, axis, name) or 0.0 for axis in "xyz"))
 
 
-def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Command | Setpoint:
+def _velocity_contract(envelope: _Envelope, _defaults: Defaults) -> Command | Setpoint:
     """Read a velocity contract, which stands beside ``data``; a duration of 0 is a stop."""
     inside = "velocity_command" not in envelope.message
     body = envelope.data if inside else child(envelope.message, "velocity_command")
@@ -269,27 +296,28 @@ def _velocity_contract(envelope: _Envelope, _defaults: MotionDefaults) -> Comman
     return envelope.setpoint(velocity, lease)
 
 
-def _axis(envelope: _Envelope, _defaults: MotionDefaults) -> Setpoint:
-    """Read the signed speed of one axis."""
-    axis, field = AXIS_WORDS[envelope.name]
-    return envelope.setpoint(_along(axis, number(envelope.data, field, "data")))
+def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
+    """Read a magnitude that is to be stored; its sign says nothing, as that of a verb."""
+    field = SETTINGS[envelope.name]
+    refuse_unknown(envelope.data, frozenset({field}), "data")
+    return envelope.command(envelope.name, {field: abs(number(envelope.data, field, "data"))})
 
 
-def _estop(envelope: _Envelope, _defaults: MotionDefaults) -> Command:
+def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read the emergency switch of ground robots."""
     freed = releases("estop", envelope.data)
     return envelope.command("release_emergency_stop" if freed else EMERGENCY, {})
 
 
-_MEANINGS: Mapping[str, Callable[[_Envelope, MotionDefaults], Command | Setpoint]] = MappingProxyType(
+_MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = MappingProxyType(
     {
         **dict.fromkeys(VERBS, _verb),
         "move": _move,
         "velocity_command": _velocity_contract,
         "locomotion_velocity": _velocity_contract,
-        **dict.fromkeys(AXIS_WORDS, _axis),
+        **dict.fromkeys(SETTINGS, _setting),
         "estop": _estop,
     }
 )
-VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop"}
+VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop", *SETTINGS}
 """Commands that ask for a velocity, many times a second, and not for something discrete."""

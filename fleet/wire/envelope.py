@@ -6,6 +6,7 @@ import hashlib
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
+from uuid import UUID
 
 import msgspec
 
@@ -67,12 +68,16 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> tuple[Origin, float | None]:
+def origin_and_stamp(
+    message: Mapping[str, Any], way: Way, *, strict: bool, twin: str = ""
+) -> tuple[Origin, float | None]:
     """Return who asked and when (Unix seconds, None when not given).
 
-    Raises WireError for what is malformed; when not ``strict`` (a stop) that counts as not given.
+    Raises WireError for what is malformed, and for what names another twin than ``twin``, whose message it
+    is; when not ``strict`` (a stop) that counts as not given.
     """
     try:
+        _require_twin(message, twin)
         source_type, session = optional_word(message, "source_type"), optional_word(message, "session_id")
         return Origin(way, source_type, session or ""), stamp_of(message)
     except WireError:
@@ -81,6 +86,19 @@ def origin_and_stamp(message: Mapping[str, Any], way: Way, *, strict: bool) -> t
     source_type = tolerant(optional_word, message, "source_type", strict=False)
     session = tolerant(optional_word, message, "session_id", strict=False)
     return Origin(way, source_type, session or ""), tolerant(stamp_of, message, strict=False)
+
+
+def _require_twin(message: Mapping[str, Any], twin: str) -> None:
+    """Raise WireError when a message for one twin names another."""
+    named = optional_word(message, "twin_uuid")
+    if not named or not twin:
+        return
+    try:
+        same = UUID(named) == UUID(twin)
+    except ValueError:
+        same = False
+    if not same:
+        raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
 
 
 def stop_asked(message: Mapping[str, Any], way: Way) -> Command | None:

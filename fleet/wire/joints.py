@@ -20,6 +20,7 @@ from typing import Any
 from fleet.errors import WireError
 from fleet.model.command import Command, Way
 from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp, stop_asked
+from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
 
 JOINT_TARGETS = "joint_targets"
@@ -42,6 +43,7 @@ _NEVER_JOINTS = frozenset(
         "ts_us",
         "type",
         "mqtt_topic",
+        "twin_uuid",
         "camera_frame_counters",
         "stream_instance_id",
         "applied_position_targets",
@@ -54,10 +56,12 @@ _NEVER_JOINTS = frozenset(
     }
 )
 
+_SET_FIELDS = frozenset({"mode", "update_mode", *_SETS, *(f"target_{name}" for name in _SETS)})
+
 Sets = dict[str, dict[str, float]]
 
 
-def decode_joints(payload: bytes, *, way: Way, request_id: str = "") -> Command | None:
+def decode_joints(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | None:
     """Return the joint targets in a message, as a command; None for joints that somebody measured.
 
     A message that names a stop is that stop.
@@ -69,7 +73,7 @@ def decode_joints(payload: bytes, *, way: Way, request_id: str = "") -> Command 
         stop = stop_asked(message, way)
         if stop is not None:
             return stop
-        origin, stamp = origin_and_stamp(message, way, strict=True)
+        origin, stamp = origin_and_stamp(message, way, strict=True, twin=twin)
         targets = _named_sets(message, "target_")
         if not targets and origin.source_type in STATE_SENDERS:
             return None
@@ -94,6 +98,8 @@ def _measured_form(message: Mapping[str, Any]) -> Sets:
 def _named_sets(message: Mapping[str, Any], prefix: str) -> Sets:
     """Read the sets that are there, each a number for each joint."""
     found = {name: child(message, prefix + name) for name in _SETS if prefix + name in message}
+    if found:
+        refuse_misspelt(message, _SET_FIELDS)
     return {name: _numbers(values, prefix + name) for name, values in found.items() if values}
 
 

@@ -17,7 +17,8 @@ from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_asked, tolerant
 from fleet.wire.measures import not_negative, positive, within
-from fleet.wire.strict import child, kind, parse_object, path, text, whole
+from fleet.wire.spelling import refuse_misspelt
+from fleet.wire.strict import child, kind, parse_object, path, read_loosely, text, whole
 from fleet.wire.strict import without_nulls as given
 
 CONTRACT = "aerial.mission.v1"
@@ -32,9 +33,35 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
 _PLACED = frozenset({"waypoint", "loiter_time", "loiter_turns", "loiter_unlimited"})
 _ENDS = frozenset({"return_to_launch", "loiter_unlimited"})
 _UNPLACED = frozenset({"return_to_launch", "land_start"})
+_PLAN_FIELDS = frozenset(
+    {
+        "contract",
+        "name",
+        "home",
+        "items",
+        "altitude_reference",
+        "default_altitude_m",
+        "cruise_speed_ms",
+        "night",
+    }
+)
+_ITEM_FIELDS = frozenset(
+    {
+        "type",
+        "latitude",
+        "longitude",
+        "altitude_m",
+        "seconds",
+        "turns",
+        "radius_m",
+        "direction",
+        "acceptance_radius_m",
+        "speed_ms",
+    }
+)
 
 
-def decode_mission(payload: bytes, *, way: Way) -> Navigate | Command:
+def decode_mission(payload: bytes, *, way: Way, twin: str = "") -> Navigate | Command:
     """Return the mission, the control or the stop in a message.
 
     Raises BadCommand with what could be read of it.
@@ -49,9 +76,10 @@ def decode_mission(payload: bytes, *, way: Way) -> Navigate | Command:
             return stop
         stops = control is Control.STOP
         execution = tolerant(optional_word, message, EXECUTION, strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
         ask = control or _started(name, message, execution)
     except WireError as error:
+        execution = execution or read_loosely(payload, EXECUTION)
         raise BadCommand(error, command=name or "mission", action_id=execution) from None
     return Navigate(ask, execution, origin, stamp, MISSION)
 
@@ -83,6 +111,7 @@ def plan_of(mission: Mapping[str, Any], where: str) -> FlyMission:
     """Read an ``aerial.mission.v1``; raises WireError with the place of what is missing or wrong."""
     if mission.get("contract") != CONTRACT:
         raise WireError(f"must be {CONTRACT}", where=path(where, "contract"))
+    refuse_misspelt(mission, _PLAN_FIELDS, where)
     reference = mission.get("altitude_reference", "home")
     if reference not in {"home", "amsl"}:
         raise WireError(
@@ -116,6 +145,7 @@ def _require_an_order(items: tuple[PlanItem, ...], where: str) -> None:
 def _item(value: object, where: str, default: float | None) -> PlanItem:
     """Read one item; ``default`` is the altitude of those that give none."""
     item = _members(value, where)
+    refuse_misspelt(item, _ITEM_FIELDS, where)
     form = text(item, "type", where)
     if form not in _PLACED | _UNPLACED:
         known = ", ".join(sorted(_PLACED | _UNPLACED))

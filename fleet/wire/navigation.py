@@ -31,8 +31,9 @@ from fleet.wire.envelope import (
 )
 from fleet.wire.measures import not_negative, positive, within
 from fleet.wire.rotation import Order, yaw_of
+from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.stops import STOP_WORDS, is_reply
-from fleet.wire.strict import child, finite, kind, number, parse_object, path, text, whole
+from fleet.wire.strict import child, finite, kind, number, parse_object, path, read_loosely, text, whole
 from fleet.wire.strict import without_nulls as given
 
 MOST_WAYPOINTS = 500
@@ -49,6 +50,32 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "resume": Control.RESUME,
     }
 )
+
+_PLACE = frozenset(
+    {
+        "position",
+        "geodetic_position",
+        "coordinate_frame",
+        "yaw",
+        "rotation",
+        "orientation",
+        "actions",
+        "metadata",
+        "duration_seconds",
+    }
+)
+_FIELDS: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "": _PLACE
+        | {"waypoints", "constraints", "relative_translation", "frame", "frame_id", "reference_frame"}
+        | {"action_id"},
+        "waypoint": _PLACE | {"id", "x", "y", "z"},
+        "geodetic_position": frozenset({"latitude", "longitude", "altitude"}),
+        "constraints": frozenset({"max_speed_ms", "goal_tolerance_m"}),
+        "metadata": frozenset({"wait_s", "max_loops", "units"}),
+    }
+)
+"""What is read of each object; a field that looks like one of these and is none is refused."""
 
 
 class _Reading(msgspec.Struct, frozen=True):
@@ -69,6 +96,7 @@ def decode_navigate(
     planar: bool = False,
     home_altitude: float | None = None,
     origin_heading: float = 0.0,
+    twin: str = "",
 ) -> Navigate | Command | None:
     """Return the goal or control in a message; None for a status that strayed onto the topic.
 
@@ -76,6 +104,7 @@ def decode_navigate(
 
     A task that brings no action id has one made of the message or of ``request_id`` (the asker's own): so
     a repeat of it does not move the robot once more.
+    ``twin``: whose topic it is; a message that names another is refused.
     ``planar``: the robot cannot tilt, so a tilted rotation is a mistake. ``home_altitude`` (m AMSL): what
     geodetic altitudes are added to, because they count from the take-off point; without it they are refused.
     ``origin_heading`` (compass degrees of the world's +y): turns compass headings into world yaw.
@@ -91,13 +120,14 @@ def decode_navigate(
             return stop_asked(message, way)
         stops = CONTROLS.get(name) is Control.STOP
         action_id = tolerant(optional_word, message, "action_id", strict=not stops) or ""
-        origin, stamp = origin_and_stamp(message, way, strict=not stops)
+        origin, stamp = origin_and_stamp(message, way, strict=not stops, twin=twin)
         order = _order(name, rotation_order)
         reading = _Reading(order, planar, home_altitude, origin_heading)
         ask = CONTROLS.get(name) or _task(name, message, reading)
         if not isinstance(ask, Control):
             action_id = action_id or identity(payload, stamp, request_id, ask)
     except WireError as error:
+        action_id = action_id or read_loosely(payload, "action_id")
         raise BadCommand(error, command=name, action_id=action_id) from None
     return Navigate(ask, action_id, origin, stamp)
 
@@ -115,6 +145,7 @@ def _task(name: str, message: Mapping[str, Any], reading: _Reading) -> Task:
     if read is None:
         known = ", ".join([*TASKS, *CONTROLS])
         raise WireError(f"{name!a} is not navigation ({known}); send it as a command", where="command")
+    refuse_misspelt(message, _FIELDS[""])
     _refuse_foreign_frames(message)
     return read(message, reading)
 
@@ -161,6 +192,7 @@ def _waypoint(item: object, where: str, reading: _Reading, wait: float, shared: 
     members = given(item)
     if "position" not in members and {"x", "y"} <= members.keys():
         members["position"] = {axis: members[axis] for axis in "xyz" if axis in members}
+    refuse_misspelt(members, _FIELDS["waypoint"], where)
     turned = members.keys() & {"yaw", "rotation", "orientation"}
     inherited = {name: value for name, value in shared.items() if name != "yaw" or not turned}
     not_negative(members, "duration_seconds", where)
@@ -230,6 +262,7 @@ def _geodetic(members: Mapping[str, Any], where: str, reading: _Reading) -> GeoP
     """Read a place on Earth; its altitude is returned AMSL."""
     place = path(where, "geodetic_position")
     point = given(child(members, "geodetic_position", where))
+    refuse_misspelt(point, _FIELDS["geodetic_position"], place)
     latitude = within(point, "latitude", place, 90.0)
     longitude = within(point, "longitude", place, 180.0)
     if reading.planar and "altitude" not in point:
@@ -269,6 +302,7 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
     if "constraints" not in message:
         return Constraints()
     members = given(child(message, "constraints"))
+    refuse_misspelt(members, _FIELDS["constraints"], "constraints")
     return Constraints(
         positive(members, "max_speed_ms", "constraints"), positive(members, "goal_tolerance_m", "constraints")
     )
@@ -276,7 +310,9 @@ def _constraints(message: Mapping[str, Any]) -> Constraints:
 
 def _metadata(members: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Return the metadata, empty when there is none."""
-    return given(child(members, "metadata", where)) if "metadata" in members else {}
+    metadata = given(child(members, "metadata", where)) if "metadata" in members else {}
+    refuse_misspelt(metadata, _FIELDS["metadata"], path(where, "metadata"))
+    return metadata
 
 
 def _wait(members: Mapping[str, Any], where: str) -> float:

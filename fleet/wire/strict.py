@@ -140,6 +140,19 @@ def parse_object(payload: bytes, *, limit: int = 1 << 20, depth: int = 32) -> di
     return value
 
 
+def read_loosely(payload: bytes, name: str, *, limit: int = 1 << 20) -> str:
+    """Return a string at the top of an object that is refused, empty where there is none.
+
+    So a refusal can name what it is about, though a number of the message is none.
+    """
+    try:
+        value = json.loads(payload[:limit])
+    except (ValueError, RecursionError):
+        return ""
+    found = value.get(name) if isinstance(value, dict) else None
+    return found if isinstance(found, str) else ""
+
+
 def kind(value: object) -> str:
     """Return what a JSON value is, in words for an error."""
     names = {dict: "an object", list: "an array", str: "a string", bool: "a boolean", type(None): "null"}

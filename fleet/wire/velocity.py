@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from fleet.errors import WireError
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
+from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import path
 
 SHORTEST_LEASE = 0.15  # s, as the SDK clamps it
@@ -36,6 +37,7 @@ def read_velocity_contract(body: Mapping[str, Any], *, where: str) -> tuple[Velo
     model = _CONTRACTS.get(contract) if isinstance(contract, str) else None
     if model is None:
         raise WireError(f"one of {', '.join(_CONTRACTS)} is needed", where=path(where, "contract"))
+    refuse_misspelt(body, frozenset(model.model_fields), where)
     try:
         command = model.model_validate(dict(body))
     except ValidationError as error:

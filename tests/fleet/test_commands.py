@@ -1,8 +1,11 @@
+import math
+from typing import Annotated
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.commands import arguments, command, commands_of
+from fleet.commands import Range, arguments, command, commands_of
 from fleet.errors import Refused
 from fleet.model.navigation import Progress
 
@@ -106,3 +109,60 @@ def test_a_misspelt_field_is_refused_with_the_one_that_was_meant():
 def test_an_unknown_field_is_refused_with_those_that_are_known():
     with pytest.raises(Refused, match="it takes mode, slot"):
         arguments(SPECS["set_mode"], {"mode": "a", "zzz": 1})
+
+
+class Arm:
+    @command("reach")
+    async def reach(
+        self,
+        *,
+        height: Annotated[float, Range(0.1, 2, "m")],
+        turn: Annotated[float, Range(-90, 90, "degrees")] | None = None,
+        lamps: Annotated[list[int], Range(0, 255, "of 255")] | None = None,
+        free: float = 0.0,
+    ):
+        """Reach."""
+
+    @command("fold")
+    async def fold(self):
+        """Fold."""
+
+    @command("look", moves=False)
+    async def look(self):
+        """Look."""
+
+
+ARM = commands_of(Arm)
+
+
+def test_a_command_tells_the_ranges_and_units_of_its_numbers():
+    told = {name: str(bounds) for name, bounds in ARM["reach"].ranges.items()}
+    assert told == {"height": "0.1 to 2 m", "turn": "-90 to 90 degrees", "lamps": "0 to 255 of 255"}
+    with pytest.raises(Refused, match=r"it takes height \(0.1 to 2 m\), turn \(-90 to 90 degrees\)"):
+        arguments(ARM["reach"], {"zzz": 1})
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        ({"height": 0.0}, "reach: height must be 0.1 to 2 m, not 0"),
+        ({"height": 1, "turn": -90.1}, "turn must be -90 to 90 degrees, not -90.1"),
+        ({"height": 1, "lamps": [3, 300]}, "lamps must be 0 to 255 of 255, not 300"),
+        ({"height": math.nan}, "height must be 0.1 to 2 m, not nan"),
+        ({"height": 1, "free": math.inf}, "free must be a finite number"),
+    ],
+)
+def test_a_number_out_of_its_range_is_refused_with_the_range(data, reason):
+    with pytest.raises(Refused, match=reason):
+        arguments(ARM["reach"], data)
+
+
+def test_numbers_at_the_ends_of_a_range_are_taken():
+    taken = arguments(ARM["reach"], {"height": 2, "turn": -90, "lamps": [0, 255]})
+    assert taken == {"height": 2.0, "turn": -90.0, "lamps": [0, 255], "free": 0.0}
+
+
+def test_data_for_a_command_that_takes_none_is_refused_when_it_would_move_the_robot():
+    with pytest.raises(Refused, match=r"fold takes no 'height'.*it takes no data"):
+        arguments(ARM["fold"], {"height": 1})
+    assert arguments(ARM["look"], {"height": 1}) == {}

@@ -8,6 +8,7 @@ from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.lease import ControlLease
 from fleet.host.safety.let_go import LetGo
 from fleet.host.safety.policy import SourcePolicy
+from fleet.host.safety.speeds import Speeds
 from fleet.model.command import Command, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
@@ -17,13 +18,14 @@ from fleet.wire.stops import STOP_WORDS
 class Admission:
     """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
 
-    def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch) -> None:
+    def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch, speeds: Speeds) -> None:
         self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
         self._ages = AgeCheck(config.clock_skew)
         self.offsets = self._ages.offsets  # of the senders' clocks, s
         self.latch = latch
+        self.speeds = speeds
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
         self._let_go = LetGo(config.setpoint_lease)
@@ -34,11 +36,17 @@ class Admission:
         Whoever else drives has to let go, too. Those who give no session may be several, each with a clock
         of his own.
         """
+        self.speeds.forget()
         self.lease.let_go(ask.origin.session)
         self._let_go.stopped(_asker(ask.origin), self._clock.monotonic())
         wall, now = self._clock.time(), self._clock.monotonic()
         shared = not ask.origin.session
         self._ages.stopped(_asker(ask.origin), ask.stamp, wall=wall, now=now, shared=shared)
+
+    def taken_over(self) -> None:
+        """Take note that somebody else has the robot, or that its adapter begins anew."""
+        self.speeds.forget()
+        self.lease.free()
 
     def command(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
         """Judge a discrete command; stops are let through whoever sends them and however late."""
@@ -48,7 +56,9 @@ class Admission:
         refusal = self._policy.refusal(ask.origin) or self._age(
             _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop
         )
-        if refusal or ask.name == RELEASE or safe:
+        if ask.name == RELEASE:
+            return refusal or self.latch.held or None
+        if refusal or safe:
             return refusal
         if not moves:
             return self.latch.refusal()
@@ -72,12 +82,15 @@ class Admission:
         """Judge a navigation message; stop and pause are let through, resume is motion."""
         if ask.ask in (Control.STOP, Control.PAUSE):
             return None
-        return (
+        refusal = (
             self._policy.refusal(ask.origin, navigation=True)
             or self._age(_asker(ask.origin), ask.stamp, self._command_max_age)
             or self.motion()
             or self.lease.refusal(ask.origin.session, self._clock.monotonic())
         )
+        if refusal is None:
+            self.speeds.driven_by(ask.origin.session)
+        return refusal
 
     def motion(self) -> str | None:
         """Return why nothing may move the robot, whoever asks; None when it may be moved."""
@@ -103,6 +116,7 @@ class Admission:
         refusal = self.lease.refusal(origin.session, now)
         if refusal is None:
             self.lease.take(origin.session, now)
+            self.speeds.driven_by(origin.session)
         return refusal
 
 

@@ -1,16 +1,14 @@
 """Keys that are held together: their velocities add up, opposite ones cancel; pure.
 
-Each verb (``move_forward``, ``turn_left``, ...) is a key that is down for its own lease, and so are
-``set_linear_velocity`` and ``set_angular_velocity``, which a joystick sends in turn. The sum may be held
+Each verb (``move_forward``, ``turn_left``, ...) is a key that is down for its own lease. The sum may be held
 only until the first of its keys is due, so no key outlives its lease because another is pressed.
 """
 
 from __future__ import annotations
 
 from fleet.model.geometry import Vector3, Velocity
-from fleet.wire.commands import AXIS_WORDS, VERBS
+from fleet.wire.commands import VERBS
 
-KEYS = frozenset({*VERBS, *AXIS_WORDS})
 RELEASED = 0.15  # s before the end of its lease at which a key counts as up: the others go on without a halt
 
 
@@ -25,7 +23,7 @@ class Keys:
 
         What is no key (a joystick, a contract) stands alone and lifts all keys.
         """
-        if verb not in KEYS:
+        if verb not in VERBS:
             self.lift()
             return velocity, lease
         kept = {name: key for name, key in self._down.items() if key[1] - now > RELEASED}

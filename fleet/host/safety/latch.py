@@ -11,12 +11,14 @@ class Latch:
     """One robot's emergency stop, set from the beginning with a ``why`` of an earlier process.
 
     ``keep`` is told each change, on any thread: why it is set, or nothing for its release. It may hang, so
-    of a stop it is told by ``record``, once the robot was halted.
+    of a stop it is told by ``record``, once the robot was halted. ``held`` says why it cannot be released,
+    and why nothing may move although it is not set; empty when nothing holds.
     """
 
     def __init__(self, why: str = "", keep: Callable[[str], None] = lambda _: None) -> None:
         self._why = why
         self._keep = keep
+        self.held = ""
         self._unrecorded = False
 
     @property
@@ -43,5 +45,5 @@ class Latch:
     def refusal(self) -> str | None:
         """Return why nothing may move, None when it may."""
         if not self._why:
-            return None
+            return self.held or None
         return f"emergency stop is set ({self._why}); send {RELEASE} first"

@@ -29,6 +29,13 @@ class Reserve(msgspec.Struct, frozen=True):
         what = f", the way there and home takes {needed:.0f} %" if needed >= 1 else ""
         return f"the battery is at {percent:.0f} %{what} and {self.keep:g} % must be left"
 
+    def start_trouble(self, percent: float | None) -> str:
+        """Return why a flight may not be begun; empty when it may: what is low is acted upon at once."""
+        if self.is_low(percent):
+            needed = max(self.low, self.keep)
+            return f"the battery is at {percent:.0f} %, a take-off needs more than {needed:g} %"
+        return self.trouble(percent)
+
     def is_low(self, percent: float | None) -> bool:
         """Return whether it must be acted upon now."""
         return percent is not None and percent <= self.low

@@ -11,15 +11,17 @@ import json
 import math
 import os
 import sys
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from fleet.adapter import Adapter, Robot
-from fleet.commands import command
+from fleet.commands import Range, command
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.health import Health
 from fleet.model.navigation import ActionState
 from fleet.model.report import ImuReport, JointReport, NavigationReport, PoseReport
 from fleet.robot_config import AdapterConfig, Limits
+
+_Number = Annotated[int, Range(0, 2**53, "(a number to count by)")]
 
 
 class PuppetConfig(AdapterConfig):
@@ -103,11 +105,11 @@ class Puppet(Adapter[PuppetConfig]):
         self._note("halt")
 
     @command("poke", moves=False)
-    async def poke(self, number: int) -> None:
+    async def poke(self, number: _Number) -> None:
         """Do something that can be counted."""
         self._note("poke", number=number)
 
     @command("lunge")
-    async def lunge(self, number: int) -> None:
+    async def lunge(self, number: _Number) -> None:
         """Move in a way that can be counted."""
         self._note("lunge", number=number)

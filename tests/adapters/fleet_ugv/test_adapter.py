@@ -246,7 +246,7 @@ async def test_lamps_toggle_and_are_set_in_all_the_words_there_are(bench):
         ("chassis_light_toggle", {}, (255, 0)),
         ("camera_light_toggle", {}, (255, 255)),
         ("led_toggle", {}, (0, 0)),
-        ("lights", {"pwm": 300}, (255, 255)),
+        ("lights", {"pwm": 255}, (255, 255)),
         ("lights", {"io4": 10}, (10, 255)),
         ("lights", {"camera_light": 3}, (10, 3)),
         ("lights", {"data": [1, 2]}, (1, 2)),
@@ -257,6 +257,10 @@ async def test_lamps_toggle_and_are_set_in_all_the_words_there_are(bench):
         assert bench.board.lamps == lamps, command
     with pytest.raises(Refused, match="no brightness"):
         await bench.do("lights")
+    for data in ({"all": 300}, {"pwm": -1}, {"data": [1, 256]}):
+        with pytest.raises(Refused, match="must be 0 to 255"):
+            await bench.do("lights", **data)
+    assert bench.board.lamps == (0, 0)
 
 
 async def test_the_camera_turns_in_steps_within_its_limits_and_its_joints_are_told(make_bench):
@@ -266,7 +270,9 @@ async def test_the_camera_turns_in_steps_within_its_limits_and_its_joints_are_to
     await bench.pass_time(0.3)
     assert bench.board.camera == (-6.0, 6.0)
     assert bench.last(JointReport).positions["pan"] == pytest.approx(-0.105, abs=0.01)
-    await bench.do("camera_servo", pan=1.0, tilt=-9.0)
+    with pytest.raises(Refused, match="tilt must be"):
+        await bench.do("camera_servo", pan=1.0, tilt=-9.0)
+    await bench.do("camera_servo", pan=1.0, tilt_delta=-2.0)
     await bench.pass_time(0.1)
     assert bench.board.camera == (57.0, -30.0)
     await bench.do("camera_default")

@@ -79,7 +79,7 @@ class Bench:
             clock=self.robot.clock,
         )
         self.limits = config.limits.over(can.limits)
-        self.decoder = Decoder(config, self.limits, planar=True)
+        self.decoder = Decoder(config, self.desk.speeds.of, planar=True)
         self.may_move_until = 0.0
         self.asked = []
         self.heard = 0

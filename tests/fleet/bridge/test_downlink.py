@@ -245,7 +245,7 @@ def test_navigation_with_an_inbox_is_answered_there(bench, accepting):
 
 @pytest.mark.parametrize(
     "name",
-    ["move", "turn_left", "ascend", "velocity_command", "locomotion_velocity", "set_linear_velocity"],
+    ["move", "turn_left", "ascend", "velocity_command", "locomotion_velocity"],
 )
 def test_the_success_of_a_setpoint_is_not_told(bench, accepting, name):
     bench.arrive(*[command(name)] * 20)

@@ -28,6 +28,7 @@ def test_programs_are_told_what_an_adapter_takes(fleet):
                 "safe": False,
                 "moves": True,
                 "parameters": [],
+                "ranges": {},
             }
         ],
     }

@@ -19,6 +19,7 @@ def test_a_good_file_is_told_to_programs(fleet):
         "groups": {},
         "cloud": None,
         "problems": [],
+        "warnings": [],
     }
 
 
@@ -69,3 +70,20 @@ def test_nothing_in_a_file_can_steer_the_terminal(fleet, place):
     (place / "fleet.yaml").write_text('"\\e[2J\\x9b": 1\nedge: {id: "\\e]0;x\\a"}\n')
     result = fleet("check")
     assert result.err.replace("\n", "").isprintable()
+
+
+def test_a_battery_policy_whose_way_home_ends_below_the_reserve_is_warned_of(fleet, place):
+    text = (place / "fleet.yaml").read_text()
+    (place / "fleet.yaml").write_text(text + "    battery_policy: {reserve: 25, low: 20}\n")
+    result = fleet("check")
+    assert result.code == 0
+    assert "low (20 %) is below reserve (25 %)" in result.err
+    (warning,) = fleet("check", "--json").json["warnings"]
+    assert (warning["path"], warning["line"]) == ("robots[0].battery_policy.low", 8)
+
+
+def test_a_warning_stands_at_the_policy_when_the_default_is_what_is_too_small(fleet, place):
+    text = (place / "fleet.yaml").read_text()
+    (place / "fleet.yaml").write_text(text + "    battery_policy: {reserve: 30}\n")
+    (warning,) = fleet("check", "--json").json["warnings"]
+    assert warning["path"] == "robots[0].battery_policy"

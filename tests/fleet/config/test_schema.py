@@ -242,3 +242,31 @@ def test_figures_are_for_this_computer_unless_said_otherwise(yard):
     assert "other computers could read it without a password; set insecure: true" in told
     assert yard.load(base.replace("0.0.0.0}", "0.0.0.0, insecure: true}")).config.metrics.port == 9464
     assert yard.load(TOPICS).config.metrics is None
+
+
+def test_a_stop_input_is_read(section):
+    (found,) = section(
+        "stop_inputs: [{name: button, kind: gpio, device: /dev/gpiochip0, line: 4, robots: [a]}]"
+    ).stop_inputs
+    assert (found.kind, found.line, found.timeout, found.robots) == ("gpio", 4, 0.5, ("a",))
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{name: b, kind: usb, device: /dev/x}", "kind"),
+        ("{name: b, kind: serial, device: ttyUSB0}", "device"),
+        ("{name: b, kind: serial, device: /dev/x, baud: 12}", "baud"),
+        ("{name: b, kind: gpio, device: /dev/x}", "a GPIO line, and no other, has line:"),
+        ("{name: b, kind: hid, device: /dev/x, line: 3}", "a GPIO line, and no other, has line:"),
+        ("{name: b, kind: hid, device: /dev/x, heartbeat: AB}", "only a serial line says text"),
+        ("{name: b, kind: hid, device: /dev/x, timeout: 0}", "timeout"),
+        ("{name: b, kind: hid, device: /dev/x, robots: [aa]}", "there is no robot or group 'aa'"),
+        (
+            "{name: b, kind: hid, device: /x}, {name: b, kind: hid, device: /y}",
+            "another stop input has this name",
+        ),
+    ],
+)
+def test_a_stop_input_that_cannot_be_what_was_meant_is_refused(refused, text, why):
+    assert why in "; ".join(refused(f"stop_inputs: [{text}]"))

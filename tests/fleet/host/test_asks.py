@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.host.asks import VERB_SPEED, Decoder
+from fleet.host.asks import Decoder
+from fleet.host.safety.speeds import VERB_SPEED, Speeds
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import GoTo, Navigate
@@ -17,7 +18,7 @@ TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 def decoder(limits=None, home_altitude=None, **config):
     return Decoder(
         AdapterConfig(name="rex", twin=TWIN, **config),
-        limits or Limits(),
+        Speeds(limits or Limits()).of,
         planar=config.pop("planar", False),
         home_altitude=lambda: home_altitude,
     )

@@ -5,6 +5,7 @@ import pytest
 from fleet.errors import NotReady
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Goal, GoTo, Navigate
+from fleet.robot_config import BatteryPolicy
 
 POLICY = {"reserve": 20, "low": 15, "endurance": 100}
 
@@ -36,6 +37,42 @@ async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot_also_whe
         await asks.settle()
     assert bench.puppet.told.count("land") == 1
     assert len(bench.happened("battery_low")) == 1
+
+
+async def test_a_take_off_that_the_low_battery_would_end_at_once_is_refused(make_bench, asks):
+    bench = make_bench(battery_policy={"action": "return_to_home"})
+    bench.has(20.0)
+    answer = bench.ask(asks.command("takeoff"))[0]
+    assert answer.reason == "the battery is at 20 %, a take-off needs more than 20 %"
+    bench.has(21.0)
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    assert ("takeoff", None) in bench.puppet.told
+
+
+def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home():
+    policy = BatteryPolicy()
+    assert (policy.reserve, policy.low) == (15.0, 20.0)
+
+
+async def test_a_forced_action_is_told_with_its_cause_until_the_battery_was_charged(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    assert bench.desk.guard.forced == ""
+    bench.has(15.0)
+    await asks.settle()
+    bench.has(12.0)
+    assert bench.desk.guard.forced == "land by battery_policy: the battery was at 15 %"
+    bench.has(90.0)
+    assert bench.desk.guard.forced == ""
+
+
+async def test_a_forced_action_that_failed_says_why(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "return_to_home"})  # which the puppet has not
+    bench.ask(asks.setpoint(1.0))
+    bench.has(15.0)
+    await asks.settle()
+    assert bench.desk.guard.forced == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
 
 
 async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench, asks):

@@ -784,3 +784,49 @@ async def test_a_stop_of_a_robot_that_is_lost_meanwhile_is_not_told_as_done(benc
     await asks.settle()
     assert statuses(answers) == [REJECTED]
     assert "no heartbeat" in answers[0].reason
+
+
+# -- a velocity that is set ---------------------------------------------------------------------------
+
+
+def a_setting(asks, value=0.2, session="anna"):
+    """Return the message that sets how fast later verbs are."""
+    return asks.command("set_linear_velocity", session=session, data={"linear": value})
+
+
+async def test_a_velocity_that_is_set_moves_nothing_and_its_answer_has_the_applied_value(bench, asks):
+    answers = bench.ask(a_setting(asks, 99.0), waits=True)
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert not bench.desk.in_motion
+    assert [(answer.status, answer.data) for answer in answers] == [(ACCEPTED, {"linear": 2.0})] * 2
+    assert bench.desk.speeds.of("anna").forward == 2.0
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        lambda bench, asks: bench.ask(asks.command("stop", session="bert")),
+        lambda bench, asks: bench.ask(asks.command("emergency_stop")),
+        lambda bench, asks: bench.ask(Navigate(Control.STOP, "", asks.goal().origin)),
+        lambda bench, asks: bench.desk.authority_lost("the pilot switched to POSHOLD"),
+        lambda bench, asks: bench.desk.detach("it begins anew"),
+        lambda bench, asks: bench.clock.advance(10.0) or bench.ask(asks.setpoint(session="bert")),
+    ],
+    ids=["stop", "emergency stop", "stop of navigation", "takeover", "restart", "another driver"],
+)
+async def test_a_velocity_that_is_set_ends_with(bench, asks, end):
+    bench.ask(a_setting(asks))
+    assert bench.desk.speeds.of("anna").forward == 0.2
+    end(bench, asks)
+    await asks.settle()
+    assert bench.desk.speeds.of("anna").forward == 0.5
+
+
+async def test_a_velocity_cannot_be_set_by_who_may_not_move_the_robot(bench, asks):
+    bench.ask(asks.setpoint())
+    assert "has control" in bench.ask(a_setting(asks, session="bert"))[0].reason
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    assert "emergency stop is set" in bench.ask(a_setting(asks))[0].reason
+    assert bench.desk.speeds.of("anna").forward == 0.5

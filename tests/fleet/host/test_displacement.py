@@ -7,23 +7,29 @@ from fleet.errors import WireError
 from fleet.host.asks import Decoder
 from fleet.host.displacement import goal_of
 from fleet.host.make import Capabilities
-from fleet.model.command import Command, Setpoint, Way
+from fleet.host.safety.speeds import Speeds
+from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3
 from fleet.model.navigation import Navigate
 from fleet.robot_config import AdapterConfig, Limits
 
 CART = Capabilities({}, drives=True, navigates=False, limits=Limits(speed=0.4))
 BIRD = Capabilities(
-    {"ascend": None}, drives=True, navigates=True, limits=Limits(speed=5.0, vertical_speed=1.0)
+    {"ascend": None},
+    drives=True,
+    navigates=True,
+    limits=Limits(speed=5.0, vertical_speed=1.0),
+    holonomic=True,
 )
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
 
 def ask(verb, can=CART, **data):
-    decoder = Decoder(AdapterConfig(name="cart", twin=TWIN), can.limits, planar=True)
+    speeds = Speeds(can.limits)
+    decoder = Decoder(AdapterConfig(name="cart", twin=TWIN), speeds.of, planar=True)
     message = {"command": verb, "data": data, "source_type": "tele", "session_id": "anna"}
     asked = decoder.decode("command", json.dumps(message).encode(), way=Way.CLOUD, request_id="q1")
-    return goal_of(asked, can, can.limits)
+    return goal_of(asked, can, speeds.of)
 
 
 @pytest.mark.parametrize(
@@ -73,3 +79,14 @@ def test_what_is_no_way_is_refused_with_the_reason(verb, distance, why):
 def test_a_sideways_robot_goes_sideways():
     crab = msgspec.structs.replace(CART, holonomic=True)
     assert ask("strafe_right", crab, distance=1.0).ask.translation == Vector3(0.0, -1.0)
+
+
+def test_a_way_is_gone_at_the_speed_that_was_set_and_not_at_all_at_none():
+    speeds, origin = Speeds(CART.limits), Origin(Way.CLOUD, "tele", "anna")
+    way = Command("move_forward", {"distance": 1.0}, origin)
+    for value, speed in ((0.2, 0.2), (5.0, 0.4)):
+        speeds.store(Command("set_linear_velocity", {"linear": value}, origin))
+        assert goal_of(way, CART, speeds.of).ask.constraints.max_speed == speed
+    speeds.store(Command("set_linear_velocity", {"linear": 0.0}, origin))
+    with pytest.raises(WireError, match="its speed is set to 0"):
+        goal_of(way, CART, speeds.of)

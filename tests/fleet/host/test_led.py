@@ -10,6 +10,7 @@ from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.journal import RobotJournal
 from fleet.host.make import capabilities
+from fleet.host.safety.speeds import Speeds
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
@@ -138,7 +139,7 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
 async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(world, verb, x):
     world.see()
     can = capabilities(Cart)
-    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, can.limits)
+    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, Speeds(can.limits).of)
     (receipt,) = world.ask(way)
     assert receipt.ok
     await world.until(lambda: world.states()[-1] == "completed")

@@ -8,8 +8,12 @@ from fleet.errors import Refused
 from fleet.host.framed import Framed
 from fleet.host.make import capabilities, make_adapter, perform
 from fleet.model.command import Command
+from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import Progress
 from fleet.robot_config import Limits
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_quadruped.adapter import QuadrupedAdapter
+from fleet_ugv.adapter import UgvAdapter
 
 
 class Config(AdapterConfig):
@@ -94,3 +98,15 @@ async def test_a_command_reaches_the_method_with_checked_parameters():
 def test_a_command_that_is_not_declared_is_told_with_the_nearest():
     assert capabilities(Framey).hint("sti") == "did you mean 'sit'?"
     assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit, stand"
+
+
+@pytest.mark.parametrize(
+    ("plugin", "sideways", "upward"),
+    [(MavlinkAdapter, True, True), (QuadrupedAdapter, True, False), (UgvAdapter, False, False)],
+)
+def test_the_built_in_robots_refuse_the_ways_that_they_cannot_go_and_no_others(plugin, sideways, upward):
+    can = capabilities(plugin)
+    for along in (Vector3(), Vector3(x=1.0), Vector3(x=-0.1, y=0.005)):
+        assert can.refusal(Velocity(along, 0.5)) is None
+    assert (can.refusal(Velocity(Vector3(y=-0.2))) is None) is sideways
+    assert (can.refusal(Velocity(Vector3(x=0.3, z=0.2))) is None) is upward

@@ -10,10 +10,11 @@ import time
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
+from fleet.host.ticket import Ticket
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
 from fleet.model.geometry import Quaternion, Vector3
-from fleet.model.report import PoseReport
+from fleet.model.report import BatteryReport, PoseReport
 from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
@@ -221,3 +222,115 @@ async def test_what_waited_too_long_for_the_loop_is_refused_but_a_stop(served, k
     take(answers.append)
     late = [answer for answer in answers if "held up" in answer.reason]
     assert bool(late) is not taken
+
+
+async def test_what_the_battery_made_us_do_is_the_robots_health_with_its_cause(yard, run_edge, asks):
+    place = yard(rex={**HERE, "battery_policy": {"action": "stop"}})
+    edge = place.edge()
+    async with run_edge(edge):
+        robot = edge.process.robots["rex"]
+        await asks.until(lambda: robot.state().health == "ok")
+        robot.desk.receive(asks.setpoint(source="tele"), Ticket("move", lambda _: None))
+        robot.publish(BatteryReport(0.0, 18.0))
+        await asks.until(lambda: "stop" in place.words("rex"))
+        state = robot.state()
+        assert (state.health, state.cause) == ("degraded", "stop by battery_policy: the battery was at 18 %")
+        assert "rex degraded: stop by battery_policy" in edge.state().cause
+
+
+MISSPELT = [
+    ("command", {"command": "move_forward", "source_type": "tele", "data": {"linear_xx": 0.1}}),
+    ("command", {"command": "move_forward", "source_type": "tele", "data": {"distnce": 0.1}}),
+    ("motion", {"source_type": "tele", "linear": {"x": 0.1}, "anguler": {"z": 0.3}}),
+    (
+        "navigate",
+        {"command": "goto", "source_type": "tele", "position": [1, 2, 0], "constraints": {"max_sped_ms": 1}},
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "message"), MISSPELT)
+@pytest.mark.parametrize("way", list(Way))
+async def test_misspelt_data_moves_nothing_by_any_way_in(served, asks, kind, message, way):
+    process, place = served
+    answers = []
+    take = process.robots["rex"].read(kind, json.dumps(message).encode(), way=way)
+    take(answers.append)
+    await asks.settle()
+    assert [answer.ok for answer in answers] == [False]
+    assert "did you mean" in answers[0].reason
+    assert not any(word.startswith(("drive", "navigate")) for word in place.words("rex"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload", "state"),
+    [
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [NaN, 2, 3]}', "a-7"),
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [1e999, 2, 3]}', "a-7"),
+        ("navigate", b'{"command": "goto", "action_id": "a-7", "position": [1, 2], "position": 1}', "a-7"),
+        (
+            "navigate",
+            b'{"command": "goto", "action_id": "a-7", "position": [1, 2, 3], "twin_uuid": "x"}',
+            "a-7",
+        ),
+        ("mission", b'{"command": "start", "mission_execution_uuid": "m-1", "mission": NaN}', "m-1"),
+    ],
+)
+async def test_a_goal_that_cannot_be_read_has_a_failed_status_under_its_id(served, kind, payload, state):
+    process, _ = served
+    robot, reports = process.robots["rex"], []
+    robot.publish = reports.append
+    answers = []
+    robot.read(kind, payload, way=Way.CLOUD)(answers.append)
+    (status,) = reports
+    assert (status.action_id, status.state, status.message) == (state, "failed", answers[0].reason)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "why"),
+    [
+        ("command", {"command": "strafe_left"}, "it does not move sideways"),
+        ("command", {"command": "strafe_right", "data": {"linear_y": 0.2}}, "it does not move sideways"),
+        (
+            "command",
+            {"command": "move", "data": {"linear_x": 0.3, "linear_y": 0.2}},
+            "it does not move sideways",
+        ),
+        ("command", {"command": "strafe_left", "data": {"distance": 1}}, "it does not move sideways"),
+        ("command", {"command": "ascend"}, "it stays on the ground"),
+        ("command", {"command": "descend", "data": {"linear_z": 0.2}}, "it stays on the ground"),
+        ("command", {"command": "ascend", "data": {"distance": 1}}, "it stays on the ground"),
+        ("motion", {"linear": {"x": 0.3, "y": 0.2}}, "it does not move sideways"),
+        ("motion", {"linear": {"z": 0.2}}, "it stays on the ground"),
+    ],
+)
+async def test_a_way_that_the_robot_cannot_go_is_refused_and_not_accepted(served, asks, kind, message, why):
+    process, place = served
+    answers = []
+    payload = json.dumps({"source_type": "tele", **message}).encode()
+    process.robots["rex"].read(kind, payload, way=Way.CLOUD)(answers.append)
+    await asks.settle()
+    assert [answer.ok for answer in answers] == [False]
+    assert why in answers[0].reason
+    assert not any(word.startswith("drive") for word in place.words("rex"))
+
+
+async def test_later_verbs_have_the_speed_that_was_set_until_a_stop(served, asks):
+    process, place = served
+
+    async def ask(command, **data):
+        answers = []
+        message = {"command": command, "source_type": "tele", "session_id": "anna", "data": data}
+        process.robots["rex"].read("command", json.dumps(message).encode(), way=Way.CLOUD)(answers.append)
+        await asks.settle()
+        return answers[0]
+
+    echo = await ask("set_linear_velocity", linear=0.25)
+    assert (echo.ok, echo.data) == (True, {"linear": 0.25})
+    assert "drive" not in "".join(place.words("rex"))
+    await ask("move_forward")
+    await ask("move_backward", linear_x=0.1)
+    await ask("stop")
+    await ask("move_forward")
+    drives = [word for word in place.words("rex") if word.startswith("drive") and word != "drive:0"]
+    assert drives == ["drive:0.25", "drive:-0.1", "drive:0.5"]

@@ -27,7 +27,7 @@ from fleet.wire.topics import Topics, parse_data_key
 
 DEFAULTS = MotionDefaults(0.5, 0.5, 0.5, 0.5)
 CLOUD = {
-    "command": lambda payload: decode_command(payload, way=Way.CLOUD, defaults=DEFAULTS),
+    "command": lambda payload: decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS),
     "navigate": lambda payload: decode_navigate(payload, way=Way.CLOUD, rotation_order="auto"),
     "motion": lambda payload: decode_motion(payload, way=Way.CLOUD),
     "joints": lambda payload: decode_joints(payload, way=Way.CLOUD),

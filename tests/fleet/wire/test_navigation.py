@@ -456,7 +456,7 @@ def read_or_refused(payload, *, planar):
 def test_no_hostile_bytes_raise_anything_but_a_refusal(hostile):
     payloads = hostile(json.dumps(message).encode() for message in REAL)
     read = sum(read_or_refused(payload, planar=index % 2 == 0) for index, payload in enumerate(payloads))
-    assert read > 300
+    assert read > 200
 
 
 JSON = st.recursive(

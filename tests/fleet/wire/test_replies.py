@@ -78,9 +78,9 @@ def test_a_legacy_status_says_ok_or_error(word, told):
 @given(REPLIES)
 def test_our_own_status_is_never_taken_for_a_command(reply):
     payload = legacy_status(reply, stamp=5.0, source_type="edge")
-    assert decode_command(payload, way=Way.CLOUD, defaults=MotionDefaults(1, 1, 1, 1)) is None
+    assert decode_command(payload, way=Way.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1)) is None
     payload = command_response(reply, twin="t", source_type="edge", stamp=5.0)
-    assert decode_command(payload, way=Way.CLOUD, defaults=MotionDefaults(1, 1, 1, 1)) is None
+    assert decode_command(payload, way=Way.CLOUD, defaults=lambda _: MotionDefaults(1, 1, 1, 1)) is None
 
 
 def test_what_was_asked_for_is_brought_to_who_asked():
@@ -104,3 +104,10 @@ def test_a_result_that_is_empty_is_a_result(data):
 
 def test_without_a_result_nothing_stands_for_it():
     assert "data" not in response(Reply("land", ReplyStatus.ACCEPTED, done=True))
+
+
+def test_what_was_asked_for_stands_in_both_forms_of_the_answer():
+    reply = Reply("set_linear_velocity", ReplyStatus.ACCEPTED, data={"linear": 0.8})
+    response = json.loads(command_response(reply, twin="t", source_type="edge", stamp=1.0))
+    assert response["data"] == {"linear": 0.8}
+    assert json.loads(legacy_status(reply, stamp=1.0, source_type="edge"))["data"] == {"linear": 0.8}

@@ -37,14 +37,6 @@ def test_the_same_key_again_is_no_faster():
     assert keys.press("move_forward", FORWARD, 0.1, 0.5) == (FORWARD, 0.5)
 
 
-def test_a_linear_and_an_angular_velocity_that_are_sent_in_turn_combine():
-    keys = Keys()
-    for now in (0.0, 0.05, 0.1):
-        keys.press("set_linear_velocity", BACK, now, 0.5)
-        assert keys.press("set_angular_velocity", LEFT, now + 0.02, 0.5)[0] == Velocity(Vector3(-0.3), 0.8)
-    assert keys.press("set_linear_velocity", Velocity(), 0.15, 0.5)[0] == LEFT
-
-
 def test_a_joystick_stands_alone_and_so_does_what_comes_after_a_stop():
     keys = Keys()
     keys.press("move_forward", FORWARD, 0.0, 0.5)

@@ -1,5 +1,7 @@
 """What must be left in the battery."""
 
+import pytest
+
 from fleet.host.safety.reserve import CHARGED, Reserve
 
 RESERVE = Reserve(keep=20.0, low=15.0, endurance=600.0)
@@ -21,6 +23,26 @@ def test_nothing_is_begun_with_a_battery_that_nobody_knows():
 def test_without_an_endurance_only_the_charge_counts():
     assert Reserve(20.0, 15.0).trouble(21.0, metres=1e6, speed=1.0) == ""
     assert Reserve(20.0, 15.0).trouble(19.0) != ""
+
+
+@pytest.mark.parametrize(
+    ("keep", "low", "percent", "starts"),
+    [
+        (15, 20, 20.1, True),
+        (15, 20, 20.0, False),
+        (15, 20, 16, False),
+        (25, 20, 24, False),
+        (25, 20, 25, True),
+    ],
+)
+def test_a_flight_begins_only_above_what_is_low_and_with_the_reserve(keep, low, percent, starts):
+    why = Reserve(keep, low).start_trouble(percent)
+    assert (why == "") is starts
+    assert f"{max(keep, low)} %" in why or starts
+
+
+def test_a_flight_does_not_begin_with_a_battery_that_nobody_knows():
+    assert "unknown" in Reserve(15.0, 20.0).start_trouble(None)
 
 
 def test_low_is_said_at_the_figure_and_below():
