@@ -7,7 +7,8 @@ this computer before a fleet file is so much as opened. Keep what this module im
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -23,8 +24,15 @@ from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, NotRunning, Output, with_output
 from fleet.errors import BusError
 from fleet.host.safety.latch import RELEASE
+from fleet.model.command import ReplyStatus
 from fleet.supervisor.ask import stop_all
 from fleet.supervisor.messages import Stopped
+from fleet.wire.stops import EMERGENCY
+
+LOOK = 0.2  # s between looks at how the stops go on
+SEEN_WITHIN = 8.0  # s; an adapter has 5 to bring its robot to a standstill
+OPEN = ("under way", ReplyStatus.ACCEPTED.value)
+DONE = "done"
 
 
 class Attempt:
@@ -170,37 +178,71 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
         missing = [*edges.unreached, *_missing(edges, robots, hit)]
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
-    return _told(out, effort, edges, hit, missing)
+        failed = _failed(out, edges, hit)
+    return _told(out, effort, edges, Result(hit, missing, failed))
 
 
-def _told(
-    out: Output, effort: Effort, edges: Edges, hit: set[tuple[str, str]], missing: list[str]
-) -> ExitCode:
+class Result(msgspec.Struct, frozen=True):
+    """What became of a stop: ``hit`` are robots whose stop is set, by edge and name.
+
+    ``failed``: those of them that were not seen to stop, and why. ``missing``: who was not reached, in words.
+    """
+
+    hit: set[tuple[str, str]]
+    missing: list[str]
+    failed: Mapping[tuple[str, str], str]
+
+
+def _failed(out: Output, edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """Wait until the robots were seen to stop; return why some were not."""
+    end = time.monotonic() + SEEN_WITHIN
+    outcomes = _outcomes(edges, hit)
+    waiting = sorted(name for (_, name), outcome in outcomes.items() if outcome in OPEN)
+    if waiting:
+        out.note(f"the stop is set; not seen to stand yet: {', '.join(waiting)}")
+    while any(outcome in OPEN for outcome in outcomes.values()) and time.monotonic() < end:
+        time.sleep(LOOK)
+        outcomes = _outcomes(edges, hit)
+    late = f"nothing was seen within {SEEN_WITHIN:g} s"
+    told = {robot: late if outcome in OPEN else outcome for robot, outcome in outcomes.items()}
+    return {robot: outcome for robot, outcome in told.items() if outcome != DONE}
+
+
+def _outcomes(edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """Return how the stops of robots go, of those that tell it."""
+    states = ((state.edge, state.name, state) for state in edges.states() if state.last_command == EMERGENCY)
+    return {(edge, name): state.last_outcome for edge, name, state in states if (edge, name) in hit}
+
+
+def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode:
     """Say who was stopped, who was not, which edges were reached and what the file was not good for."""
     problems = effort.problems
     if not edges.joined and not effort.kept:
         advice = f"no edge is running here; {START}"
         raise NotRunning("; ".join([*problems, *(edges.unreached or [advice])]))
-    stopped = sorted({name for _, name in hit})
+    stopped = sorted({name for edge, name in result.hit if (edge, name) not in result.failed})
     kept = {answer.edge: sorted(answer.names) for answer in effort.kept}
-    document = {"stopped": stopped, "missing": missing, "edges": sorted(edges.joined), "problems": problems}
-    out.data(document | {"kept": kept})
+    failed = {name: why for (_, name), why in sorted(result.failed.items())}
+    reached = sorted(edges.joined)
+    document = {"stopped": stopped, "failed": failed, "missing": result.missing, "kept": kept}
+    out.data(document | {"edges": reached, "problems": problems})
     for name in stopped:
         out.say(f"{name}: stopped")
+    for name, why in failed.items():
+        out.say(f"{name}: NOT SEEN TO STOP: {why}")
     for edge, halted in kept.items():
         halted_now = ", ".join(halted) or "nobody"
         out.say(f"edge {edge} is away: its stop is set when it is back; halted now: {halted_now}")
-    reached = ", ".join(f"edge {edge}" for edge in sorted(edges.joined))
-    out.note(f"reached: {reached or 'no edge'}")
-    if stopped:
+    out.note(f"reached: {', '.join(f'edge {edge}' for edge in reached) or 'no edge'}")
+    if result.hit:
         out.note(f"released with: fleet send ROBOT {RELEASE}")
-    for name in missing:
+    for name in result.missing:
         out.note(f"{name}: NOT STOPPED; fleet ps shows the robots there are")
     for problem in problems:
         out.note(f"{problem} (the stop went out all the same)")
     if not stopped and not kept:
         return ExitCode.REJECTED
-    return ExitCode.SOME_FAILED if missing else ExitCode.OK
+    return ExitCode.SOME_FAILED if result.missing or failed else ExitCode.OK
 
 
 def _missing(edges: Edges, names: tuple[str, ...], hit: set[tuple[str, str]]) -> list[str]:

@@ -41,6 +41,7 @@ def test_everything_is_stopped_on_every_edge(fleet, yard, play_edge):
         "edges": ["barn", "yard-1"],
         "problems": [],
         "kept": {},
+        "failed": {},
     }
     assert yard.stops == barn.stops == [[]]
 
@@ -190,3 +191,21 @@ def test_the_sockets_of_our_edges_are_found_whatever_the_environment_was(tmp_pat
     assert {login / "fleet", memory / f"fleet-{os.getuid()}"} <= set(found)
     assert memory / "fleet-link" not in found
     assert runtime_dirs({"FLEET_RUNTIME_DIR": "/only"}) == [place.__class__("/only")]
+
+
+def test_a_robot_that_was_not_seen_to_stop_is_told_in_its_own_words(fleet, play_edge):
+    refused = {"last_command": "emergency_stop", "last_outcome": "error: HOLD was refused: FAILED"}
+    play_edge("yard-1", robots={"rover": refused, "rex": {}})
+    result = fleet("stop", "--all")
+    assert (result.code, result.out) == (
+        7,
+        "rex: stopped\nrover: NOT SEEN TO STOP: error: HOLD was refused: FAILED\n",
+    )
+
+
+def test_a_stop_that_stays_under_way_is_told_as_not_seen(fleet, play_edge, monkeypatch):
+    monkeypatch.setattr("fleet.cli.stop.SEEN_WITHIN", 0.3)
+    play_edge("yard-1", robots={"rover": {"last_command": "emergency_stop", "last_outcome": "under way"}})
+    result = fleet("stop", "rover")
+    assert (result.code, result.out) == (5, "rover: NOT SEEN TO STOP: nothing was seen within 0.3 s\n")
+    assert "the stop is set; not seen to stand yet: rover" in result.err
