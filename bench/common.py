@@ -110,12 +110,12 @@ def bare_client(port, name):
 
 
 class Fleet:
-    """A running ``fleet run``: when each robot was first told to be well."""
+    """A running ``fleet run``: when each robot was first told to be well; ``pid`` is the edge's own."""
 
     def __init__(self, running, runtime):
         self.runtime = runtime
-        self.pid = running.pid
         self.began = time.monotonic()
+        self._supervisor = psutil.Process(running.pid)
         self.well = {}
         threading.Thread(target=self._read, args=(running.stdout,), daemon=True).start()
 
@@ -124,6 +124,12 @@ class Fleet:
             state = json.loads(text)
             if state["health"] == "ok":
                 self.well.setdefault(state["name"], time.monotonic() - self.began)
+
+    @property
+    def pid(self):
+        """The edge's process, which its supervisor starts again when it dies."""
+        wait_for(self._supervisor.children)
+        return self._supervisor.children()[0].pid
 
     def all_well(self, number):
         """Wait until so many robots are well; return the seconds that the first took."""

@@ -1,14 +1,18 @@
-"""A soak: puppets, an asker and a network with faults by chance; promises checked, memory and files watched.
+"""A soak: puppets, an asker, a network and workers with faults by chance; promises checked, memory watched.
 
-``python -m bench soak`` takes 15 minutes; ``python -m bench soak:MINUTES`` as long as it is told.
+``python -m bench soak`` takes 30 minutes; ``python -m bench soak:MINUTES`` as long as it is told. Programs join
+the bus and leave it, connections are reset, workers are killed. Memory counts once it has settled, after a third
+of the time.
 Then ours and the SDK's bridge go side by side through the kills and resets of ``bench/bridge/faults.py``.
 """
 
 import contextlib
+import json
 import random
 import time
 
 import psutil
+import zenoh
 
 from bench.bridge import faults
 from bench.bridge.faults import PROMISES, settle
@@ -18,7 +22,10 @@ from fleet.testing.asker import Asker, executed
 from fleet.testing.promises import broken
 from fleet.testing.proxy import TcpProxy
 
-MINUTES = 15.0
+MINUTES = 30.0
+SETTLED = 1 / 3  # of the time: what is loaded at first use is there
+WORKERS = ("wing-1", "wing-2", "wing-3")
+CHURN = 10.0  # s between two of them, about
 ROBOTS = 20
 SEED = 1
 ROUND = 2.0  # s at most between rounds of asks
@@ -38,27 +45,80 @@ def fault(chance, proxy):
         proxy.reset()
 
 
+class Churn:
+    """What comes and goes around an edge: a program on its bus, and its workers."""
+
+    def __init__(self, bus, edge, chance):
+        self.joins = self.kills = 0
+        self._endpoint = f"tcp/127.0.0.1:{bus}"
+        self._edge = edge
+        self._chance = chance
+        self._next = time.monotonic() + CHURN
+
+    def turn(self):
+        """Let something come or go, now and then."""
+        if time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + self._chance.uniform(0.5, 1.5) * CHURN
+        if self._chance.random() < 0.5:
+            self._join()
+        else:
+            self._kill()
+
+    def _join(self):
+        """Join the bus, hear everything for a moment, and leave."""
+        session = zenoh.open(_client(self._endpoint))
+        subscriber = session.declare_subscriber("**", lambda _: None)
+        time.sleep(0.2)
+        subscriber.undeclare()
+        session.close()
+        self.joins += 1
+
+    def _kill(self):
+        """Kill a worker, if one is there."""
+        workers = [each for each in self._edge.children() if "fleet.host.worker" in each.cmdline()]
+        if workers:
+            self._chance.choice(workers).kill()
+            self.kills += 1
+
+
+def _client(endpoint):
+    """Return Zenoh's configuration of a program that joins."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    return config
+
+
 def soak(minutes):
     """Soak ours; print what was found."""
     chance = random.Random(SEED)
     with contextlib.ExitStack() as stack:
         port = stack.enter_context(mosquitto())
         proxy = stack.enter_context(TcpProxy(port))
-        running = stack.enter_context(side("fleet", proxy.port, number=ROBOTS, rate=10.0, heard_at=port))
+        running = stack.enter_context(
+            side("fleet", proxy.port, number=ROBOTS, rate=10.0, heard_at=port, workers=WORKERS)
+        )
         names = {robot["name"]: robot["twin"] for robot in puppets(ROBOTS)}
         asker = stack.enter_context(contextlib.closing(Asker(port, names)))
-        edge, end = psutil.Process(running.pid), time.monotonic() + minutes * 60
-        memory, files = edge.memory_info().rss, edge.num_fds()
-        while time.monotonic() < end:
+        edge, began = psutil.Process(running.pid), time.monotonic()
+        churn = Churn(running.bus, edge, chance)
+        memory = files = 0
+        while time.monotonic() < began + minutes * 60:
+            if not memory and time.monotonic() > began + SETTLED * minutes * 60:
+                memory, files = edge.memory_info().rss, edge.num_fds()
             for name in names:
                 asker.ask(name, chance.choice(("poke", "poke", "lunge")))
                 asker.drive(chance.choice(list(names)))
             fault(chance, proxy)
+            churn.turn()
             time.sleep(chance.uniform(0.1, ROUND))
             asker.insist()
         proxy.delay = 0.0
         settle(asker)
         events = [*asker.events(), *executed(running.journal, asker.asks)]
+        lived = edge.is_running()
         grown, opened = edge.memory_info().rss - memory, edge.num_fds() - files
     asked = [str(ask.number) for ask in asker.asks.values() if ask.sent > 1 or not ask.answered]
     velocities = driven(asker)
@@ -68,7 +128,9 @@ def soak(minutes):
     line("broken promises", str(len(lines)), "aim: 0")
     for each in lines[:10]:
         print("   ", each)
-    line("memory", f"{grown / 2**20:+.1f} MiB", "aim: at most +20")
+    line("workers killed, programs joined", f"{churn.kills}, {churn.joins}")
+    line("the edge lived through all of it", "yes" if lived else "NO", "aim: yes")
+    line("memory, once settled", f"{grown / 2**20:+.1f} MiB", "aim: at most +5")
     line("open files", f"{opened:+d}")
 
 

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench.common import cpu_seconds, fleet, free_port, process, puppets, wait_for
+from bench.common import cpu_seconds, fleet, free_port, process, puppets, twin_of, wait_for
 from fleet.testing.mqtt import Mqtt
 
 TWINS = 50
@@ -30,10 +30,11 @@ class Side:
 
 
 @contextlib.contextmanager
-def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, **sections):
+def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sections):
     """Run a side. ``rate``: our robots' own reports; the others are given as much by a source.
 
-    ``heard_at``: the broker's own port, where ``port`` is a proxy's. ``sections``: more of our fleet.yaml.
+    ``heard_at``: the broker's own port, where ``port`` is a proxy's. ``workers``: of ours, each with a
+    robot of its own. ``sections``: more of our fleet.yaml.
     """
     bus = str(free_port())
     with contextlib.ExitStack() as stack:
@@ -44,8 +45,12 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, **sections):
         twins = [robot["twin"] for robot in robots]
         if name == "fleet":
             listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"]}}
-            edge = stack.enter_context(fleet(robots, port, folder, **listen, **sections))
-            edge.all_well(number)
+            more = [
+                {**robot, "name": each, "twin": twin_of(each), "worker": each}
+                for each, robot in zip(workers, robots, strict=False)
+            ]
+            edge = stack.enter_context(fleet(robots + more, port, folder, **listen, **sections))
+            edge.all_well(number + len(more))
             time.sleep(6)  # it settles
             yield Side(edge.pid, twins, bus, journal)
             return
