@@ -1,8 +1,8 @@
 """A soak: puppets, an asker, a network and workers with faults by chance; promises checked, memory watched.
 
 ``python -m bench soak`` takes 30 minutes; ``python -m bench soak:MINUTES`` as long as it is told. Programs
-join the bus and leave it, connections are reset, workers are killed. Memory counts once it has settled, after a
-third of the time.
+join the bus and leave it, connections are reset, workers are killed. Memory counts once it has settled, after
+a third of the time.
 Then ours and the SDK's bridge go side by side through the kills and resets of ``bench/bridge/faults.py``.
 """
 
