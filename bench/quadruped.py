@@ -25,8 +25,10 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.control.loop import no_collector
 from fleet_quadruped.robot.description import EXAMPLE, Description, load_description
+from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
 from fleet_quadruped.sim.wander import wander
@@ -233,6 +235,20 @@ def recoveries(dog: Description, count: int = 60) -> None:
     line("recovery from random orientations", f"{up}/{count}", f"by rolls needed: {rolls}")
 
 
+def checks(dog: Description, right: int = 50) -> None:
+    """Print what ``fleet can check --move`` finds: each joint's sign and offset wrong, and right dogs."""
+    wrong = [
+        (name, with_offset(dog, name, offset)) for name in JOINTS for offset in (0.11, -0.11, 0.25, -0.25)
+    ]
+    wrong += [(name, with_sign(dog, name, calibrated=known)) for name in JOINTS for known in (True, False)]
+    found = [checked(described, *as_built(dog, seed)) for seed, (_, described) in enumerate(wrong)]
+    named = sum(name in "".join(lines) for lines, (name, _) in zip(found, wrong, strict=True))
+    hits = sum(map(bool, found))
+    line("one wrong sign or offset, all joints", f"{hits}/{len(wrong)} found", f"{named} by name (aim 95 %)")
+    false = sum(bool(checked(dog, *as_built(dog, 1000 + seed))) for seed in range(right))
+    line("right dogs, with the errors of manufacturing", f"{false}/{right} alarms", "aim: none")
+
+
 def cost(dog: Description) -> None:
     """Print the least processor time of a walking dog's cycles, and who takes it.
 
@@ -302,6 +318,7 @@ EACH: dict[str, Callable[[Description], None]] = {
 }
 ONCE: dict[str, Callable[[Description], None]] = {
     "recoveries": recoveries,
+    "checks": checks,
     "loop": lambda _dog: dog_loop.run(),
 }
 
