@@ -232,7 +232,11 @@ def recoveries(dog: Description, count: int = 60) -> None:
     tries = [tries_needed(dog, random_turn(chance), most=5) for _ in range(count)]
     up = sum(one is not None for one in tries)
     rolls = {number: tries.count(number) for number in range(6) if number in tries}
-    line("recovery from random orientations", f"{up}/{count}", f"by rolls needed: {rolls}")
+    line(
+        f"{dog.drive.protocol}: recovery from random orientations",
+        f"{up}/{count}",
+        f"by rolls needed: {rolls}",
+    )
 
 
 def checks(dog: Description, right: int = 50) -> None:
@@ -315,9 +319,9 @@ EACH: dict[str, Callable[[Description], None]] = {
     "dies": dies,
     "repeats": repeats,
     "cost": cost,
+    "recoveries": recoveries,
 }
 ONCE: dict[str, Callable[[Description], None]] = {
-    "recoveries": recoveries,
     "checks": checks,
     "loop": lambda _dog: dog_loop.run(),
 }
