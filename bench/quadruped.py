@@ -26,8 +26,10 @@ from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.control.loop import no_collector
 from fleet_quadruped.drives.cia402.states import State
 from fleet_quadruped.robot.description import EXAMPLE, Description, load_description
+from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
 from fleet_quadruped.sim.rig import Rig
 from fleet_quadruped.sim.tune import random_turn, tries_needed
 from fleet_quadruped.sim.wander import wander
@@ -238,7 +240,25 @@ def recoveries(dog: Description, count: int = 60) -> None:
     tries = [tries_needed(dog, random_turn(chance), most=5) for _ in range(count)]
     up = sum(one is not None for one in tries)
     rolls = {number: tries.count(number) for number in range(6) if number in tries}
-    line("recovery from random orientations", f"{up}/{count}", f"by rolls needed: {rolls}")
+    line(
+        f"{dog.drive.protocol}: recovery from random orientations",
+        f"{up}/{count}",
+        f"by rolls needed: {rolls}",
+    )
+
+
+def checks(dog: Description, right: int = 50) -> None:
+    """Print what ``fleet can check --move`` finds: each joint's sign and offset wrong, and right dogs."""
+    wrong = [
+        (name, with_offset(dog, name, offset)) for name in JOINTS for offset in (0.11, -0.11, 0.25, -0.25)
+    ]
+    wrong += [(name, with_sign(dog, name, calibrated=known)) for name in JOINTS for known in (True, False)]
+    found = [checked(described, *as_built(dog, seed)) for seed, (_, described) in enumerate(wrong)]
+    named = sum(name in "".join(lines) for lines, (name, _) in zip(found, wrong, strict=True))
+    hits = sum(map(bool, found))
+    line("one wrong sign or offset, all joints", f"{hits}/{len(wrong)} found", f"{named} by name (aim 95 %)")
+    false = sum(bool(checked(dog, *as_built(dog, 1000 + seed))) for seed in range(right))
+    line("right dogs, with the errors of manufacturing", f"{false}/{right} alarms", "aim: none")
 
 
 def cost(dog: Description) -> None:
@@ -307,9 +327,10 @@ EACH: dict[str, Callable[[Description], None]] = {
     "dies": dies,
     "repeats": repeats,
     "cost": cost,
+    "recoveries": recoveries,
 }
 ONCE: dict[str, Callable[[Description], None]] = {
-    "recoveries": recoveries,
+    "checks": checks,
     "loop": lambda _dog: dog_loop.run(),
 }
 

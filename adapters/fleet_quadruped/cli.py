@@ -1,17 +1,23 @@
-"""``fleet can``: a dog on the bench. Only ``jog`` enables a drive, one, after a person has agreed."""
+"""``fleet can``: a dog on the bench. ``jog`` enables one drive, ``check --move`` all; both ask first."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
 from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
+from fleet_quadruped import commissioning
 from fleet_quadruped.bodies import AnyBody, load_body
 from fleet_quadruped.can.capture import read_capture
+from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.commissioning import at_rest
+from fleet_quadruped.control.controller import Controller
+from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.jog import (
     LEAST_DEGREES,
     MOST_DEGREES,
@@ -23,6 +29,7 @@ from fleet_quadruped.jog import (
     direction,
     verdict,
 )
+from fleet_quadruped.moves import Moves
 from fleet_quadruped.replay import Replay
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import JOINTS
@@ -37,7 +44,7 @@ _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON list of lines for programs.")
 @click.pass_context
 def can(context: click.Context, *, as_json: bool) -> None:
-    """Look at a quadruped's CAN buses and drives; only jog enables one, after asking."""
+    """Look at a quadruped's CAN buses and drives; only jog and check --move enable any, after asking."""
     context.obj = as_json
 
 
@@ -61,25 +68,45 @@ def scan_command(url: str, bitrate: int) -> int:
 @can.command("check")
 @_BODY
 @_BUS
-def check_command(body: Path, buses: tuple[str, ...]) -> int:
-    """Check a description, and with --bus also the drives that it names."""
+@click.option(
+    "--move", is_flag=True, help="Let it crouch and lean a little: shows signs and offsets. Asks first."
+)
+def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
+    """Check a description; with --bus also its drives, of a dog that lies folded on its belly."""
     dog = load_body(body)
     lines = [
         f"bus {bus}: {load:.0%} of {dog.buses[bus].bitrate} bit/s at {1 / dog.dt:.0f} cycles a second"
         for bus, load in dog.loads.items()
     ]
     if not buses:
+        if move:
+            raise LinkRefused("--move needs the --bus of each drive")
         _show([*lines, f"{body}: ok; add --bus to look at the drives"])
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         if isinstance(dog, Description):
-            found = problems(dog.all_joints, Workbench(dog, opened, SystemClock()).settle())
-            good = "all twelve drives answer, where their joints can be"
+            found, good = _checked(dog, opened, move=move)
         else:
             found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
     verdict = f"{len(found)} problems" if found else good
     _show([*lines, *found, verdict])
     return 1 if found else 0
+
+
+def _checked(dog: Description, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
+    """Return what is wrong with a dog's drives and joints, and what is good when nothing is."""
+    told = Workbench(dog, buses, SystemClock()).settle()
+    found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
+    if found or not move:
+        return found, "all twelve drives answer, where their joints can be; --move shows signs and offsets"
+    click.echo("It will fold its legs, crouch, and lean by up to 10 degrees. Any key stops it.", err=True)
+    click.confirm("Does it lie on its belly on a level floor, and is everybody clear?", abort=True, err=True)
+    pressed, controller = Pressed(), Controller(dog, buses)
+    controller.configure()
+    with pressed.watching():
+        moves = Moves(dog, SystemClock(), pressed)
+        Loop(controller, buses, moves, SystemClock()).run()
+    return commissioning.problems(dog, moves.looks, moves.ended), "signs and offsets of all joints are right"
 
 
 @can.command("monitor")

@@ -12,6 +12,7 @@ import msgspec
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
 from fleet_quadruped.body.motion import Motion, folding, rising, rolling, sitting
+from fleet_quadruped.body.probing import probing
 from fleet_quadruped.body.sense import ZEROS, Sense, Targets
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import Description
@@ -21,6 +22,8 @@ _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
 _UPRIGHT = 0.85  # of the body's z axis that must point up before it rises
 _TRIES = 5
+_LEVEL = 0.15  # rad that a dog may be tilted where it is checked
+_LEANS = 0.35  # rad at which a check ends: it is sent to half of that
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
 
@@ -31,6 +34,7 @@ class Ask(enum.StrEnum):
     STAND = "stand"
     SIT = "sit"
     RECOVER = "recover"
+    CHECK = "check"
     HEIGHT = "height"
     RESET = "reset"
 
@@ -54,7 +58,10 @@ class Wanted(msgspec.Struct, frozen=True, gc=False):
 
 
 class Body:
-    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one."""
+    """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one.
+
+    ``tries``: how often it has rolled since it was asked to recover.
+    """
 
     def __init__(self, dog: Description) -> None:
         self._dog = dog
@@ -66,7 +73,7 @@ class Body:
         self._since = 0.0  # s in this mode
         self._motion: Motion | None = None
         self._lowering: Lowering | None = None
-        self._tries = 0
+        self.tries = 0
         self._reset = False
 
     # -- being asked ---------------------------------------------------------------------------------
@@ -113,7 +120,22 @@ class Body:
             return "without an IMU nobody knows how it lies"
         if sense.imu.up < _UPRIGHT and self._dog.poses.roll_near is None:
             return "it is not upright and its description has no roll poses; put it on its feet"
-        self._after, self._tries = Mode.RECOVERING, 0
+        return self._power_up(Mode.RECOVERING)
+
+    def _check(self, _value: float, sense: Sense) -> str:
+        """Make the small moves that show signs and offsets; return why not, empty when it does."""
+        if self.mode is not Mode.OFF:
+            return f"it is {self.mode.value}"
+        if self.fault:
+            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
+        if sense.imu is None:
+            return "without an IMU nobody knows how it lies"
+        if sense.imu.tilt > _LEVEL:
+            return f"it lies tilted by {sense.imu.tilt:.2f} rad; put it on a level floor, on its belly"
+        return self._power_up(Mode.CHECKING)
+
+    def _power_up(self, after: Mode) -> str:
+        self._after, self.tries = after, 0
         self._enter(Mode.ENABLING)
         return ""
 
@@ -226,27 +248,38 @@ class Body:
             self._next_try(sense.imu.up, sense.imu.roll, targets)
         return Wanted(Wish.HOLD, targets)
 
+    def _checking(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        self._motion = self._motion or probing(self._dog, sense.angles)
+        targets = self._motion.step(dt)
+        if self._motion.done:
+            self._enter(Mode.SITTING)
+            self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
+        elif sense.imu is not None and sense.imu.tilt > _LEANS:
+            self.trip(Trip(Stage.DAMP, f"check: leans by {sense.imu.tilt:.2f} rad, where it is not sent"))
+        return Wanted(Wish.HOLD, targets)
+
     def _next_try(self, up: float, roll: float, targets: Targets) -> None:
         """Rise when upright; else roll, to the other side at every second try."""
         if up >= _UPRIGHT:
             self._enter(Mode.RISING)
             return
-        if self._tries >= _TRIES or self._dog.poses.roll_near is None:
+        if self.tries >= _TRIES or self._dog.poses.roll_near is None:
             self.trip(
                 Trip(
                     Stage.DAMP,
-                    f"recovery: still not upright after {self._tries} tries; its IMU may be mounted wrongly",
+                    f"recovery: still not upright after {self.tries} tries; its IMU may be mounted wrongly",
                 )
             )
             return
-        to_left = (roll > 0) == (self._tries % 2 == 0)
-        self._tries += 1
+        to_left = (roll > 0) == (self.tries % 2 == 0)
+        self.tries += 1
         self._motion = rolling(self._dog, targets.angles, to_left=to_left)
 
     _ASKS: ClassVar[Mapping[Ask, Callable[[Body, float, Sense], str]]] = {
         Ask.STAND: _stand,
         Ask.SIT: _sit,
         Ask.RECOVER: _recover,
+        Ask.CHECK: _check,
         Ask.HEIGHT: _height,
         Ask.RESET: _reset_faults,
     }
@@ -259,6 +292,7 @@ class Body:
         Mode.SITTING: _sitting,
         Mode.SETTLING: _settling,
         Mode.RECOVERING: _recovering,
+        Mode.CHECKING: _checking,
         Mode.DAMPED: _damped,
     }
 

@@ -11,7 +11,7 @@ from fleet_quadruped.robot.names import Twelve
 
 Path = Callable[[float], Twelve]
 _FOLD_TIME = 0.8  # s
-_ROLL_TIME = 0.7  # s
+_ROLL_TIME, _ROLL_HOLD = 0.7, 0.8  # s: soft joints (MIT) take time to push a dog over
 
 
 class Segment(NamedTuple):
@@ -108,4 +108,4 @@ def rolling(dog: Description, start: Twelve, *, to_left: bool) -> Motion:
         raise ValueError(f"{dog.robot.name} has no roll poses")
     roll = dog.posture(near, far) if to_left else dog.posture(far, near)
     fold = dog.posture(dog.poses.fold)
-    return Motion(start, [Segment(_ROLL_TIME, roll), Segment(0.2, roll), Segment(_FOLD_TIME, fold)])
+    return Motion(start, [Segment(_ROLL_TIME, roll), Segment(_ROLL_HOLD, roll), Segment(_FOLD_TIME, fold)])

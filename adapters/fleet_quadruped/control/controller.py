@@ -264,7 +264,11 @@ class Controller:
 
     def _start_refusal(self, ask: Ask) -> str:
         """Return why the drives cannot be powered now, naming one; empty when they can."""
-        if ask not in {Ask.STAND, Ask.RECOVER} or self.body.mode is not Mode.OFF or self.body.fault:
+        if (
+            ask not in {Ask.STAND, Ask.RECOVER, Ask.CHECK}
+            or self.body.mode is not Mode.OFF
+            or self.body.fault
+        ):
             return ""  # the body has its own words for that
         failed = self._failed()
         if failed:

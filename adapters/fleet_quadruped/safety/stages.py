@@ -31,6 +31,7 @@ class Mode(enum.StrEnum):
     SITTING = "sitting"
     SETTLING = "settling"  # folded, giving way, about to be off
     RECOVERING = "recovering"
+    CHECKING = "checking"  # small moves of the trunk by which signs and offsets are seen
     DAMPED = "damped"  # stopped hard; off follows
 
 
@@ -60,6 +61,7 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
                 Mode.STANDING: Mode.SITTING,
                 Mode.WALKING: Mode.SITTING,
                 Mode.RECOVERING: Mode.DAMPED,
+                Mode.CHECKING: Mode.DAMPED,
             }
         ),
         Stage.DAMP: MappingProxyType(
@@ -69,10 +71,12 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
 )
 """Where a trip takes the body; a mode that is not named stays."""
 
-POSITIONED = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.RECOVERING})
+POSITIONED = frozenset(
+    {Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.RECOVERING, Mode.CHECKING}
+)
 """Modes in which the drives hold positions."""
 
-UPRIGHT = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING})
+UPRIGHT = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.CHECKING})
 """Modes in which tilting means falling."""
 
 

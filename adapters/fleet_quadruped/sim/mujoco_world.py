@@ -10,6 +10,7 @@ import mujoco
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import Leg, Point
 from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.turning import to_body
 from fleet_quadruped.robot.description import Description
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import Motor
@@ -24,6 +25,7 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
 
     The rubber of the end stops fills the margin that targets keep, so that its give ends at the limits.
     A motor's load is the state of its actuator and moves by the control, so that one call does many steps.
+    Everything collides with everything but its neighbour across a joint: legs with legs, and with the trunk.
     Of so few bodies and contacts the search for near pairs and for islands costs more than it saves.
     """
     mass = dog.robot.mass
@@ -44,11 +46,11 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
     <joint armature="0.01" damping="0.05" limited="true" margin="{dog.safety.margin}"
            solreflimit="{2 * STEP} 1" solimplimit="0.99 0.999 0.0001"/></default>
   <worldbody>
-    <geom name="floor" type="plane" size="50 50 1" conaffinity="1" contype="1"/>
+    <geom name="floor" type="plane" size="50 50 1"/>
     <body name="trunk" pos="0 0 0.13">
       <freejoint name="root"/>
       <geom type="box" size="{shape.hip_x} {shape.hip_y + 0.03} {_BODY_HALF_HEIGHT}"
-            mass="{mass * _TRUNK}" contype="0" conaffinity="1"/>
+            mass="{mass * _TRUNK}"/>
       {legs}
     </body>
   </worldbody>
@@ -63,12 +65,11 @@ def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
         part: f"{joints[f'{name}_{part}'].low} {joints[f'{name}_{part}'].high}"
         for part in ("abad", "hip", "knee")
     }
-    limb = 'type="capsule" contype="0" conaffinity="1"'
+    limb = 'type="capsule"'
     return f"""
       <body pos="{leg.x} {leg.y} 0">
         <joint name="{name}_abad" axis="1 0 0" range="{ranges["abad"]}"/>
-        <geom type="sphere" size="0.04" mass="{mass * 0.4}" pos="0 {leg.side * leg.offset / 2} 0"
-              contype="0" conaffinity="1"/>
+        <geom type="sphere" size="0.04" mass="{mass * 0.4}" pos="0 {leg.side * leg.offset / 2} 0"/>
         <body pos="0 {leg.side * leg.offset} 0">
           <joint name="{name}_hip" axis="0 1 0" range="{ranges["hip"]}"/>
           <geom {limb} size="0.018" fromto="0 0 0 0 0 {-leg.thigh}" mass="{mass * 0.42}"/>
@@ -76,7 +77,7 @@ def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
             <joint name="{name}_knee" axis="0 1 0" range="{ranges["knee"]}"/>
             <geom {limb} size="0.012" fromto="0 0 0 0 0 {-leg.calf}" mass="{mass * 0.14}"/>
             <geom name="{name}_foot" type="sphere" size="{dog.geometry.foot_radius}" pos="0 0 {-leg.calf}"
-                  mass="{mass * 0.04}" contype="0" conaffinity="1"/>
+                  mass="{mass * 0.04}"/>
           </body>
         </body>
       </body>"""
@@ -156,7 +157,7 @@ class MujocoWorld:
         if self._imu is None:
             rotation = Quaternion(*self._turn.tolist())
             ax, ay, az = self._felt.tolist()
-            felt = _to_body(rotation, (ax, ay, az + 9.81))
+            felt = to_body(rotation, (ax, ay, az + 9.81))
             self._imu = Imu(rotation, Vector3(*self._rates.tolist()), Vector3(*felt))
         return self._imu
 
@@ -169,11 +170,3 @@ class MujocoWorld:
     def fall_speed(self) -> float:
         """Downward speed of the trunk, m/s."""
         return -float(self.data.qvel[2])
-
-
-def _to_body(rotation: Quaternion, vector: Point) -> Point:
-    """Turn a world vector into the body frame."""
-    w, x, y, z = rotation.w, -rotation.x, -rotation.y, -rotation.z
-    a, b, c = vector
-    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx

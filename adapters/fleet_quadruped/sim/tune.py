@@ -16,14 +16,16 @@ from pathlib import Path
 
 from fleet import Quaternion
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.motion import Motion, folding, rolling
+from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.robot.description import Description, load_description
 from fleet_quadruped.robot.parts import Pose
+from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
 
-_STIFF, _DAMPING = 150.0, 3.0  # as the simulated drives
-_UPRIGHT = 0.85
 _STEP = 0.01  # s
+_HEARD = 0.1  # s until all drives have been heard
+_ON_THE_WAY = frozenset({Mode.ENABLING, Mode.RECOVERING, Mode.RISING})
 
 
 def random_turn(chance: random.Random) -> Quaternion:
@@ -41,28 +43,21 @@ def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
     world.measure()
 
 
-def follow(world: MujocoWorld, motion: Motion) -> None:
-    """Let the joints follow a motion to its end."""
-    while not motion.done:
-        for motor, angle in zip(world.motors, motion.step(_STEP).angles, strict=True):
-            motor.kp, motor.kd, motor.target, motor.target_speed = _STIFF, _DAMPING, angle, 0.0
-        world.step(_STEP)
-    world.measure()
-
-
 def tries_needed(dog: Description, turn: Quaternion, most: int = 3) -> int | None:
-    """Return how many rolls bring a dropped dog onto its feet; None when ``most`` do not."""
+    """Return how many rolls bring a dropped dog to stand; None when ``most`` do not.
+
+    By the controller itself over its simulated drives: with its monitor, its limits, and legs that collide.
+    """
     world = MujocoWorld(dog)
     drop(world, turn)
-    follow(world, folding(dog, tuple(motor.angle for motor in world.motors)))
-    for count in range(most + 1):
-        imu = world.imu()
-        if imu.up >= _UPRIGHT:
-            return count
-        if count < most:
-            to_left = (imu.roll > 0) == (count % 2 == 0)
-            follow(world, rolling(dog, tuple(motor.angle for motor in world.motors), to_left=to_left))
-    return None
+    rig = Rig(dog, world)
+    rig.go(_HEARD)
+    if rig.ask(Ask.RECOVER):
+        return None
+    body = rig.controller.body
+    while rig.mode in _ON_THE_WAY and body.tries <= most:
+        rig.cycle()
+    return body.tries if rig.mode is Mode.STANDING else None
 
 
 def with_roll(dog: Description, near: Pose, far: Pose) -> Description:

@@ -8,7 +8,7 @@ from fleet_quadruped.body.machine import Ask
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
-from fleet_quadruped.sim.tune import drop, random_turn
+from fleet_quadruped.sim.tune import drop, random_turn, tries_needed
 
 CHANCE = random.Random(7)
 TURNS = [quaternion_from_euler(roll, 0, 0) for roll in (math.pi, 1.6, -1.6)] + [
@@ -25,14 +25,20 @@ def lying(dog, turn):
 
 
 @pytest.mark.parametrize("turn", TURNS)
-def test_it_gets_up_from_whatever_it_lies_on(dog, turn):
-    rig = lying(dog, turn)
+def test_it_gets_up_from_whatever_it_lies_on(any_dog, turn):
+    rig = lying(any_dog, turn)
     assert rig.ask(Ask.RECOVER) == ""
-    for _ in range(18):
+    for _ in range(24):
         rig.go(1.0)
         if rig.mode is Mode.STANDING:
             break
     assert (rig.mode, rig.fault) == (Mode.STANDING, "")
+
+
+def test_tuning_heeds_the_monitor_and_the_limits_of_reality(dog):
+    strict = dog.model_copy(update={"safety": dog.safety.model_copy(update={"following": 0.01})})
+    assert tries_needed(dog, TURNS[1]) is not None
+    assert tries_needed(strict, TURNS[1]) is None
 
 
 def test_it_does_not_stand_up_while_it_is_on_its_back(dog):

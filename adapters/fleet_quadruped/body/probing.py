@@ -1,0 +1,91 @@
+"""The small moves of ``fleet can check --move``: the trunk shifts and tilts over feet that stay in place.
+
+Whoever compares where the feet then are with what the IMU says knows each joint's sign and offset.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fleet.model.geometry import quaternion_from_euler
+from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.motion import Motion, Segment
+from fleet_quadruped.body.turning import to_body
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import Twelve
+
+FOLD_TIME, RISE_TIME, MOVE_TIME, HOLD_TIME = 1.5, 2.0, 0.8, 0.4  # s
+_SHIFT = 0.11  # of the length of a leg
+_TILT, _TURN = 0.18, 0.22  # rad
+
+
+class Lean(NamedTuple):
+    """Where the trunk is, over where it crouches: m and rad; ``up`` is the height of the hips."""
+
+    up: float
+    x: float = 0.0
+    y: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+
+def leans(dog: Description) -> tuple[Lean, ...]:
+    """Return the places of the trunk at which the joints are looked at, the lowest first."""
+    gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
+    low = gait.lowest
+    middle = (low + gait.height) / 2
+    ways = [{"x": shift}, {"y": shift}, {"roll": _TILT}, {"pitch": _TILT}, {"yaw": _TURN}]
+    there = [
+        Lean(middle, **{name: side * value})
+        for way in ways
+        for name, value in way.items()
+        for side in (1, -1)
+    ]
+    return (Lean(low), Lean(middle), *there, Lean(gait.height), Lean(low))
+
+
+def look_times(dog: Description) -> tuple[float, ...]:
+    """Return when the trunk has come to rest at each of ``leans``, seconds from the beginning."""
+    first = FOLD_TIME + RISE_TIME + HOLD_TIME
+    return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(leans(dog))))
+
+
+def probing(dog: Description, start: Twelve) -> Motion:
+    """Fold slowly, crouch, and take the trunk to each of ``leans``."""
+    fold = dog.posture(dog.poses.fold)
+    first, *others = leans(dog)
+    segments = [
+        Segment(FOLD_TIME, fold),
+        Segment(RISE_TIME, leaning(dog, first)),
+        Segment(HOLD_TIME, leaning(dog, first)),
+    ]
+    before = first
+    for lean in others:
+        segments += [_move(dog, before, lean), Segment(HOLD_TIME, leaning(dog, lean))]
+        before = lean
+    return Motion(start, segments)
+
+
+def _move(dog: Description, before: Lean, after: Lean) -> Segment:
+    """Return the way of the trunk from one place to another."""
+
+    def path(share: float) -> Twelve:
+        return leaning(dog, Lean(*(a + (b - a) * share for a, b in zip(before, after, strict=True))))
+
+    return Segment(MOVE_TIME, leaning(dog, after), path)
+
+
+def leaning(dog: Description, lean: Lean) -> Twelve:
+    """Return the angles with the trunk there and the feet below the hips of a level trunk."""
+    rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
+    angles: list[float] = []
+    for leg in dog.legs:
+        stands: Point = (
+            leg.x - lean.x,
+            leg.y + leg.side * leg.offset - lean.y,
+            dog.geometry.foot_radius - lean.up,
+        )
+        x, y, z = to_body(rotation, stands)
+        angles += leg.angles((x - leg.x, y - leg.y, z))
+    return tuple(angles)

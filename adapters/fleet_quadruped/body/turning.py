@@ -1,0 +1,19 @@
+"""Turning vectors between the frames of the body and of the world."""
+
+from __future__ import annotations
+
+from fleet import Quaternion
+from fleet_quadruped.body.legs import Point
+
+
+def to_world(rotation: Quaternion, vector: Point) -> Point:
+    """Turn a vector of the body frame into the world frame; ``rotation`` is body to world."""
+    w, x, y, z = rotation.w, rotation.x, rotation.y, rotation.z
+    a, b, c = vector
+    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+def to_body(rotation: Quaternion, vector: Point) -> Point:
+    """Turn a vector of the world frame into the body frame; ``rotation`` is body to world."""
+    return to_world(Quaternion(rotation.w, -rotation.x, -rotation.y, -rotation.z), vector)

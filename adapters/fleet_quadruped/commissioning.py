@@ -1,0 +1,218 @@
+"""Signs and offsets of the joints, from what a dog did in its small moves (``fleet can check --move``).
+
+The feet stay where they are on a level floor while the trunk is shifted and tilted. With right signs and
+offsets the joints and the IMU together put each foot at one place in all looks, and all feet on one plane.
+Which single joint, mirrored or shifted, explains best what is seen is found by least squares: this joint
+free, the offsets of all others as small as those of manufacturing, the floor and the IMU nearly level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.body.legs import Leg, Point
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.turning import to_world
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import JOINTS, LEGS, Twelve
+
+_FOOT = 0.0005  # m that a foot may seem to be above the floor
+_STUCK = 0.005  # m that a foot may slide
+_MADE = 0.02  # rad: offsets and tilts of manufacturing
+_FREE = 1.5  # rad: of the joint that is looked at
+_ROUNDS = 5
+_JOINTS = len(JOINTS)
+_COUNT = _JOINTS + 4  # offsets; the floor's slopes along x and y; the IMU's mounting about x and y
+_SMALL = 1e-5
+_LEAST = 3  # looks from which anything can be told
+_UNLIKELY = 25.0  # cost that no right dog has: of 50 the worst has 16
+_BETTER, _OFF = 5.0, 0.06  # cost by which one joint must explain it better, with how much offset (rad)
+_EXPLAINED = 40.0  # cost up to which an offset is told with its size: feet have slid too far beyond
+_FOLDED, _APART = 0.9, 0.6  # rad from the fold, and from the other legs, of legs that nobody holds
+_CHECK = "check its sign and offset, or lay it on its belly with its legs folded"
+
+Feet = list[list[Point]]  # by look and leg, m
+
+
+class Look(NamedTuple):
+    """What was seen with the trunk at rest: joint angles (rad), and the IMU's rotation (body to world)."""
+
+    angles: Twelve
+    rotation: Quaternion
+
+
+class Guess(NamedTuple):
+    """One joint that is mirrored, or off by ``offset`` (rad); ``cost``: how badly that explains all."""
+
+    cost: float
+    joint: int | None
+    mirrored: bool
+    offset: float
+
+
+def explain(dog: Description, looks: Sequence[Look], joint: int | None, *, mirrored: bool = False) -> Guess:
+    """Return how badly this joint alone explains what is seen; None: manufacturing alone."""
+    errors, first = [_MADE] * _COUNT, [0.0] * _COUNT
+    if joint is not None:
+        errors[joint] = _FREE
+    if joint is not None and mirrored:
+        first[joint] = 2 * looks[0].angles[joint]
+        looks = [_with_mirrored(look, joint) for look in looks]
+    values, cost = first, 0.0
+    for _ in range(_ROUNDS):
+        residuals = _residuals(dog, looks, values)
+        priors = [(value - begun) / error for value, begun, error in zip(values, first, errors, strict=True)]
+        cost = sum(each * each for each in residuals) + sum(each * each for each in priors)
+        slopes = []
+        for number in range(_COUNT):
+            moved = [value + _SMALL * (place == number) for place, value in enumerate(values)]
+            after = _residuals(dog, looks, moved)
+            slopes.append([(b - a) / _SMALL for a, b in zip(residuals, after, strict=True)])
+        values = _improved(residuals, slopes, values, priors, errors)
+    return Guess(cost, joint, mirrored, 0.0 if joint is None else values[joint])
+
+
+def _with_mirrored(look: Look, joint: int) -> Look:
+    angles = tuple(-angle if number == joint else angle for number, angle in enumerate(look.angles))
+    return look._replace(angles=angles)
+
+
+def _residuals(dog: Description, looks: Sequence[Look], values: Sequence[float]) -> list[float]:
+    """Return by how much feet seem to move, and to be above the floor, over the error of that."""
+    slope_x, slope_y = values[_JOINTS : _JOINTS + 2]
+    feet = [_feet(dog, look, values) for look in looks]
+    stuck = [_centred(each) for each in _unrolled(dog, looks, feet)]
+    means = [_mean([look[leg] for look in stuck]) for leg in range(len(LEGS))]
+    found = []
+    for look, stands in zip(stuck, feet, strict=True):
+        for place, mean in zip(look, means, strict=True):
+            found += [(a - b) / _STUCK for a, b in zip(place, mean, strict=True)]
+        found += [(z - slope_x * x - slope_y * y) / _FOOT for x, y, z in _centred(stands)]
+    return found
+
+
+def _feet(dog: Description, look: Look, values: Sequence[float]) -> list[Point]:
+    """Return the feet of one look from the trunk's centre, in the level frame."""
+    angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
+    mount_x, mount_y = values[_JOINTS + 2 :]
+    feet = []
+    for number, leg in enumerate(dog.legs):
+        x, y, z = leg.foot((angles[3 * number], angles[3 * number + 1], angles[3 * number + 2]))
+        x, y = x + leg.x, y + leg.y
+        turned = (x + mount_y * z, y - mount_x * z, z + mount_x * y - mount_y * x)
+        feet.append(to_world(look.rotation, turned))
+    return feet
+
+
+def _unrolled(dog: Description, looks: Sequence[Look], feet: Feet) -> Feet:
+    """Return the feet less what they have rolled on the floor since the first look."""
+    radius, begun = dog.geometry.foot_radius, _leans(looks[0])
+    return [
+        [
+            (x - radius * (pitch - first_pitch), y + radius * (roll - first_roll), z)
+            for (x, y, z), (roll, pitch), (first_roll, first_pitch) in zip(
+                stands, _leans(look), begun, strict=True
+            )
+        ]
+        for look, stands in zip(looks, feet, strict=True)
+    ]
+
+
+def _leans(look: Look) -> list[tuple[float, float]]:
+    """Return how each calf leans, roll and pitch."""
+    imu = Imu(look.rotation, Vector3(), Vector3())
+    angles = look.angles
+    return [
+        (imu.roll + angles[leg], imu.pitch + angles[leg + 1] + angles[leg + 2])
+        for leg in range(0, _JOINTS, 3)
+    ]
+
+
+def _centred(points: Sequence[Point]) -> list[Point]:
+    x, y, z = _mean(points)
+    return [(a - x, b - y, c - z) for a, b, c in points]
+
+
+def _mean(points: Sequence[Point]) -> Point:
+    x, y, z = (sum(each) / len(points) for each in zip(*points, strict=True))
+    return x, y, z
+
+
+def _improved(
+    residuals: list[float],
+    slopes: list[list[float]],
+    values: list[float],
+    priors: list[float],
+    errors: list[float],
+) -> list[float]:
+    """Return the values after one step of Gauss and Newton."""
+    matrix = [[sum(map(float.__mul__, one, two)) for two in slopes] for one in slopes]
+    right = [-sum(map(float.__mul__, one, residuals)) for one in slopes]
+    for number, error in enumerate(errors):
+        matrix[number][number] += 1 / error**2
+        right[number] -= priors[number] / error
+    step = _solved(matrix, right)
+    return [value + change for value, change in zip(values, step, strict=True)]
+
+
+def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
+    """Solve a symmetric, positive definite system; both arguments are used up."""
+    count = len(right)
+    for pivot in range(count):
+        for below in range(pivot + 1, count):
+            share = matrix[below][pivot] / matrix[pivot][pivot]
+            for column in range(pivot, count):
+                matrix[below][column] -= share * matrix[pivot][column]
+            right[below] -= share * right[pivot]
+    found = [0.0] * count
+    for row in reversed(range(count)):
+        known = sum(matrix[row][column] * found[column] for column in range(row + 1, count))
+        found[row] = (right[row] - known) / matrix[row][row]
+    return found
+
+
+def at_rest(dog: Description, angles: Twelve) -> list[str]:
+    """Return the joints that are not where those of a dog are that lies on its belly, its legs folded."""
+    fold, found = dog.posture(dog.poses.fold), []
+    outward = [angle * leg.side if part == 0 else angle for leg, part, angle in _parts(dog, angles)]
+    for number, (angle, folded) in enumerate(zip(angles, fold, strict=True)):
+        others = sorted(outward[place] for place in range(number % 3, _JOINTS, 3) if place != number)
+        apart = outward[number] - others[1]
+        if abs(angle - folded) > _FOLDED:
+            found.append(f"{JOINTS[number]}: is at {angle:.2f} rad, folded it is at {folded:.2f}; {_CHECK}")
+        elif abs(apart) > _APART:
+            found.append(
+                f"{JOINTS[number]}: is {abs(apart):.2f} rad from where the other legs' are; {_CHECK}"
+            )
+    return found
+
+
+def _parts(dog: Description, angles: Twelve) -> Iterator[tuple[Leg, int, float]]:
+    """Yield the leg, which of its joints, and the angle of each joint."""
+    for number, angle in enumerate(angles):
+        yield dog.legs[number // 3], number % 3, angle
+
+
+def problems(dog: Description, looks: Sequence[Look], ended: str = "") -> list[str]:
+    """Return what is wrong with the joints after the looks of a check; ``ended``: why there are not more."""
+    found = [f"the moves ended early: {ended}"] if ended else []
+    if len(looks) < _LEAST:
+        return found
+    made = explain(dog, looks, None)
+    guesses = [
+        explain(dog, looks, joint, mirrored=mirrored)
+        for joint in range(_JOINTS)
+        for mirrored in (False, True)
+    ]
+    best = min(guesses, key=lambda guess: guess.cost)
+    if made.cost < _UNLIKELY and (made.cost - best.cost < _BETTER or abs(best.offset) < _OFF):
+        return found
+    name = JOINTS[best.joint or 0]
+    if best.mirrored or best.cost > _EXPLAINED:
+        return [*found, f"{name}: its foot does not stay in place; jog it: most likely its sign is wrong"]
+    wiring = dog.joints[name]
+    right = wiring.offset - wiring.sign * best.offset
+    told = f"most likely its offset is {right:+.2f} (now {wiring.offset:+.2f})"
+    return [*found, f"{name}: its foot is not where it should be; {told}"]

@@ -1,0 +1,104 @@
+"""Dogs that are built a little differently from their description, and wrong descriptions of them.
+
+For tests and measurements of ``fleet can check --move``.
+"""
+
+from __future__ import annotations
+
+import random
+
+from fleet import Quaternion
+from fleet.model.geometry import quaternion_from_euler
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.commissioning import at_rest, problems
+from fleet_quadruped.moves import Moves
+from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.names import JOINTS
+from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
+
+_OFFSET, _LENGTH, _MASS, _MOUNT = 0.02, 0.01, 0.05, 0.015  # rad; shares; rad
+_FRICTION = (0.6, 1.0)
+_LONGEST = 40.0  # s of a check
+
+
+class BuiltWorld(MujocoWorld):
+    """A dog in physics whose IMU is mounted a little askew."""
+
+    mount = Quaternion()
+
+    def imu(self) -> Imu:
+        """Return what this IMU measures."""
+        true = super().imu()
+        return true._replace(rotation=_product(true.rotation, self.mount))
+
+
+def as_built(dog: Description, seed: int) -> tuple[Description, BuiltWorld]:
+    """Return a dog with the small errors of manufacturing, and its world with some friction."""
+    chance = random.Random(seed)  # noqa: S311 - must be the same on every run
+    joints = {
+        name: wiring.model_copy(update={"offset": wiring.offset + chance.uniform(-_OFFSET, _OFFSET)})
+        for name, wiring in dog.joints.items()
+    }
+    lengths = ("hip_x", "hip_y", "abad_offset", "thigh", "calf", "foot_radius")
+    shape = {name: getattr(dog.geometry, name) * (1 + chance.uniform(-_LENGTH, _LENGTH)) for name in lengths}
+    mass = dog.robot.mass * (1 + chance.uniform(-_MASS, _MASS))
+    built = _changed(
+        dog,
+        joints=joints,
+        geometry=dog.geometry.model_copy(update=shape),
+        robot=dog.robot.model_copy(update={"mass": mass}),
+    )
+    world = BuiltWorld(built, friction=chance.uniform(*_FRICTION))
+    world.mount = quaternion_from_euler(chance.uniform(-_MOUNT, _MOUNT), chance.uniform(-_MOUNT, _MOUNT), 0.0)
+    return built, world
+
+
+def with_offset(dog: Description, name: str, offset: float) -> Description:
+    """Return the description with one joint's offset wrong by so much, rad."""
+    wiring = dog.joints[name]
+    return _changed(
+        dog, joints={**dog.joints, name: wiring.model_copy(update={"offset": wiring.offset + offset})}
+    )
+
+
+def with_sign(dog: Description, name: str, *, calibrated: bool) -> Description:
+    """Return the description with a wrong sign; ``calibrated``: in the fold, with that sign, or not."""
+    wiring = dog.joints[name]
+    fold = dog.posture(dog.poses.fold)[JOINTS.index(name)]
+    offset = wiring.offset + (2 * wiring.sign * fold if calibrated else 0.0)
+    wrong = wiring.model_copy(update={"sign": -wiring.sign, "offset": offset})
+    return _changed(dog, joints={**dog.joints, name: wrong})
+
+
+def checked(dog: Description, built: Description, world: MujocoWorld) -> list[str]:
+    """Return what a check with moves finds when a dog is described as ``dog`` and is as ``built``."""
+    rig = Rig(dog, world, real=built)
+    rig.go(0.1)
+    found = at_rest(dog, rig.state().angles)
+    if found:
+        return found
+    clock = ManualClock()
+    moves = Moves(dog, clock, lambda: False)
+    while not rig.order.leave and rig.sim.time < _LONGEST:
+        rig.order = moves.order()
+        rig.cycle()
+        clock.advance(dog.dt)
+        moves.put(rig.state())
+    return problems(dog, moves.looks, moves.ended)
+
+
+def _changed(dog: Description, **sections: object) -> Description:
+    """Return a description with other sections, checked anew."""
+    return Description.model_validate(dog.model_copy(update=sections).model_dump())
+
+
+def _product(one: Quaternion, two: Quaternion) -> Quaternion:
+    """Return the rotation ``two`` followed by ``one``."""
+    return Quaternion(
+        one.w * two.w - one.x * two.x - one.y * two.y - one.z * two.z,
+        one.w * two.x + one.x * two.w + one.y * two.z - one.z * two.y,
+        one.w * two.y - one.x * two.z + one.y * two.w + one.z * two.x,
+        one.w * two.z + one.x * two.y - one.y * two.x + one.z * two.w,
+    )
