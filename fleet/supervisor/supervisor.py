@@ -287,8 +287,8 @@ class Supervisor:
             self._told(f"{peer.name} has died; halted: {', '.join(halted) or 'nobody'}")
             self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + LOOK))
         if peer.is_edge:
-            for other in self._peers:
-                other.send(Ended())
+            for worker in filter(_has_robots, self._peers):
+                worker.send(Ended())
 
     def _halt_again(self, now: float) -> None:
         """Write the halts of dead processes once more, and let go of their links at last."""
@@ -308,7 +308,7 @@ class Supervisor:
         asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
         self._asked[self._numbers] = asked
         passed_on = Stop(stop.names, self._numbers)
-        asked.told = [peer for peer in self._peers if peer.edge and peer.send(passed_on)]
+        asked.told = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]
         if not any(peer.is_edge for peer in asked.told):
             asked.until = self._clock.monotonic()
 
@@ -331,6 +331,11 @@ class Supervisor:
             self._stops.append(asked.stop)
             asked.names += (robot for peer in self._peers for robot in peer.halts.write())
             asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=True))
+
+
+def _has_robots(peer: _Peer) -> bool:
+    """Return True for a process with robots, False for who only asks for a stop."""
+    return peer.edge != ""
 
 
 @contextlib.contextmanager

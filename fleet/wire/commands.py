@@ -305,8 +305,9 @@ def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
 
 def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read the emergency switch of ground robots."""
-    freed = releases("estop", envelope.data)
-    return envelope.command("release_emergency_stop" if freed else EMERGENCY, {})
+    if releases("estop", envelope.data):
+        return envelope.command("release_emergency_stop", {})
+    return envelope.command(EMERGENCY, envelope.data)
 
 
 _MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = MappingProxyType(

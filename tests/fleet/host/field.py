@@ -26,6 +26,7 @@ from fleet.model.health import Health
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.model.report import PoseReport
 from fleet.robot_config import Limits, Separation
+from fleet.supervisor.client import Supervised
 from fleet.testing.clock import LoopClock
 
 STEP = 0.02  # s of physics
@@ -44,6 +45,7 @@ class Walker(Adapter[WalkerConfig]):
 
     Config = WalkerConfig
     limits = Limits(speed=1.5, yaw_rate=2.0)
+    failsafe = "it moves nothing"
     separation = Separation(radius=0.4, braking=1.0, precedence=2)
     pull = 1.0  # m/s2
 
@@ -107,6 +109,7 @@ class Flyer(Walker):
     """One that goes to goals by itself, faster, in the air too."""
 
     limits = Limits(speed=3.0, vertical_speed=1.0, yaw_rate=2.0, altitude=120.0)
+    failsafe = "it moves nothing"
     separation = Separation(radius=1.5, braking=1.5, precedence=3)
     pull = 2.0
     goal = None
@@ -194,6 +197,7 @@ class Field:
             journal=RobotJournal(),
             arrival=self.clock.monotonic,
             changed=lambda _name: None,
+            supervised=Supervised(),
         )
         robot.share_space(self.traffic)
         return robot

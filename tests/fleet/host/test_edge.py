@@ -185,7 +185,10 @@ async def test_an_emergency_stop_survives_the_edges_violent_death(yard, run_edge
         lane = await asyncio.to_thread(place.lane)
         assert await asyncio.to_thread(ask, lane, keys.stop(place.id))
         await asks.until(lambda: "stop" in place.words())
-        dying.kill()
+        family = [psutil.Process(dying.pid), *psutil.Process(dying.pid).children(recursive=True)]
+        for process in family:  # its supervisor first: nobody starts it again
+            process.kill()
+        psutil.wait_procs(family, 20)
         await asyncio.to_thread(lane.close)
     edge = place.edge()
     async with run_edge(edge):

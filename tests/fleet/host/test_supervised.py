@@ -243,7 +243,7 @@ def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
     it.drive()
     (answer,) = stop_all(it.place.runtime, ("rex",))
     assert (answer.names, answer.edge, answer.kept) == (("rex",), it.place.id, False)
-    assert not it.cart.moves
+    wait_until("it is told", lambda: not it.cart.moves)
     assert b"asked by the supervisor" in it.ask(MOVE)[0]
 
 
@@ -253,7 +253,7 @@ def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):
     it.drive()
     (answer,) = stop_all(it.place.runtime)
     assert (answer.names, answer.kept) == (("rex",), False)
-    assert not it.cart.moves
+    wait_until("it is told", lambda: not it.cart.moves)
     assert b"emergency stop is set" in it.ask(MOVE)[0]
 
 
