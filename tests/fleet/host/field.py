@@ -109,6 +109,7 @@ class Flyer(Walker):
     """One that goes to goals by itself, faster, in the air too."""
 
     limits = Limits(speed=3.0, vertical_speed=1.0, yaw_rate=2.0, altitude=120.0)
+    holonomic = True
     failsafe = "it moves nothing"
     separation = Separation(radius=1.5, braking=1.5, precedence=3)
     pull = 2.0
