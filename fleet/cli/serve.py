@@ -7,8 +7,8 @@ import contextlib
 import logging
 import os
 import sys
+import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from fleet.bus.settings import runtime_dir
@@ -22,6 +22,8 @@ from fleet.host.logs import log_to_stderr
 from fleet.host.signals import end_by_signal
 from fleet.supervisor.client import Supervised
 
+TOGETHER = 1.0  # s in which signals count as one
+STOPPING = "\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n"
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 
@@ -46,7 +48,7 @@ async def _serve(
     """Run the edge and its live view."""
     edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
-    end_by_signal(partial(end, ended))
+    end_by_signal(Ending(ended, time.monotonic, os._exit).asked)
     started(edge)
     view = asyncio.create_task(show(edge, out), name="view")
     try:
@@ -57,10 +59,27 @@ async def _serve(
             await view
 
 
-def end(ended: asyncio.Event) -> None:
-    """End in order; the second time at once, for whoever cannot wait."""
-    if ended.is_set():
-        os._exit(ExitCode.INTERRUPTED)
-    ended.set()
-    with contextlib.suppress(OSError):  # the terminal may be gone
-        sys.stderr.write("\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n")
+class Ending:
+    """The signals that ask for the end: the first sets ``ended``, a later one leaves at once.
+
+    Two that come together are one: a service manager signals every process of a service, and the supervisor
+    passes its signal on as well. ``clock`` is monotonic, in seconds.
+    """
+
+    def __init__(
+        self, ended: asyncio.Event, clock: Callable[[], float], leave: Callable[[int], object]
+    ) -> None:
+        self._ended = ended
+        self._clock = clock
+        self._leave = leave
+        self._first = 0.0
+
+    def asked(self) -> None:
+        """Take a signal."""
+        if not self._ended.is_set():
+            self._first = self._clock()
+            self._ended.set()
+            with contextlib.suppress(OSError):  # the terminal may be gone
+                sys.stderr.write(STOPPING)
+        elif self._clock() - self._first > TOGETHER:
+            self._leave(ExitCode.INTERRUPTED)

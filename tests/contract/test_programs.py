@@ -72,9 +72,9 @@ def test_a_package_that_cannot_be_fetched_is_told_and_the_others_are_fetched(pro
 
 
 def test_a_machine_without_network_is_told(programs, monkeypatch):
-    monkeypatch.setenv("OFFLINE", "Temporary failure resolving 'deb.debian.org'")
+    monkeypatch.setenv("OFFLINE", "Temporary failure resolving 'mirror.example'")
     assert programs.fetch(lambda _: None) == (
-        "apt-get could not fetch the lists of packages: Temporary failure resolving 'deb.debian.org'"
+        "apt-get could not fetch the lists of packages: Temporary failure resolving 'mirror.example'"
     )
 
 

@@ -1,12 +1,39 @@
-"""Running in the foreground: what its end says."""
+"""How a running edge is ended from its terminal, or by a service manager."""
 
 import asyncio
 
-from fleet.cli.serve import end
+import pytest
+
+from fleet.cli.output import ExitCode
+from fleet.cli.serve import TOGETHER, Ending
+from fleet.testing.clock import ManualClock
 
 
-async def test_the_end_is_told_once(capsys):
-    ended = asyncio.Event()
-    end(ended)
-    assert ended.is_set()
-    assert "brought to a standstill" in capsys.readouterr().err
+@pytest.fixture
+def asked():
+    """Return what takes a signal, its clock, and the exit codes with which it left at once."""
+    left, clock, ended = [], ManualClock(), asyncio.Event()
+    return Ending(ended, clock.monotonic, left.append), clock, left, ended
+
+
+async def test_the_first_signal_ends_in_order_and_is_told_once(asked, capsys):
+    ending, _, left, ended = asked
+    ending.asked()
+    assert (ended.is_set(), left) == (True, [])
+    assert capsys.readouterr().err.count("brought to a standstill") == 1
+
+
+async def test_signals_of_one_request_that_come_together_do_not_cut_the_standstill_short(asked):
+    ending, clock, left, _ = asked
+    ending.asked()
+    clock.advance(TOGETHER / 2)
+    ending.asked()
+    assert left == []
+
+
+async def test_a_signal_that_comes_later_leaves_at_once(asked):
+    ending, clock, left, _ = asked
+    ending.asked()
+    clock.advance(TOGETHER * 2)
+    ending.asked()
+    assert left == [ExitCode.INTERRUPTED]
