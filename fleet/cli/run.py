@@ -6,8 +6,8 @@ Nothing that can fail is imported here: the supervisor outlives the edge.
 from __future__ import annotations
 
 import os
+import resource
 import sys
-from functools import partial
 
 import click
 
@@ -16,6 +16,7 @@ from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
 from fleet.supervisor.place import socket_of
 from fleet.supervisor.supervisor import Supervisor
+from fleet.supervisor.told import told_aside
 
 
 @click.command()
@@ -33,9 +34,6 @@ def run(out: Output, file: str, verbose: int) -> int:
     # -P: what lies in the user's folder is not to be imported in place of our own modules.
     command = [sys.executable, "-P", "-m", "fleet", "run-edge", *options, "--", file]
     path = socket_of(runtime_dir(), os.getpid())
-    return Supervisor(command, path=path, told=partial(_tell, out), clock=SystemClock()).run()
-
-
-def _tell(out: Output, line: str) -> None:
-    """Tell the user what the supervisor has seen."""
-    out.note(f"fleet: {line}")
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link is one
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
+    return Supervisor(command, path=path, told=told_aside, clock=SystemClock()).run()

@@ -217,7 +217,7 @@ def _outcomes(edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], 
 def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode:
     """Say who was stopped, who was not, which edges were reached and what the file was not good for."""
     problems = effort.problems
-    if not edges.joined and not effort.kept:
+    if not edges.joined and not effort.kept and not result.hit:
         advice = f"no edge is running here; {START}"
         raise NotRunning("; ".join([*problems, *(edges.unreached or [advice])]))
     stopped = sorted({name for edge, name in result.hit if (edge, name) not in result.failed})

@@ -186,6 +186,7 @@ class Edge:
                 self.metrics.close()
             stop_logs()
             self.bus.close()
+            await self.process.close()
 
     def _make_metrics(self) -> Metrics | None:
         """Build what serves the edge's figures, where fleet.yaml asks for it."""

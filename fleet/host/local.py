@@ -159,7 +159,12 @@ class LocalRobot:
         )
         traffic.join(apart)
         guard.share_space(apart)
-        self._wheel.every(LOOK, apart.look, owner=self.name, failed=self.runner.crashed)
+
+        def look_on(error: Exception) -> None:
+            self.runner.crashed(error)
+            self._wheel.every(LOOK, apart.look, owner=self.name, failed=look_on)
+
+        self._wheel.every(LOOK, apart.look, owner=self.name, failed=look_on)
 
     def read(
         self,

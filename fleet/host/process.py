@@ -56,7 +56,7 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process; it closes the journal when it stops.
+    """The robots of one process; ``close`` closes the journal, after ``stop``.
 
     ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
     ``traffic``: where all robots of the edge are; left out, they are not kept apart.
@@ -147,8 +147,12 @@ class RobotProcess:
             if own.wanted:
                 own.put(traffic.sheet())
 
+        def tell_on(error: Exception) -> None:
+            log.error("where the robots are could not be told", exc_info=error)
+            self.wheel.every(TELL, tell, failed=tell_on)
+
         self.bus.control.subscribe(keys.places(self.edge, "*"), heard)
-        self.wheel.every(TELL, tell)
+        self.wheel.every(TELL, tell, failed=tell_on)
 
     def start(self) -> None:
         """Start every robot; those that fail are tried again by their own runners."""
@@ -253,8 +257,11 @@ class RobotProcess:
         else:
             # To the watchdog a wheel that stands is a loop that is stuck.
             self.watchdog.stop()
-        await asyncio.to_thread(self.journal.close)
         self.supervised.close()
+
+    async def close(self) -> None:
+        """Close the journal: last, once nobody can ask for a stop any more that would have to be kept."""
+        await asyncio.to_thread(self.journal.close)
 
     def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""

@@ -63,6 +63,7 @@ class StopInput:
         self._heard_bytes = b""
         self._deadman = DeadMan()
         self._ended = threading.Event()
+        self._deciding = threading.Lock()  # the heartbeat comes on one thread, its absence is seen on another
         self._thread = threading.Thread(target=self._run, name=f"fleet-stop-{config.name}", daemon=True)
 
     def start(self) -> None:
@@ -136,11 +137,13 @@ class StopInput:
     def _heard(self) -> None:
         """Take a heartbeat."""
         self._feed()
-        if self.trouble:
-            if self._stopped:
-                log.warning("stop input %s is heard again; the stop stays until it is released", self.name)
-            self.trouble, self._stopped = "", False
-            self._hold()
+        with self._deciding:
+            if not self.trouble:
+                return
+            stopped, self.trouble, self._stopped = self._stopped, "", False
+        if stopped:
+            log.warning("stop input %s is heard again; the stop stays until it is released", self.name)
+        self._hold()
 
     def _lost(self, why: str) -> None:
         """Stop the robots, once for each time that the heartbeat goes."""
@@ -149,13 +152,11 @@ class StopInput:
             log.error("%s; its robots are stopped", trouble)
         if self._ended.is_set():
             return
-        self.trouble = trouble
+        with self._deciding:
+            self.trouble = trouble
+            again, self._stopped = self._stopped, True
         self._hold()
-        if self._stopped:
-            self._renew(trouble)
-        else:
-            self._stopped = True
-            self._stop(trouble)
+        (self._renew if again else self._stop)(trouble)
 
 
 class StopInputs:

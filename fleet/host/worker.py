@@ -32,6 +32,9 @@ from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.spool.place import state_folder
 from fleet.supervisor.client import supervised
+from fleet.supervisor.place import VARIABLE, socket_of
+from fleet.supervisor.supervisor import Supervisor
+from fleet.supervisor.told import told_aside
 
 log = logging.getLogger(__name__)
 
@@ -90,6 +93,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         await process.stop()
         stop_logs()
         bus.close()
+        await process.close()
 
 
 def main() -> int:
@@ -101,6 +105,10 @@ def main() -> int:
     parser.add_argument("--parent", type=int, help="end when this process, the edge, is gone")
     given = parser.parse_args()
     log_to_stderr(logging.INFO)
+    if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
+        command = [sys.executable, "-P", "-m", "fleet.host.worker", *sys.argv[1:]]
+        path = socket_of(runtime_dir(), os.getpid())
+        return Supervisor(command, path=path, told=told_aside, clock=SystemClock()).run()
     try:
         run_loop(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
     except FleetError as error:

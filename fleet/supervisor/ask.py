@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import socket
 from pathlib import Path
@@ -22,14 +23,17 @@ def stop_all(directory: Path, names: tuple[str, ...] = ()) -> list[Stopped]:
 
     Needs neither the bus nor fleet.yaml. No name means every robot.
     """
+    # A name that is no text must not hold up the others.
+    message = messages.encode(Stop(tuple(name.encode(errors="replace").decode() for name in names)))
     asked = []
     for path in sockets_in(directory):
         try:
             sock = connected(path, within=STOP_WITHIN)
             asked.append(sock)
-            sock.send(messages.encode(Stop(names)))
+            sock.send(message)
         except ConnectionRefusedError:  # a dead one's
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
         except OSError as error:
             log.error("the supervisor at %s cannot be reached: %s", path, error.strerror or error)  # noqa: TRY400
     return [answer for sock in asked if (answer := _answer(sock)) is not None]

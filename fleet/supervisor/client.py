@@ -14,6 +14,8 @@ from pathlib import Path
 
 import msgspec
 
+from fleet.errors import StateError
+from fleet.link.base import Address
 from fleet.supervisor import messages
 from fleet.supervisor.messages import (
     LONGEST,
@@ -70,17 +72,27 @@ class Supervised:
         if self._sock is None:
             return
         self._edge, self._stop, self._end = edge, stop, end
+        # A forked child that has the connection too would hide our death from the supervisor.
+        os.register_at_fork(after_in_child=self._sock.close)
         self._sock.settimeout(WELCOME_WITHIN)
         self._send(Hello(edge, worker, os.getpid()))
+        for names in self._stops_before():
+            stop(names)
+        self._sock.settimeout(BEAT)
+        self._thread.start()
+
+    def _stops_before(self) -> list[tuple[str, ...]]:
+        """Return the names in the stops that came while nobody was there: all, where nobody can know."""
+        assert self._sock is not None
         try:
             welcome = messages.decode(self._sock.recv(LONGEST))
         except (OSError, msgspec.DecodeError) as error:
-            log.error("the supervisor does not answer (%s): stops that came meanwhile are not known", error)  # noqa: TRY400
-        else:
-            for each in welcome.stops if isinstance(welcome, Welcome) else ():
-                stop(each.names)
-        self._sock.settimeout(BEAT)
-        self._thread.start()
+            welcome = Ended()
+            log.error("the supervisor does not answer: %s", error)  # noqa: TRY400 - one line for a person
+        if isinstance(welcome, Welcome):
+            return [each.names for each in welcome.stops]
+        log.error("nobody knows which stops came meanwhile: every robot is stopped")
+        return [()]
 
     def running(self) -> None:
         """Say that the robots are served: from now on our death is followed by a new start."""
@@ -98,9 +110,7 @@ class Supervised:
                 self._thread.join(2 * BEAT)
             self._sock.close()
 
-    def keep(
-        self, robot: str, descriptor: int, frames: Iterable[bytes], address: tuple[str, int] | None = None
-    ) -> bool:
+    def keep(self, robot: str, descriptor: int, frames: Iterable[bytes], address: Address = None) -> bool:
         """Leave a robot's halt with the supervisor; False when that cannot be."""
         if self._sock is None or descriptor < 0:
             return False
@@ -170,12 +180,14 @@ class Supervised:
 
 
 def supervised(environ: Mapping[str, str] = os.environ) -> Supervised:
-    """Return the way to the supervisor that started this process, if one did."""
+    """Return the way to the supervisor that started this process, if one did.
+
+    Raises StateError when that is gone: nothing runs that was to be supervised and is not.
+    """
     path = environ.get(VARIABLE, "")
     if not path:
         return Supervised()
     try:
         return Supervised(connected(Path(path), within=WELCOME_WITHIN))
     except OSError as error:
-        log.error("the supervisor cannot be reached: %s", error.strerror or error)  # noqa: TRY400
-        return Supervised()
+        raise StateError(f"the supervisor is gone: {error.strerror or error}") from None

@@ -11,6 +11,8 @@ from collections.abc import Callable
 
 import msgspec
 
+from fleet.link.base import Address
+
 Write = Callable[[bytes], object]
 
 
@@ -22,7 +24,7 @@ class KeptHalt(msgspec.Struct, frozen=True):
     close: Callable[[], None]
 
 
-def kept_halt(descriptor: int, frames: tuple[bytes, ...], address: tuple[str, int] | None) -> KeptHalt:
+def kept_halt(descriptor: int, frames: tuple[bytes, ...], address: Address) -> KeptHalt:
     """Return how frames are written to a link of which this process has a descriptor of its own.
 
     Raises OSError for a descriptor that is neither a socket nor a device.
@@ -35,7 +37,7 @@ def kept_halt(descriptor: int, frames: tuple[bytes, ...], address: tuple[str, in
     return KeptHalt(frames, _to_device(descriptor), lambda: os.close(descriptor))
 
 
-def _to(sock: socket.socket, address: tuple[str, int] | None) -> Write:
+def _to(sock: socket.socket, address: Address) -> Write:
     """Return what writes to a socket."""
     return sock.send if address is None else lambda frame: sock.sendto(frame, address)
 
@@ -91,6 +93,6 @@ def _written(halt: KeptHalt) -> bool:
     try:
         for frame in halt.frames:
             halt.write(frame)
-    except (OSError, termios.error):
+    except Exception:  # noqa: BLE001 - whatever is wrong with one keeps no other from its halt
         return False
     return True

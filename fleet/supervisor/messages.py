@@ -42,7 +42,7 @@ class Keep(msgspec.Struct, tag="keep", frozen=True):
 
     robot: str
     frames: tuple[bytes, ...]
-    address: tuple[str, int] | None = None
+    address: tuple[str | int, ...] | None = None
 
 
 class Drop(msgspec.Struct, tag="drop", frozen=True):

@@ -17,6 +17,7 @@ the supervisor itself dies      the edge and its workers end in order: they hear
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import selectors
 import signal
@@ -87,6 +88,7 @@ class _Asked:
         self.stop = stop
         self.until = until
         self.told: list[_Peer] = []
+        self.had_edge = False
         self.names: list[str] = []
 
 
@@ -125,6 +127,7 @@ class Supervisor:
         self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._ran = False  # the edge has served its robots: a death is not a mistake in fleet.yaml
         self._ending = False
+        self._signalled = 0  # the signal that asked for the end while there was no edge
 
     def run(self) -> int:
         """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
@@ -136,9 +139,10 @@ class Supervisor:
                         return code
             finally:
                 for peer in self._peers:
-                    peer.halts.write()
-                    peer.halts.close()
                     peer.sock.close()
+                for halts in (*(peer.halts for peer in self._peers), *(dead.halts for dead in self._dead)):
+                    halts.write()
+                    halts.close()
 
     @contextlib.contextmanager
     def _listening(self) -> Iterator[None]:
@@ -166,12 +170,16 @@ class Supervisor:
     def _look_at_child(self, now: float) -> int | None:
         """Start the edge when it is time; return the exit code of one that has ended for good."""
         if self._child is None:
+            if self._signalled:
+                return 128 + self._signalled
             if now >= self._start_at:
                 self._start(now)
             return None
         code = self._child.poll()
         if code is None:
             return None
+        while (edge := self._edge()) is not None:  # a child of its own may keep the connection open
+            self._gone(edge)
         if self._ending or not self._ran:
             return code if code >= 0 else 128 - code
         if now - self._started > STABLE_AFTER:
@@ -183,8 +191,17 @@ class Supervisor:
     def _start(self, now: float) -> None:
         """Start the edge, in a session of its own: a Ctrl-C reaches it once, through us."""
         environment = os.environ | {VARIABLE: str(self._path)}
-        self._child = subprocess.Popen(self._command, env=environment, start_new_session=True)  # noqa: S603
         self._started = now
+        try:
+            self._child = subprocess.Popen(self._command, env=environment, start_new_session=True)  # noqa: S603
+        except OSError as error:
+            if not self._ran:
+                raise
+            self._start_at = now + next(self._waits)
+            self._told(f"the edge cannot be started: {error.strerror}; it is tried again")
+            return
+        if self._signalled:  # while it was being started
+            self._child.send_signal(self._signalled)
 
     def _pass_on(self, number: int) -> None:
         """Pass a signal on to the edge; there is nobody to ask while it is away."""
@@ -194,7 +211,7 @@ class Supervisor:
             with contextlib.suppress(ProcessLookupError):
                 self._child.send_signal(number)
         elif self._ending:
-            raise SystemExit(128 + number)
+            self._signalled = number
 
     def _look_at_edge(self, now: float) -> None:
         """Kill an edge that is frozen; its end is noticed like any other."""
@@ -217,7 +234,11 @@ class Supervisor:
 
     def _accept(self, listener: socket.socket) -> None:
         """Take a connection."""
-        sock, _ = listener.accept()
+        try:
+            sock, _ = listener.accept()
+        except OSError as error:
+            self._told(f"nobody can connect to the supervisor: {error.strerror}")
+            return
         sock.setblocking(False)
         peer = _Peer(sock, self._clock.monotonic())
         self._peers.append(peer)
@@ -240,7 +261,8 @@ class Supervisor:
         except (msgspec.DecodeError, OSError) as error:
             self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
         for descriptor in descriptors:  # what was kept is taken out of the list
-            os.close(descriptor)
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
 
     def _take(self, peer: _Peer, message: Message, descriptors: list[int]) -> None:
         """Do what a message says; raises OSError for a link that cannot be kept."""
@@ -248,10 +270,11 @@ class Supervisor:
             case Hello():
                 self._hello(peer, message)
             case Keep():
-                halt = kept_halt(descriptors[-1], message.frames, message.address) if descriptors else None
-                if halt is not None:
-                    descriptors.pop()
-                    peer.halts.keep(message.robot, halt)
+                if not descriptors:
+                    raise OSError(errno.EBADF, f"the link of {message.robot} did not come with its halt")
+                halt = kept_halt(descriptors[-1], message.frames, message.address)
+                descriptors.pop()
+                peer.halts.keep(message.robot, halt)
             case Drop():
                 peer.halts.drop(message.robot)
                 peer.send(Dropped(message.number))
@@ -309,7 +332,8 @@ class Supervisor:
         self._asked[self._numbers] = asked
         passed_on = Stop(stop.names, self._numbers)
         asked.told = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]
-        if not any(peer.is_edge for peer in asked.told):
+        asked.had_edge = any(peer.is_edge for peer in asked.told)
+        if not asked.had_edge:
             asked.until = self._clock.monotonic()
 
     def _stopped(self, peer: _Peer, answer: Stopped) -> None:
@@ -324,13 +348,17 @@ class Supervisor:
             asked.peer.send(Stopped(asked.stop.number, peer.edge, tuple(asked.names)))
 
     def _look_at_stops(self, now: float) -> None:
-        """Halt what can be halted for a stop that was not answered by all, and keep it for the next edge."""
+        """Halt what can be halted where a stop was not answered; keep one that no edge took for the next."""
         late = [number for number, asked in self._asked.items() if now >= asked.until]
         for number in late:
             asked = self._asked.pop(number)
-            self._stops.append(asked.stop)
-            asked.names += (robot for peer in self._peers for robot in peer.halts.write())
-            asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=True))
+            taken = asked.had_edge and not any(peer.is_edge for peer in asked.told)
+            if not taken and asked.stop.names not in (each.names for each in self._stops):
+                self._stops.append(Stop(asked.stop.names))
+            silent = asked.told if taken else self._peers
+            asked.names += (robot for peer in silent for robot in peer.halts.write())
+            kept = not taken and not self._ending
+            asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=kept))
 
 
 def _has_robots(peer: _Peer) -> bool:

@@ -41,6 +41,8 @@ class Latch:
         """Allow motion again; the robot stays as it is until somebody asks for more."""
         self._why, self._unrecorded = "", False
         self._keep("")
+        if self._why:  # somebody stopped it meanwhile: that is what is to be remembered
+            self._keep(self._why)
 
     def refusal(self) -> str | None:
         """Return why nothing may move, None when it may."""

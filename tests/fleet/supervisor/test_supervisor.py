@@ -132,3 +132,45 @@ def test_a_process_whose_supervisor_goes_ends():
     theirs.close()
     wait_until("the end", lambda: ended == ["the supervisor is gone"])
     supervised.close()
+
+
+def test_stops_that_are_asked_again_and_again_are_one_for_the_next_edge(field):
+    for _ in range(3):
+        stop_all(field.folder, ("rex",))
+    assert [stop.names for stop in field.supervisor._stops] == [("rex",)]
+
+
+def test_a_name_that_is_no_text_holds_up_no_stop(field):
+    (answer,) = stop_all(field.folder, ("rex", "r\udce9x"))
+    assert answer.kept
+
+
+def test_a_halt_whose_link_did_not_come_with_it_is_told(field):
+    with contextlib.closing(connected(field.path, within=5.0)) as worker:
+        worker.send(messages.encode(Keep("rex", (b"halt",))))
+        wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
+
+
+def test_a_process_that_nobody_welcomes_stops_all_its_robots():
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.send(b"nonsense")
+    stopped = []
+    supervised = Supervised(ours)
+    supervised.begin("yard", stop=lambda names: stopped.append(names) or [], end=lambda _why: None)
+    assert stopped == [()]
+    supervised.close()
+    theirs.close()
+
+
+def test_an_edge_whose_child_keeps_the_connection_open_is_dead_all_the_same(field):
+    kept, robot = socket.socketpair()
+    with contextlib.closing(connected(field.path, within=5.0)) as edge:
+        edge.send(messages.encode(messages.Hello("yard", process=field.supervisor._child.pid)))
+        edge.recv(1000)
+        socket.send_fds(edge, [messages.encode(Keep("rex", (b"halt",)))], [kept.fileno()])
+        wait_until("it is kept", lambda: any(peer.halts.robots for peer in field.supervisor._peers))
+        field.child.close()
+        robot.settimeout(20)
+        assert robot.recv(100).startswith(b"halt")
+    kept.close()
+    robot.close()

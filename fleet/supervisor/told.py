@@ -1,0 +1,23 @@
+"""What the supervisor tells people, without ever waiting for them."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+
+TOLD_WITHIN = 0.02  # s that a line may take before what comes next goes on
+
+
+def told_aside(line: str) -> None:
+    """Tell a line on stderr, from a thread of its own: a terminal that is held up must hold up no halt."""
+    text = f"fleet: {line}\n"
+
+    def tell() -> None:
+        with contextlib.suppress(OSError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+    thread = threading.Thread(target=tell, name="fleet-told", daemon=True)
+    thread.start()
+    thread.join(TOLD_WITHIN)
