@@ -215,13 +215,17 @@ def admitted(robot: Occupant, velocity: Vector3, other: Occupant) -> float:
     """
     least = needed(robot, other) + HELD
     theirs = other.stopping_way(_sooner(robot, other))
-    here = apart((robot.at,), theirs)
+    # One whose way may reach the robot itself is no farther anywhere: then the way that is sure counts.
+    ways = (theirs, other.stopping_way())
+    here = [apart((robot.at,), way) for way in ways]
     drift = msgspec.structs.replace(robot, asked=Vector3()).stopping_way()
 
     def passes(part: float) -> bool:
         course = robot.course(velocity.scaled(part))
         around = (*reversed(drift), *course[1:], drift[-1])
-        return apart(around, theirs, least) >= least or apart(course, theirs) >= here - 1e-6
+        if apart(around, theirs, least) >= least:
+            return True
+        return all(apart(course, way) >= now - 1e-6 for way, now in zip(ways, here, strict=True))
 
     if passes(1.0):
         return 1.0

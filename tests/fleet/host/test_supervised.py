@@ -284,7 +284,7 @@ def test_an_edge_that_is_frozen_is_killed_with_its_robots_halted(run):
     it.drive()
     psutil.Process(first).suspend()
     it.line("the edge is frozen: killed; halted: rex")
-    assert it.cart.words[-1] == "halt"
+    wait_until("the halt", lambda: "halt" in it.cart.words)
     it.ready(after=first)
 
 
