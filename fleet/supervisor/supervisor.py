@@ -57,7 +57,6 @@ ANSWER_WITHIN = 0.5  # s that the edge has to answer a stop
 STABLE_AFTER = 30.0  # s of life after which the next start is quick again
 FIRST_WAIT, LONGEST_WAIT = 0.1, 5.0  # s before a new start
 PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
-_SENDABLE = (OSError, TimeoutError)
 
 
 class _Peer:
@@ -75,7 +74,7 @@ class _Peer:
         """Send a message; False for who is gone or does not read."""
         try:
             self.sock.send(messages.encode(message))
-        except _SENDABLE:
+        except OSError:
             return False
         return True
 
