@@ -50,6 +50,10 @@ NO_LIMIT = 2.0  # m/s for a robot that declares no limit
 class Others(Protocol):
     """Where the other robots of the edge are, as far as a process knows."""
 
+    @property
+    def alone(self) -> bool:
+        """True on an edge of one robot: there is nothing to keep it apart from."""
+
     def place(self, world: GeoOrigin) -> Placement:
         """Return where a world on Earth lies in the frame that is judged in."""
 
@@ -132,6 +136,11 @@ class Apart:
         self._judged_by = float("-inf")
         self._look_by = float("-inf")
         self._said_until = float("-inf")
+
+    @property
+    def is_judged(self) -> bool:
+        """True when the robot is placed, and has others to be kept apart from."""
+        return self.placement is not None and not self._others.alone
 
     # -- where it is -----------------------------------------------------------------------------------
 

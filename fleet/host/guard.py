@@ -146,7 +146,7 @@ class Guard:
 
     def _climb_trouble(self, ask: Command) -> str:
         """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
-        if ask.name not in CLIMBS or self.apart is None or self.apart.placement is None:
+        if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
             return ""
         pose, home = self._fresh(), self._home_point()
         if pose is None:
@@ -169,7 +169,7 @@ class Guard:
 
     def task(self, task: Task | None) -> str | None:
         """Return why a task may not begin, or go on, None when it may, or is none."""
-        shares = self.apart is not None and self.apart.placement is not None
+        shares = self.apart is not None and self.apart.is_judged
         if task is None or (self._battery is None and self._unfenced and not shares):
             return None
         try:

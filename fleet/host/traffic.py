@@ -57,6 +57,11 @@ class Traffic:
         self._own: dict[str, Apart] = {}
         self._told: dict[str, tuple[float, _Told]] = {}
 
+    @property
+    def alone(self) -> bool:
+        """True on an edge of one robot."""
+        return len(self._names) < 2
+
     def join(self, robot: Apart) -> None:
         """Have a robot of this process known to the others."""
         self._own[robot.name] = robot
@@ -115,7 +120,7 @@ class Traffic:
     def unknown(self, name: str) -> str:
         """Return why nobody knows how far a robot is from others, empty when that is known of all."""
         own = self._own.get(name)
-        if own is None or len(self._names) < 2:
+        if own is None or self.alone:
             return ""
         if own.lost:
             return f"unknown: {own.lost}"

@@ -190,6 +190,20 @@ def test_a_take_off_below_another_is_refused():
     assert "is 1.0 m from drone-2" in answers[0].reason
 
 
+@pytest.mark.parametrize(("others", "taken"), [((), True), (("drone-2",), False)])
+def test_a_robot_that_does_not_tell_where_it_is_begins_only_where_it_has_nobody_to_meet(others, taken):
+    async def work(field):
+        await asyncio.sleep(1.0)
+        field.made["drone-1"].silent = True
+        await asyncio.sleep(10.0)
+        return field.command("drone-1", "takeoff", altitude=10.0)
+
+    starts = {name: DRONES[name] for name in ("drone-1", *others)}
+    answers = in_field(starts, work)
+    assert answers[0].ok is taken
+    assert taken or "where the robot is, is unknown" in answers[0].reason
+
+
 def test_a_hundred_velocities_a_second_are_looked_at_ten_times_a_second():
     looks = []
 
