@@ -21,7 +21,12 @@ _STATUS: tuple[tuple[type[Exception], ReplyStatus], ...] = (
 
 
 class Ticket:
-    """The answer to one ask; ``waits``: the asker also wants to hear how it ended."""
+    """The answer to one ask; ``waits``: the asker also wants to hear how it ended.
+
+    It is kept for minutes, for repeats of the ask: once it has ended it holds on to nobody.
+    """
+
+    __slots__ = ("_answer", "_waits", "_watchers", "command", "ended", "receipt")
 
     def __init__(self, command: str, answer: Answer, *, waits: bool = False) -> None:
         self.command = command
@@ -38,7 +43,8 @@ class Ticket:
 
     def watch(self, seen: Callable[[Reply], None]) -> None:
         """Also tell ``seen`` the receipt and the end, those that are out already at once."""
-        self._watchers.append(seen)
+        if self.ended is None:
+            self._watchers.append(seen)
         for reply in (self.receipt, self.ended):
             if reply is not None:
                 seen(reply)
@@ -95,10 +101,11 @@ class Ticket:
         self.ended = reply
         if self.receipt is None:
             self._receive(reply)
-            return
-        self._tell(reply)
-        if self._waits and self.receipt is not None and self.receipt.ok:
-            self._send(reply)
+        else:
+            self._tell(reply)
+            if self._waits and self.receipt.ok:
+                self._send(reply)
+        self._answer, self._watchers = _nobody, []
 
     def _send(self, reply: Reply) -> None:
         """Answer the asker; that he cannot be reached is no fault of the robot's."""
@@ -111,6 +118,10 @@ class Ticket:
         """Tell the watchers."""
         for seen in self._watchers:
             seen(reply)
+
+
+def _nobody(_reply: Reply) -> None:
+    """Answer nobody: whoever asked has heard the end."""
 
 
 _FIELDS = tuple(name for name in Reply.__struct_fields__ if name != "done")

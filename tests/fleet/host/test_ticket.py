@@ -1,3 +1,5 @@
+import weakref
+
 import pytest
 
 from fleet.errors import Fault, LinkLost, NotReady, Refused, TimedOut, Unsupported
@@ -106,3 +108,19 @@ def test_a_repeat_gets_the_answers_of_the_first_whenever_it_comes(when):
         repeat.follow(first)
     assert answers == heard
     assert len(answers) == 2
+
+
+def test_a_ticket_that_has_ended_keeps_neither_its_asker_nor_its_watchers():
+    class Listener:
+        def hear(self, _reply):
+            """Take an answer."""
+
+    asker, watcher = Listener(), Listener()
+    kept = [weakref.ref(asker), weakref.ref(watcher)]
+    ticket = Ticket("poke", asker.hear, waits=True)
+    ticket.watch(watcher.hear)
+    ticket.accept()
+    ticket.done()
+    del asker, watcher
+    assert [each() for each in kept] == [None, None]
+    assert ticket.ended.done
