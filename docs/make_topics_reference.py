@@ -149,6 +149,7 @@ The payloads differ from those on MQTT; the bridge translates. A sensor in a key
 """
 
 SHAPES = {
+    "event": "`event_type, source, data`; of the fleet also `ts, text, severity, asker?, command?, request?`",
     "position": "`ts, x, y, z, qx, qy, qz, qw`",
     "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",
