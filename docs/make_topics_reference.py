@@ -90,7 +90,10 @@ when the connection is made anew; what is too large to be read is an emergency s
 
 What is asked of a robot is answered: to the Response Topic of a request, else with a status on `T command`
 (the success of a velocity or of joint targets is not told, their refusal once a second), on
-`T navigate/status`, or on `T mission/status`.
+`T navigate/status`, or on `T mission/status`. A command that was accepted is told once more when it has
+ended, by a status on `T command` with `done`, the reason in the robot's own words when that is false, and the
+request's Correlation Data, where that is text, as `correlation_id`; what was done at once has `done` in its
+one answer. With `legacy_status: false` a robot sends no status.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
 declare; without it they are refused. Missions are flown by robots with a memory for them.
 
@@ -149,6 +152,7 @@ The payloads differ from those on MQTT; the bridge translates. A sensor in a key
 """
 
 SHAPES = {
+    "event": "`event_type, source, data`; of the fleet also `ts, text, severity, asker?, command?, request?`",
     "position": "`ts, x, y, z, qx, qy, qz, qw`",
     "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",

@@ -1,4 +1,4 @@
-"""How what the cloud asked is answered: once, to who asked, where that kind of ask is answered."""
+"""How what the cloud asked is answered: once, to who asked, and once more when a command has ended."""
 
 from __future__ import annotations
 
@@ -19,8 +19,12 @@ from fleet.wire.topics import Topics
 STREAMED = VELOCITY_WORDS | {"motion", "joints", JOINT_TARGETS}
 """Commands that come many times a second: their success is not worth a status message each."""
 SAME_REFUSAL_EVERY = 1.0  # s
+LONGEST_CORRELATION = 64  # bytes of Correlation Data that a status repeats
 TOLD_BY_STATUS: frozenset[Kind] = frozenset({"command", "motion", "joints"})
 """What is answered with a status on the command topic when it brings no inbox."""
+
+
+Tell = Callable[[Reply], None]
 
 
 class Port(Protocol):
@@ -32,11 +36,19 @@ class Port(Protocol):
     legacy_status: bool
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", unread: str = ""
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
     ) -> Asked | None:
         """Read a message, from any thread; an emergency stop is made there and then.
 
-        What is returned takes the message, on the loop, and answers it once; None: it asks nothing.
+        What is returned takes the message, on the loop, and answers it once, and with ``waits`` once more
+        when a command that was accepted has ended; None: it asks nothing.
         ``unread``: why its payload must not be read; where stops come it is taken for one.
         """
 
@@ -46,6 +58,20 @@ class Send(Protocol):
 
     def __call__(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
         """Publish at once, QoS 1."""
+
+
+class Answering:
+    """The answers to one message: the receipt, and of a command that was accepted its end."""
+
+    def __init__(self, receipt: Tell, end: Tell) -> None:
+        self._tell, self._end = receipt, end
+        self.answered = False
+
+    def __call__(self, reply: Reply) -> None:
+        """Give an answer; the first is the receipt."""
+        self.answered = True
+        tell, self._tell = self._tell, self._end
+        tell(reply)
 
 
 class Answers:
@@ -58,20 +84,23 @@ class Answers:
         self._clock = clock
         self._told: dict[tuple[str, str, str], float] = {}
 
-    def to(self, port: Port, message: Message, kind: Kind) -> Callable[[Reply], None]:
-        """Return what answers a message: a response to who asked for one, else a status."""
-        inbox = message.response_topic
-        if inbox is not None and not self._topics.is_own_inbox(inbox, port.twin):
+    def to(self, port: Port, message: Message, kind: Kind) -> Answering:
+        """Return what answers a message: a response to who asked for one, else a status.
+
+        How a command ended that was accepted before is told by a status, to all who hear of the twin.
+        """
+        inbox, status = message.response_topic, _no_answer
+        if kind in TOLD_BY_STATUS and port.legacy_status:
+            status = partial(self._tell_status, port, _text(message.correlation))
+        if inbox is None:
+            return Answering(status, status)
+        if not self._topics.is_own_inbox(inbox, port.twin):
             line = "%s: no reply to %.120r: it is not a reply inbox of this twin"
             self._refusals.add("foreign inbox", line, port.name, inbox)
-            return _no_answer
-        if inbox is not None:
-            return self._responder(port, inbox, message.correlation)
-        if kind in TOLD_BY_STATUS and port.legacy_status:
-            return partial(self._tell_status, port)
-        return _no_answer
+            return Answering(_no_answer, status)
+        return Answering(self._responder(port, inbox, message.correlation), status)
 
-    def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Callable[[Reply], None]:
+    def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Tell:
         """Return what sends the one ``twin.command_response.v1``."""
 
         def respond(reply: Reply) -> None:
@@ -82,10 +111,12 @@ class Answers:
 
         return respond
 
-    def _tell_status(self, port: Port, reply: Reply) -> None:
+    def _tell_status(self, port: Port, request: str, reply: Reply) -> None:
         """Put a status message on the command topic."""
         if self._worth_telling(port, reply):
-            payload = legacy_status(reply, stamp=self._clock.time(), source_type=port.source_type)
+            payload = legacy_status(
+                reply, stamp=self._clock.time(), source_type=port.source_type, request=request
+            )
             self._send(self._topics.twin(port.twin, "command"), payload)
 
     def _worth_telling(self, port: Port, reply: Reply) -> bool:
@@ -100,6 +131,14 @@ class Answers:
             return False
         self._told[refusal] = now
         return True
+
+
+def _text(correlation: bytes | None) -> str:
+    """Return Correlation Data that is text, empty for what is not; the SDK's is 32 letters."""
+    if not correlation or len(correlation) > LONGEST_CORRELATION or not correlation.isascii():
+        return ""
+    text = correlation.decode("ascii")
+    return text if text.isprintable() else ""
 
 
 def _no_answer(_reply: Reply) -> None:

@@ -14,7 +14,7 @@ from typing import cast
 
 import msgspec
 
-from fleet.bridge.answers import Answers, Port, Send
+from fleet.bridge.answers import Answering, Answers, Port, Send
 from fleet.bridge.counters import Latencies
 from fleet.bridge.kept import KeptStops
 from fleet.bridge.relay import Put, Relay
@@ -153,7 +153,10 @@ class Downlink:
         try:
             asked = message.correlation
             request = _request_id(message.response_topic, asked) if asked else ""
-            return port.read(route.kind, message.payload, way=_CLOUD, request_id=request, unread=unread)
+            waits = route.kind == "command"  # how a goal ends is told by its status
+            return port.read(
+                route.kind, message.payload, way=_CLOUD, request_id=request, waits=waits, unread=unread
+            )
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
             refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
@@ -232,10 +235,11 @@ class Downlink:
             return
         asked(partial(self._answer, port, self._answers.to(port, message, route.kind), one.at))
 
-    def _answer(self, port: Port, tell: Callable[[Reply], None], arrived: float, reply: Reply) -> None:
-        """Answer, and note how long it took."""
-        self.answered[reply.status.value] += 1
-        self.latencies[port.name].add(self._clock.monotonic() - arrived)
+    def _answer(self, port: Port, tell: Answering, arrived: float, reply: Reply) -> None:
+        """Answer, and note how long the receipt took."""
+        if not tell.answered:
+            self.answered[reply.status.value] += 1
+            self.latencies[port.name].add(self._clock.monotonic() - arrived)
         tell(reply)
 
     def _do(self, topic: Topic, message: Message, handle: Handler) -> None:

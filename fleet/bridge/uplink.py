@@ -22,6 +22,7 @@ from fleet.tally import Tally
 from fleet.wire.databus import decode_report
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
+from fleet.wire.events import is_of_the_fleet
 from fleet.wire.reports import Message, messages_of, to_mqtt
 from fleet.wire.rules import Rule, Traffic
 from fleet.wire.topics import Topics, parse_data_key
@@ -285,7 +286,7 @@ class Uplink:
 
     def _translated(self, slot: Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
-        if slot.document and isinstance(sample, bytes):
+        if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
             leaf, source_type = slot.leaf, slot.info.source_type
             return [(leaf, document_out(leaf, sample, source_type=source_type, session=self._session))]
         report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample

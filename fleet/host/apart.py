@@ -7,7 +7,6 @@ its way is only compared with who was near at the last look.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -26,14 +25,13 @@ from fleet.host.safety.separation import (
     stopping,
     way_trouble,
 )
+from fleet.host.teller import Teller
+from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
 from fleet.model.navigation import FollowPath, Task
-from fleet.model.report import Report, TelemetryReport
 from fleet.model.site import Placement, placed_at_start
 from fleet.robot_config import AdapterConfig, Limits, Separation
-
-log = logging.getLogger(__name__)
 
 LOOK = 0.1  # s between looks at the others while it moves
 STALE = 2 * LOOK  # s after which a look is too old for a velocity
@@ -100,7 +98,7 @@ class Apart:
         led: bool,
         held: Callable[[], Velocity],
         points: Callable[[Task], Sequence[Vector3]],
-        publish: Callable[[Report], None],
+        teller: Teller,
     ) -> None:
         self.name = config.name
         self.on_earth = False  # placed by its place on Earth, not by where it started
@@ -121,7 +119,7 @@ class Apart:
         self._led = led
         self._held = held
         self._points = points
-        self._publish = publish
+        self._teller = teller
         self._battery: float | None = None
         self._yaw = 0.0
         self._seen = self._marked = 0.0
@@ -174,7 +172,8 @@ class Apart:
             return False
         self.lost = f"its position jumped by {gone:.1f} m: its odometry began anew"
         self.placement = None
-        log.warning("%s: separation unknown: %s", self.name, self.lost)
+        unknown = {"reason": self.lost}
+        self._teller.event(EventKind.SEPARATION, f"separation unknown: {self.lost}", data=unknown)
         return True
 
     def _measure(self, at: Vector3, now: float) -> None:
@@ -320,9 +319,8 @@ class Apart:
         before, self.cause = self.cause, f"{what}: {distance:.1f} m from {other.name}, closing"
         self._said_until = self._clock.monotonic() + SAID
         if before.partition(":")[0] != what:
-            log.warning("%s: %s", self.name, self.cause)
             fields = {"reason": self.cause, "robot": other.name, "distance_m": round(distance, 2)}
-            self._publish(TelemetryReport(self._clock.time(), "separation", fields))
+            self._teller.event(EventKind.SEPARATION, self.cause, telemetry="separation", data=fields)
         return self.cause
 
     def _unsay(self) -> None:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet.host.safety.reserve import Reserve
+from fleet.host.teller import Teller
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Reply, Way
+from fleet.model.event import EventKind, Severity
 from fleet.robot_config import BatteryPolicy
 
 
 class BatteryWatch:
     """One robot's battery, by its policy.
 
-    ``tell`` says what happened, by a word and its fields; ``ask`` sends the robot a command of ours; ``free``
+    ``teller`` tells what happened; ``ask`` sends the robot a command of ours; ``free``
     tells whether nobody else has it, and nothing makes it safer already. ``forced`` says what was done with
     the robot because of its battery, until that was charged; empty while nothing was.
     """
@@ -22,13 +24,13 @@ class BatteryWatch:
         self,
         policy: BatteryPolicy,
         *,
-        tell: Callable[..., None],
+        teller: Teller,
         ask: Callable[[Command, Ticket], None],
         free: Callable[[], bool],
     ) -> None:
         self._reserve = Reserve(policy.reserve, policy.low, policy.endurance)
         self._action = policy.action
-        self._tell = tell
+        self._teller = teller
         self._ask = ask
         self._free = free
         self._percent: float | None = None
@@ -47,18 +49,27 @@ class BatteryWatch:
             return
         if not self._told_low:
             self._told_low = True
-            self._tell("battery_low", percent=percent, action=self._action)
+            text, policy = (
+                f"its battery is low: {percent:.0f} %",
+                {"percent": percent, "action": self._action},
+            )
+            self._teller.event(EventKind.BATTERY, text, telemetry="battery_low", data=policy)
         if self._action != "tell" and not self._acted and self._free():
             ticket = Ticket(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Way.MISSION, session="battery")), ticket)
             self._acted = ticket.ended is None  # else it was refused at once: it is asked again
             self.forced = f"{self._action} by battery_policy: the battery was at {percent:.0f} %"
+            if self._acted:
+                done = {"percent": percent, "action": self._action}
+                self._teller.event(EventKind.BATTERY, self.forced, data=done)
             ticket.watch(self._ended)
 
     def _ended(self, reply: Reply) -> None:
         """Note that what was done about the battery failed."""
         if reply.done is False and self.forced:
             self.forced = f"{self._action} by battery_policy failed: {reply.reason}"
+            failed = {"action": self._action, "reason": reply.reason}
+            self._teller.event(EventKind.BATTERY, self.forced, severity=Severity.ERROR, data=failed)
 
     def start_trouble(self) -> str:
         """Return why a flight may not begin; empty: it may."""

@@ -6,7 +6,6 @@ answer. Runs on the event loop, but for ``emergency``, ``pull`` and ``halt``, wh
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -28,16 +27,15 @@ from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.speeds import Speeds
 from fleet.host.standstill import stand_still, write_halt
+from fleet.host.teller import Teller
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
-from fleet.model.report import Report, TelemetryReport
+from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig
 from fleet.wire.commands import SETTINGS
 from fleet.wire.stops import EMERGENCY, STOP_WORDS
-
-log = logging.getLogger(__name__)
 
 STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
 RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the run anew
@@ -65,11 +63,10 @@ class Desk:
         self.last = Last()
         self._can, self.moves = capabilities, capabilities.moves
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
-        free = partial(getattr, self, "free")
-        self.guard = Guard(config, limits, clock, end=self.end, ask=self.receive, free=free, publish=publish)
+        self.teller = Teller(self.name, publish, clock, in_motion=lambda: self.in_motion)
+        self.guard = Guard(config, limits, clock, robot=self, teller=self.teller)
         self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
         self.deadman = self._driving.deadman
-        self._publish = publish
         self._crashed = crashed
         self._clock = clock
         self._journal = journal
@@ -87,7 +84,7 @@ class Desk:
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = False
         self.adrift = journal.cut_off  # it moved because of us when it was lost, and may still
-        self._executor = Executor(crashed=crashed, journal=journal)
+        self._executor = Executor(crashed=crashed, journal=journal, log=self.teller.log)
         ready = self._executor.standing
         self._navigator = Navigator(
             publish=publish, hold=self._settle, crashed=crashed, clock=clock, journal=journal, ready=ready
@@ -165,14 +162,14 @@ class Desk:
 
     def authority_lost(self, reason: str) -> None:
         """Somebody else took the robot: nothing of ours goes on, and a new command is needed."""
-        log.warning("%s: authority lost: %s", self.name, reason)
+        self.teller.authority_lost(reason)
         self._end_motion(f"authority lost: {reason}")
         self._admission.taken_over()
         self.in_control, self.adrift, self.guard.taken = False, False, True
-        self._publish(TelemetryReport(self._clock.time(), "authority_lost", {"reason": reason}))
 
     def _end_motion(self, why: str) -> None:
         """End what is under way."""
+        self.teller.ended()
         self._driving.let_go()
         self._executor.cancel(why)
         self._navigator.fail(why)
@@ -182,8 +179,6 @@ class Desk:
         if self.free and self.in_motion:
             self._end_motion(why)
             self._executor.stop(self._settle(why), "stop")
-
-    # -- stopping ------------------------------------------------------------------------------------
 
     def emergency(self, why: str) -> None:
         """Latch, write the emergency halt, record; the last two may hang; any thread. ``receive`` follows."""
@@ -196,7 +191,7 @@ class Desk:
 
     def lease_ran_out(self) -> None:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
-        log.warning("%s: no setpoint within its lease: stopped", self.name)
+        self.teller.log.warning("no setpoint within its lease: stopped")
         if self._adapter is not None and not self.in_motion:
             self._zero(self._adapter)
 
@@ -234,7 +229,7 @@ class Desk:
         if refusal is not None:
             ticket.reject(refusal)
         elif own is not None:
-            log.warning("%s: %s by %s", self.name, ask.name, ask.origin.session or ask.origin.way)
+            self.teller.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.way)
             self._journal.note(ask.id, ask.name)
             ticket.done(own(ask))
         elif spec is not None:
@@ -251,6 +246,7 @@ class Desk:
             if not takes(spec, ask, ticket, self.activity):
                 return
             self.in_control = True
+            self.teller.moves(ask)
             ticket.watch(self.guard.obeyed)
             self._end_driving(self._adapter)
             self._navigator.cancel(f"superseded by {ask.name}")
@@ -264,7 +260,9 @@ class Desk:
     def _stop(self, ask: Command, ticket: Ticket) -> None:
         """End all motion; never refused, never a repeat."""
         if ask.name == EMERGENCY:
-            self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
+            self.emergency(who := f"asked by {ask.origin.session or ask.origin.way}")
+            if self.latch.is_news():
+                self.teller.emergency_stop(ask, who)
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
@@ -291,7 +289,7 @@ class Desk:
     async def _settle(self, why: str, *, anyway: bool = False) -> None:
         """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""
         if anyway or self.in_control:
-            log.warning("%s: %s: it is brought to a standstill", self.name, why)
+            self.teller.log.warning("%s: it is brought to a standstill", why)
             await self._hold_for(why, Ticket("stop", lambda _: None))
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
@@ -303,6 +301,7 @@ class Desk:
             ticket.reject(refusal or self._absence())
             return
         superseding, self.in_control = self.in_motion, True
+        self.teller.moves(ask)
         self._navigator.cancel("teleoperation took over")
         try:
             self._driving.take(self._adapter, ask)
@@ -353,6 +352,7 @@ class Desk:
             return
         self._end_driving(self._adapter)
         self.in_control = True
+        self.teller.moves(ask)
         ticket.accept()
         self.last.follow(ask.name, ticket)
         ticket.watch(self.guard.obeyed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -13,12 +12,11 @@ from fleet.host.guard import Guard
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.keys import Keys
 from fleet.host.safety.limits import clamp
+from fleet.host.teller import robot_log
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
 from fleet.wall import called
-
-log = logging.getLogger(__name__)
 
 
 class Driving:
@@ -78,7 +76,7 @@ class Driving:
         try:
             called(adapter.drive, ZERO_VELOCITY)
         except (CommandError, LinkError) as error:
-            log.warning("%s: %s", adapter.config.name, error)
+            robot_log(adapter.config.name).warning("%s", error)
             halt()
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
             halt()

@@ -43,8 +43,11 @@ class Executor:
     moves waits until the stops before it have ended.
     """
 
-    def __init__(self, *, crashed: Callable[[Exception], None], journal: RobotJournal) -> None:
+    def __init__(
+        self, *, crashed: Callable[[Exception], None], journal: RobotJournal, log: logging.Logger = log
+    ) -> None:
         self._crashed = crashed
+        self._log = log
         self._journal = journal
         self._tasks: set[asyncio.Task[None]] = set()
         self._stops: set[asyncio.Task[None]] = set()
@@ -161,7 +164,7 @@ class Executor:
             if not was_ended:
                 job.failed()
             return
-        log.error("the adapter failed in %s", name, exc_info=error)
+        self._log.error("the adapter failed in %s", name, exc_info=error)
         ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
         self._crashed(error)
 

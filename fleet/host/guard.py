@@ -7,9 +7,9 @@ Whoever leads the robot (a person, the host's follower, its own autopilot) is ju
 from __future__ import annotations
 
 import itertools
-import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from typing import Protocol
 
 from fleet.clock import Clock
 from fleet.decoding import convert
@@ -17,16 +17,16 @@ from fleet.errors import Refused
 from fleet.host.apart import Apart
 from fleet.host.battery import BatteryWatch
 from fleet.host.safety.fence import Fence
+from fleet.host.teller import Teller
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Reply
+from fleet.model.event import EventKind
 from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
 from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
 from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
 from fleet.model.polygon import Polygon
-from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report, TelemetryReport
+from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
 from fleet.robot_config import AdapterConfig, FenceConfig, Limits
-
-log = logging.getLogger(__name__)
 
 STALE = 1.0  # s after which a pose is too old to keep a fence by
 BEGINNINGS = frozenset({"takeoff", "arm"})
@@ -36,13 +36,25 @@ CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("di
 """Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
 
 
+class Asked(Protocol):
+    """What the guard asks of the robot, at its desk."""
+
+    @property
+    def free(self) -> bool:
+        """True while nobody else has it, and nothing makes it safer already."""
+
+    def end(self, why: str) -> None:
+        """End what we do with the robot."""
+
+    def receive(self, ask: Command, ticket: Ticket) -> None:
+        """Take a command of ours."""
+
+
 class Guard:
     """One robot's fence, the watch on its battery, and on the other robots of its edge (``apart``).
 
-    ``end`` ends what we do with the robot, for a reason; ``ask`` sends it a command of ours; ``free``
-    tells whether nobody else has it, and nothing makes it safer already.
-    ``held`` is the body velocity that is being held; ``taken``: somebody took the robot, and it has done
-    nothing for us since.
+    ``robot`` is what is asked of it, its desk. ``held`` is the body velocity that is being held; ``taken``:
+    somebody took the robot, and it has done nothing for us since.
     """
 
     def __init__(
@@ -51,27 +63,27 @@ class Guard:
         limits: Limits,
         clock: Clock,
         *,
-        end: Callable[[str], None],
-        ask: Callable[[Command, Ticket], None],
-        free: Callable[[], bool],
-        publish: Callable[[Report], None],
+        robot: Asked,
+        teller: Teller,
     ) -> None:
-        self._name = config.name
         self._config = config.fence
         self._all = config
         self._limits = limits
         self._unbordered = config.fence is None and limits.distance is None
         self._unfenced = self._unbordered and limits.altitude is None
         self._clock = clock
-        self._end = end
-        self._publish = publish
+        self._robot = robot
+        self._teller = teller
         self.held = ZERO_VELOCITY
         self.taken = False
         self.apart: Apart | None = None
         self._battery: BatteryWatch | None = None
         if config.battery_policy is not None:
             self._battery = BatteryWatch(
-                config.battery_policy, tell=self._tell, ask=ask, free=lambda: not self.taken and free()
+                config.battery_policy,
+                teller=teller,
+                ask=robot.receive,
+                free=lambda: not self.taken and robot.free,
             )
         place = config.origin
         self._origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
@@ -123,15 +135,13 @@ class Guard:
             return
         before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
         if self._trouble and not before:
-            self._tell("fence_breached", reason=self._trouble)
-            self._end(f"fence: it is {self._trouble}")
+            told = {"reason": self._trouble}
+            self._teller.event(
+                EventKind.FENCE, f"it is {self._trouble}", telemetry="fence_breached", data=told
+            )
+            self._robot.end(f"fence: it is {self._trouble}")
         elif self._inside(self.held) != self.held:
-            self._end("fence: the velocity leads out of it")
-
-    def _tell(self, kind: str, **fields: object) -> None:
-        """Say what happened, in the log and on the telemetry channel."""
-        log.warning("%s: %s %s", self._name, kind, fields)
-        self._publish(TelemetryReport(self._clock.time(), kind, fields))
+            self._robot.end("fence: the velocity leads out of it")
 
     @property
     def forced(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import logging
 import math
 from collections.abc import Callable
 from functools import partial
@@ -17,12 +16,14 @@ from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
+from fleet.host.happenings import Happenings
 from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
+from fleet.host.teller import robot_log
 from fleet.host.ticket import Ticket
 from fleet.host.traffic import Traffic
 from fleet.host.watchdog import Watched
@@ -112,7 +113,7 @@ class LocalRobot:
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
         self._online = False
-        self._log = logging.getLogger(f"fleet.robot.{config.name}")
+        self._log = robot_log(config.name)
         self._refusals = Tally(self._log, clock)
         self._can = can = timed(capabilities(plugin), config)
         self.desk = Desk(
@@ -124,6 +125,7 @@ class LocalRobot:
             journal=journal,
             clock=clock,
         )
+        self.happenings = Happenings(self.desk.teller)
         self._decoder = Decoder(
             config,
             self.desk.speeds.of,
@@ -139,6 +141,7 @@ class LocalRobot:
             waits=backoff,
             clock=clock,
             changed=self._health_changed,
+            told=self.happenings.level_is,
         )
 
     def share_space(self, traffic: Traffic) -> None:
@@ -155,7 +158,7 @@ class LocalRobot:
             led=not self._can.navigates,
             held=lambda: guard.held,
             points=guard.points,
-            publish=self.publish,
+            teller=self.desk.teller,
         )
         traffic.join(apart)
         guard.share_space(apart)
@@ -251,6 +254,7 @@ class LocalRobot:
         """Send a report on its way."""
         if type(report) in READ and _is_known(report):
             self._seen.take(report)
+            self.happenings.see(report)
             self.desk.see(report)
             self.desk.guard.see(report)
         self._send(report)

@@ -7,9 +7,8 @@ import sys
 from collections.abc import Callable
 
 from fleet.host.process import RobotProcess
+from fleet.host.teller import ROBOT_LOGGER
 from fleet.model.report import LogReport
-
-ROBOT_LOGGER = "fleet.robot."
 
 
 class _ToDriverlog(logging.Handler):

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from fleet.bus.lane import Lane, Question, keys_meet
 from fleet.errors import WireError
+from fleet.model.event import EventReport
 from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
 from fleet.wire.checks import check_report
 from fleet.wire.databus import encode_report
@@ -20,7 +21,7 @@ from fleet.wire.topics import data_key
 
 log = logging.getLogger(__name__)
 
-EVENTS = (NavigationReport, TelemetryReport, LogReport)
+EVENTS = (NavigationReport, TelemetryReport, LogReport, EventReport)
 ALL = "cw/*/data/**"
 STEP = 8  # states in one step of a flush: together they cost less than by themselves
 WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted

@@ -95,17 +95,27 @@ class RemoteRobot:
             log.exception("%s: the emergency stop did not go out at once", self.name)
 
     def read(
-        self, kind: Kind, payload: bytes, *, way: Way, request_id: str = "", unread: str = ""
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Way,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
     ) -> Asked | None:
         """Read a message, from any thread; an emergency stop leaves at once, over the stop lane.
 
         What is returned hands the message to the worker; what that answers goes back, or that nobody
-        answered. None for a reply on its way back, which asks nothing. ``unread``: why the payload must not
+        answered; with ``waits`` also how it ended. None for a reply on its way back, which asks nothing.
+        ``unread``: why the payload must not
         be read; then the worker does not get it either.
         """
         parameters = {"kind": kind, "way": way.value}
         if request_id:
             parameters["id"] = request_id
+        if waits:
+            parameters["wait"] = "1"
         try:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
         except WireError as error:
@@ -145,16 +155,21 @@ class RemoteRobot:
             return
         answered: list[Reply] = []
 
+        def is_open() -> bool:
+            return not answered or ("wait" in parameters and answered[-1].ok and answered[-1].done is None)
+
         def on_answer(data: bytes) -> None:
             reply = decode_json(data, Reply)
-            if not answered:
+            if is_open():
                 answered.append(reply)
                 self._soon(lambda: answer(reply))
 
         def on_end() -> None:
-            if not answered:
-                reason = f"worker {self.worker} did not answer: {self._cause}"
-                self._soon(lambda: answer(Reply(name, ReplyStatus.TIMEOUT, reason)))
+            if is_open():
+                reason = f"worker {self.worker} did not {'say how it ended' if answered else 'answer'}"
+                done = False if answered else None
+                missing = Reply(name, ReplyStatus.TIMEOUT, f"{reason}: {self._cause}", done=done)
+                self._soon(lambda: answer(missing))
 
         self._control.ask_later(
             keys.command(self._edge, self.name),

@@ -59,7 +59,10 @@ _ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
 
 
 class Runner:
-    """One robot's life. ``make`` gives a fresh adapter, ``handle`` a fresh handle for each run."""
+    """One robot's life. ``make`` gives a fresh adapter, ``handle`` a fresh handle for each run.
+
+    ``told`` hears of each new level of its health, but for the steps of a start.
+    """
 
     def __init__(
         self,
@@ -70,6 +73,7 @@ class Runner:
         waits: Callable[[], Iterator[float]],
         clock: Clock,
         changed: Callable[[], None],
+        told: Callable[[Health], None],
     ) -> None:
         self.desk = desk
         self.health = Health(Level.OFFLINE, "starting")
@@ -79,12 +83,13 @@ class Runner:
         self._new_waits = waits
         self._clock = clock
         self._changed = changed
+        self._level_changed = told
         self._log = logging.getLogger(f"fleet.robot.{desk.name}")
         self._crash: asyncio.Future[None] | None = None
         self._strikes: deque[float] = deque(maxlen=STRIKES)
         self._lifted = asyncio.Event()
         self._leaving = False
-        self._told = Level.OK
+        self._told: Level | None = None
         self._coming_up: asyncio.TimerHandle | None = None
         self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
 
@@ -270,12 +275,15 @@ class Runner:
     def _tell(self) -> None:
         """Log the health: the first of a level aloud, what follows on it and the steps of a start quietly."""
         level, cause = self.health.level, self.health.cause
-        loud = level >= Level.DEGRADED and level is not self._told and self._coming_up is None
-        if self._coming_up is None:
+        is_new = level is not self._told and self._coming_up is None
+        loud = is_new and level >= Level.DEGRADED
+        if is_new:
             self._told = level
         self._log.log(
             logging.WARNING if loud else logging.INFO, "%s%s", level.word, f": {cause}" * bool(cause)
         )
+        if is_new:
+            self._level_changed(self.health)
 
 
 def _cause(error: BaseException) -> BaseException:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.errors import TimedOut
 from fleet.host.bounded import bounded
+from fleet.host.teller import robot_log
 from fleet.wall import called, walled
-
-log = logging.getLogger(__name__)
 
 
 def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
@@ -19,8 +17,8 @@ def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> N
     try:
         if adapter is not None:
             called(adapter.emergency_halt if emergency else adapter.halt)
-    except Exception:
-        log.exception("%s: its halt failed", name)
+    except Exception:  # noqa: BLE001 - told
+        robot_log(name).exception("its halt failed")
 
 
 async def stand_still(
@@ -34,7 +32,7 @@ async def stand_still(
         await bounded(walled(lambda: adapter.stop(why)), within)
     except TimeoutError:
         halt()
-        log.error("%s: the adapter did not stop within %g s", name, within)  # noqa: TRY400
+        robot_log(name).error("the adapter did not stop within %g s", within)
         raise TimedOut(f"{name} did not stop within {within:g} s; it was halted") from None
     except Exception:
         halt()

@@ -45,9 +45,10 @@ class Ticket:
         """Also tell ``seen`` the receipt and the end, those that are out already at once."""
         if self.ended is None:
             self._watchers.append(seen)
-        for reply in (self.receipt, self.ended):
-            if reply is not None:
-                seen(reply)
+        if self.receipt is not None:
+            seen(self.receipt)
+        if self.ended is not None and self.ended is not self.receipt:
+            seen(self.ended)
 
     def accept(self) -> None:
         """Say that the robot took it; saying it again changes nothing."""
@@ -58,12 +59,10 @@ class Ticket:
         first.watch(lambda reply: self._receive(reply) if reply.done is None else self._end(reply))
 
     def done(self, data: Any = None) -> None:
-        """Say that the robot was seen to have done it.
+        """Say that the robot was seen to have done it; ``data`` is what was asked for.
 
-        ``data`` is what was asked for: it is in the one answer that who does not wait for the end gets.
+        Where nothing was answered yet this is the one answer: receipt and end.
         """
-        if data is None:
-            self.accept()
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
     def reject(self, reason: str, *, hint: str = "") -> None:

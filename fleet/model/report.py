@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import msgspec
 
+from fleet.model.event import EventReport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
@@ -217,4 +218,5 @@ Report = (
     | DepthReport
     | PointCloudReport
     | LogReport
+    | EventReport
 )

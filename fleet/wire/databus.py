@@ -1,8 +1,8 @@
 """Reports on the bus, in Cyberwave's own format, which its SDK reads and writes.
 
-Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps has the
-names of its MQTT topic; depth and pointcloud are arrays; every other channel has the fields of its report,
-with ``ts`` for the stamp. The framing is that of ``fleet.wire.samples``.
+Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps and event
+have the names of their MQTT topics; depth and pointcloud are arrays; every other channel has the fields of
+its report, with ``ts`` for the stamp. The framing is that of ``fleet.wire.samples``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import msgspec
 
 from fleet.decoding import json_decoder
 from fleet.errors import WireError
+from fleet.model.event import EventReport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import (
@@ -29,6 +30,7 @@ from fleet.model.report import (
 )
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
+from fleet.wire.events import EventDocument
 from fleet.wire.samples import json_payload, json_sample
 
 ReportT = TypeVar("ReportT", bound=Report)
@@ -226,6 +228,7 @@ _SHAPES: Mapping[type[Any], type[Any]] = {
     BatteryReport: _Battery,
     ImuReport: _Imu,
     GpsReport: _Gps,
+    EventReport: EventDocument,
 }
 
 _ARRAYS: Mapping[str, tuple[Callable[[Any, int], bytes], Callable[[bytes], Report]]] = MappingProxyType(

@@ -30,9 +30,13 @@ def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float)
     return encode_finite(message)
 
 
-def legacy_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
-    """Return a reply for the command topic itself, where its ``status`` tells it from a command."""
-    message = {
+def legacy_status(reply: Reply, *, stamp: float, source_type: str, request: str = "") -> bytes:
+    """Return a reply for the command topic itself, where its ``status`` tells it from a command.
+
+    ``done`` stands in it once the outcome is known. ``request`` is the asker's own name of the request
+    (its Correlation Data), left out when empty.
+    """
+    message: dict[str, Any] = {
         "status": "ok" if reply.ok else "error",
         "ok": reply.ok,
         "command": reply.command,
@@ -40,6 +44,10 @@ def legacy_status(reply: Reply, *, stamp: float, source_type: str) -> bytes:
         "timestamp": stamp,
         **_details(reply),
     }
+    if reply.done is not None:
+        message["done"] = reply.done
+    if request:
+        message["correlation_id"] = request
     return encode_finite(message)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 from msgspec import UNSET
 
 from fleet.errors import WireError
+from fleet.model.event import EventReport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
@@ -34,6 +35,7 @@ from fleet.model.report import (
 )
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
+from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
 from fleet.wire.states import STATES, Sender, State
 from fleet.wire.strict import finite, without_nulls
 
@@ -259,6 +261,11 @@ def _log(report: LogReport) -> Leaves:
     return [("driverlog", body)]
 
 
+def _event(report: EventReport) -> Leaves:
+    """Something that happened to the robot; nothing for what only the edge's own history has."""
+    return [("event", event_body(report))] if report.kind in TOLD_TO_THE_CLOUD else []
+
+
 _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
     {
         ScaleReport: _scale,
@@ -273,5 +280,6 @@ _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
         DepthReport: _depth,
         PointCloudReport: _pointcloud,
         LogReport: _log,
+        EventReport: _event,
     }
 )

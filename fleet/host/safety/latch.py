@@ -20,6 +20,12 @@ class Latch:
         self._keep = keep
         self.held = ""
         self._unrecorded = False
+        self._told = bool(why)
+
+    def is_news(self) -> bool:
+        """Return True once for each time that it was set by this process: then it is to be told."""
+        told, self._told = self._told, self.set
+        return self.set and not told
 
     @property
     def set(self) -> bool:
@@ -39,7 +45,7 @@ class Latch:
 
     def release(self) -> None:
         """Allow motion again; the robot stays as it is until somebody asks for more."""
-        self._why, self._unrecorded = "", False
+        self._why, self._unrecorded, self._told = "", False, False
         self._keep("")
         if self._why:  # somebody stopped it meanwhile: that is what is to be remembered
             self._keep(self._why)

@@ -30,7 +30,7 @@ class FakePort:
         self.answers: Callable[[str, bytes], Reply | None] = lambda _kind, _payload: None
         self.raises: Exception | None = None
 
-    def read(self, kind, payload, *, way, request_id="", unread=""):
+    def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
         assert way is Way.CLOUD
         if self.raises is not None:
             raise self.raises

@@ -207,6 +207,37 @@ def test_who_gives_no_inbox_gets_a_status_on_the_command_topic(bench, accepting)
     assert (reply["status"], reply["ok"], reply["command"]) == ("ok", True, "takeoff")
 
 
+@pytest.mark.parametrize(
+    ("inbox", "correlation", "named"),
+    [(None, None, {}), (INBOX, b"q1", {"correlation_id": "q1"}), (INBOX, b"\xff\x00", {})],
+)
+def test_how_a_command_ended_that_was_accepted_is_told_to_all_who_hear_of_the_twin(
+    bench, rex, inbox, correlation, named
+):
+    ends = []
+    rex.take = lambda _what, answer: ends.append(answer)
+    bench.arrive(command("takeoff", response_topic=inbox, correlation=correlation))
+    (answer,) = ends
+    answer(Reply("takeoff", ReplyStatus.ACCEPTED))
+    answer(Reply("takeoff", ReplyStatus.DENIED, "it did not climb: Motors not armed", done=False))
+    (to, receipt, _), (topic, end, _) = bench.sent
+    assert (to, receipt["status"]) == (inbox or f"{T}/command", "accepted" if inbox else "ok")
+    assert "done" not in receipt
+    assert topic == f"{T}/command"
+    assert (end["status"], end["command"], end["done"]) == ("error", "takeoff", False)
+    assert end["reason"] == "it did not climb: Motors not armed"
+    assert {name: end[name] for name in end if name == "correlation_id"} == named
+    assert bench.downlink.answered.total() == 1
+
+
+def test_only_what_ends_by_no_status_of_its_own_is_followed_to_its_end(bench, rex):
+    waited = {}
+    rex.read = lambda kind, _payload, *, waits, **_: waited.__setitem__(kind, waits)
+    for leaf in ("command", "navigate/command", "motion/command", "mission/command"):
+        bench.arrive(Message(f"{T}/{leaf}", b"{}"))
+    assert waited == {"command": True, "navigate": False, "motion": False, "mission": False}
+
+
 def test_a_robot_that_is_told_not_to_sends_no_status(bench, ports):
     ports[OTHER].answers = lambda *_: Reply("takeoff", ReplyStatus.ACCEPTED)
     bench.arrive(command("takeoff", topic=f"cyberwave/twin/{OTHER}/command"))

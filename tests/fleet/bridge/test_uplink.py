@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fleet.bridge.slot import SLACK, TwinInfo
 from fleet.bridge.uplink import STRANGERS, Uplink
+from fleet.model.event import EventKind, EventReport
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
@@ -673,6 +674,16 @@ def test_each_profile_has_its_own_rate_of_poses_and_never_less_than_one_a_second
         bench.uplink.arrived(POSITION, pose(number))
         bench.turn(0.05)
     assert max(10, 0.6 * most * 10) <= len(bench.of("position")) <= most * 10 + 1
+
+
+def test_an_event_of_a_worker_crosses_in_the_clouds_form_and_what_is_for_the_history_does_not(bench):
+    for kind in (EventKind.COMMAND, EventKind.LOST):
+        event = EventReport(4.0, kind, "the link fell", data={"reason": "unplugged"})
+        bench.uplink.arrived(f"cw/{TWIN}/data/event", encode_report(event, 1))
+    ((_, message),) = bench.of("event")
+    assert message["event_type"] == "lost"
+    assert message["timestamp"] == 4.0
+    assert message["data"] == {"reason": "unplugged", "text": "the link fell", "severity": "info"}
 
 
 def test_an_event_that_is_made_latest_is_conflated():

@@ -23,7 +23,7 @@ TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 class Rex:
     name, twin, source_type, legacy_status = "rex", TWIN, "edge", True
 
-    def read(self, kind, payload, *, way, request_id="", unread=""):
+    def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
         return Asked(lambda answer: answer(Reply("takeoff", ReplyStatus.DENIED, "no GPS")))
 
 

@@ -101,6 +101,28 @@ def test_only_the_first_answer_counts(bench):
     assert bench.answered(bench.ask({"command": "takeoff"})) == DONE
 
 
+@pytest.mark.parametrize(
+    ("given", "heard"),
+    [
+        ([DONE], [None, False]),
+        ([DONE, Reply("takeoff", ReplyStatus.ACCEPTED, done=True)], [None, True]),
+        ([Reply("takeoff", ReplyStatus.ACCEPTED, done=True)], [True]),
+        ([Reply("takeoff", ReplyStatus.DENIED, "no GPS")], [None]),
+        ([], [None]),
+    ],
+)
+def test_who_waits_hears_how_it_ended_also_from_a_worker_that_died_over_it(bench, given, heard):
+    asked = bench.works(*given)
+    bench.robot.worker_is("killed by SIGKILL")
+    answers = bench.ask({"command": "takeoff"}, waits=True)
+    for _ in heard:
+        bench.later.get(timeout=DEADLINE)()
+    assert [answer.done for answer in answers] == heard
+    assert asked[0].parameters["wait"] == "1"
+    if heard == [None, False]:
+        assert answers[1].reason == "worker w did not say how it ended: killed by SIGKILL"
+
+
 def test_a_worker_that_is_not_there_is_told_with_the_cause(bench):
     bench.robot.worker_is("worker w: ended with exit code 1")
     answer = bench.answered(bench.ask({"command": "takeoff"}))

@@ -32,6 +32,7 @@ class Stage:
         self.broken = None  # what making an adapter raises
         self.wheel = Wheel(asyncio.get_running_loop(), SystemClock())
         self.reports = []
+        self.levels = []
         self.runner = Runner(
             bench.desk,
             make=self.make,
@@ -39,6 +40,7 @@ class Stage:
             waits=self.waits,
             clock=bench.clock,
             changed=lambda: None,
+            told=self.levels.append,
         )
         bench.desk._crashed = self.runner.crashed
         bench.desk._executor._crashed = self.runner.crashed

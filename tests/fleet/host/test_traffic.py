@@ -8,6 +8,7 @@ import pytest
 
 from fleet.bus import keys
 from fleet.host.apart import Apart
+from fleet.host.teller import Teller
 from fleet.host.traffic import Traffic
 from fleet.model.command import ReplyStatus
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -40,7 +41,7 @@ def joined(traffic, clock, name, start=None):
         led=True,
         held=lambda: ZERO_VELOCITY,
         points=lambda _task: (),
-        publish=lambda _report: None,
+        teller=Teller(name, lambda _report: None, clock, in_motion=lambda: False),
     )
     traffic.join(apart)
     return apart

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 import pytest
 from hypothesis import strategies as st
 
+from fleet.model.command import Way
+from fleet.model.event import Asker, EventKind, EventReport, Severity
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
@@ -155,6 +157,17 @@ REPORTS = {
     TelemetryReport: st.builds(TelemetryReport, STAMPS, WORDS, PLAIN),
     PhotoReport: st.builds(PhotoReport, STAMPS, st.binary(max_size=40), WORDS, COUNTS, COUNTS),
     LogReport: st.builds(LogReport, STAMPS, st.sampled_from(["DEBUG", "INFO", "ERROR"]), WORDS),
+    EventReport: st.builds(
+        EventReport,
+        STAMPS,
+        st.sampled_from(EventKind),
+        WORDS,
+        st.sampled_from(Severity),
+        st.none() | st.builds(Asker, st.sampled_from(Way), WORDS, st.none() | WORDS, st.booleans()),
+        WORDS,
+        WORDS,
+        PLAIN,
+    ),
 }
 
 

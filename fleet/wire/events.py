@@ -1,0 +1,109 @@
+"""Events of robots on the bus, and which of them the cloud is told.
+
+A program on the bus may put events of its own on the same key, ``{event_type, source, data}``. Those of the
+fleet have the source ``fleet``, and say more: what led to it, and who asked for that.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import msgspec
+
+from fleet.decoding import json_decoder
+from fleet.errors import WireError
+from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.wire.samples import json_payload
+
+FLEET: Literal["fleet"] = "fleet"
+"""The ``source`` of the fleet's own events."""
+
+TOLD_TO_THE_CLOUD = frozenset(EventKind) - {
+    EventKind.COMMAND,
+    EventKind.OUTCOME,
+    EventKind.STOP,
+    EventKind.RELEASE,
+}
+"""What happened to a robot. What was asked of it, and how that ended, its asker is told by a status."""
+
+
+class EventDocument(msgspec.Struct, frozen=True, omit_defaults=True):
+    """``event`` on the bus; the fields are those of ``EventReport``."""
+
+    ts: float
+    event_type: EventKind
+    source: Literal["fleet"]
+    text: str
+    severity: Severity = Severity.INFO
+    asker: Asker | None = None
+    command: str = ""
+    request: str = ""
+    data: dict[str, Any] = {}
+
+    @classmethod
+    def of(cls, report: EventReport) -> EventDocument:
+        """Return the document of a report."""
+        return cls(
+            report.stamp,
+            report.kind,
+            FLEET,
+            report.text,
+            report.severity,
+            report.asker,
+            report.command,
+            report.request,
+            report.data,
+        )
+
+    def report(self) -> EventReport:
+        """Return the report of a document."""
+        return EventReport(
+            self.ts,
+            self.event_type,
+            self.text,
+            self.severity,
+            self.asker,
+            self.command,
+            self.request,
+            self.data,
+        )
+
+
+class _Source(msgspec.Struct):
+    """An event, as far as it says who tells it."""
+
+    source: Any = None
+
+
+_SOURCE: msgspec.json.Decoder[_Source] = json_decoder(_Source)
+
+
+def is_of_the_fleet(sample: bytes, channel: str) -> bool:
+    """Return True for an event that a process of a fleet tells, False for whatever another program says."""
+    if channel != EventReport.channel:
+        return False
+    try:
+        return bool(_SOURCE.decode(json_payload(sample)).source == FLEET)
+    except (
+        WireError,
+        msgspec.DecodeError,
+        ValueError,
+        RecursionError,
+    ):  # who reads all of it says what is wrong
+        return False
+
+
+def event_body(report: EventReport) -> dict[str, Any]:
+    """Return an event as the cloud's workflows read it, all but its stamp.
+
+    ``data`` has what the report's own has, and beside it text, severity, and what led to the event.
+    """
+    said = {
+        "text": report.text,
+        "severity": report.severity.value,
+        "command": report.command,
+        "request": report.request,
+        "asker": report.asker,
+    }
+    data = report.data | {name: value for name, value in said.items() if value}
+    return {"event_type": report.kind.value, "source": FLEET, "data": data}
