@@ -65,15 +65,22 @@ class Desk:
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.teller = Teller(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = Guard(config, limits, clock, robot=self, teller=self.teller)
-        self._driving = Driving(limits, clock, config.setpoint_lease, self.guard, combines=combines)
+        self._driving = Driving(
+            limits,
+            clock,
+            config.setpoint_lease,
+            self.guard,
+            combines=combines,
+            halt=self.halt,
+            crashed=crashed,
+        )
         self.deadman = self._driving.deadman
         self._crashed = crashed
         self._clock = clock
         self._journal = journal
         self.speeds = Speeds(limits)
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
-        self.latch = self._admission.latch  # any thread; the robot itself hears nothing of it
-        self.senders = self._admission.offsets
+        self.senders, self.latch = self._admission.offsets, self._admission.latch  # the latch: any thread
         self._repeats = journal.repeats(clock.monotonic())
         self._own: dict[str, Callable[[Command], Any]] = {
             RELEASE: lambda _: self.latch.release(),
@@ -193,7 +200,7 @@ class Desk:
         """Follow the watchdog's halt with the adapter's own zero velocity."""
         self.teller.log.warning("no setpoint within its lease: stopped")
         if self._adapter is not None and not self.in_motion:
-            self._zero(self._adapter)
+            self._driving.stand(self._adapter)
 
     async def hold(self, why: str) -> None:
         """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
@@ -293,32 +300,30 @@ class Desk:
             await self._hold_for(why, Ticket("stop", lambda _: None))
 
     def _setpoint(self, ask: Setpoint, ticket: Ticket) -> None:
-        """Take a velocity: the newest wins, at once."""
-        refusal = self._can.refusal(ask.velocity) or self._admission.setpoint(ask)
+        """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
+        untimely = self._admission.is_untimely_zero(ask)
+        judge = self._admission.untimely_zero if untimely else self._admission.setpoint
+        refusal = self._can.refusal(ask.velocity) or judge(ask)
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}; send stop first"
         if refusal is not None or self._adapter is None or self.offline:
             ticket.reject(refusal or self._absence())
             return
+        if untimely:
+            self._end_by_zero(self._adapter)
+            ticket.done()
+            return
         superseding, self.in_control = self.in_motion, True
         self.teller.moves(ask)
         self._navigator.cancel("teleoperation took over")
-        try:
-            self._driving.take(self._adapter, ask)
-        except (CommandError, LinkError) as error:
-            # What it did until now is not wanted any more, and what is wanted it does not do.
-            if superseding:
-                self.halt()
-            self._driving.let_go()
-            ticket.fail(error)
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
-            self.halt()
-            self._driving.let_go()
-            ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
-            self._crashed(error)
-        else:
-            ticket.done()
+        if self._driving.take(self._adapter, ask, ticket, superseding=superseding):
             self.last.accepted(ask.name)
+
+    def _end_by_zero(self, adapter: Adapter[Any]) -> None:
+        """End what moves the robot because of us, all keys included; one that stands is told nothing."""
+        if self.in_motion:
+            self._navigator.cancel("teleoperation took over")
+            self._driving.stand(adapter)
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
@@ -361,11 +366,7 @@ class Desk:
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
         if not self.guard.held.is_zero:
-            self._zero(adapter)
-
-    def _zero(self, adapter: Adapter[Any]) -> None:
-        """Hold zero velocity; an adapter that cannot even do that is halted."""
-        self._driving.stand(adapter, halt=self.halt, crashed=self._crashed)
+            self._driving.stand(adapter)
 
     def _control(self, ask: Navigate, control: Control, ticket: Ticket) -> None:
         """Stop, pause or resume the running action; a stop and a pause are never a repeat."""

@@ -13,6 +13,7 @@ from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.keys import Keys
 from fleet.host.safety.limits import clamp
 from fleet.host.teller import robot_log
+from fleet.host.ticket import Ticket
 from fleet.model.command import Setpoint
 from fleet.model.geometry import ZERO_VELOCITY, Velocity
 from fleet.robot_config import Limits
@@ -22,7 +23,8 @@ from fleet.wall import called
 class Driving:
     """``lease``: seconds that a setpoint lives which does not say; ``combines``: its verbs are keys.
 
-    ``guard`` keeps what is held within the fence, and looks at it again with each pose.
+    ``guard`` keeps what is held within the fence, and looks at it again with each pose. ``halt`` writes the
+    robot's halt, ``crashed`` hears of an adapter that raised what it may not.
     """
 
     def __init__(
@@ -33,22 +35,45 @@ class Driving:
         guard: Guard,
         *,
         combines: bool,
+        halt: Callable[[], None],
+        crashed: Callable[[Exception], None],
     ) -> None:
         self.deadman = DeadMan()
         self._limits = limits
         self._clock = clock
         self._lease = lease
         self._guard = guard
+        self._halt = halt
+        self._crashed = crashed
         self._keys = Keys() if combines else None
         self._adapter: Adapter[Any] | None = None
         self._wanted = ZERO_VELOCITY  # before the guard had its say
 
-    def take(self, adapter: Adapter[Any], ask: Setpoint) -> None:
-        """Have the adapter hold what was asked; raises what the adapter raises."""
+    def take(self, adapter: Adapter[Any], ask: Setpoint, ticket: Ticket, *, superseding: bool) -> bool:
+        """Have the adapter hold what was asked, and answer; return whether it does.
+
+        ``superseding``: the robot moves already, so it is halted when it does not do what is wanted now.
+        """
         velocity, lease = ask.velocity, ask.lease or self._lease
         if self._keys is not None:
             velocity, lease = self._keys.press(ask.name, velocity, self._clock.monotonic(), lease)
-        self.hold(adapter, velocity, lease)
+        try:
+            self.hold(adapter, velocity, lease)
+        except (CommandError, LinkError) as error:
+            # What it did until now is not wanted any more, and what is wanted it does not do.
+            if superseding:
+                self._halt()
+            self.let_go()
+            ticket.fail(error)
+        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+            self._halt()
+            self.let_go()
+            ticket.reject(f"the adapter failed: {type(error).__name__}: {error}")
+            self._crashed(error)
+        else:
+            ticket.done()
+            return True
+        return False
 
     def hold(self, adapter: Adapter[Any], velocity: Velocity, lease: float) -> None:
         """Have the adapter hold a velocity for its lease (s); raises what the adapter raises."""
@@ -68,19 +93,17 @@ class Driving:
             self._guard.held = velocity
             called(self._adapter.drive, velocity)
 
-    def stand(
-        self, adapter: Adapter[Any], *, halt: Callable[[], None], crashed: Callable[[Exception], None]
-    ) -> None:
+    def stand(self, adapter: Adapter[Any]) -> None:
         """Have the adapter hold zero velocity; one that cannot even do that is halted."""
         self.let_go()
         try:
             called(adapter.drive, ZERO_VELOCITY)
         except (CommandError, LinkError) as error:
             robot_log(adapter.config.name).warning("%s", error)
-            halt()
+            self._halt()
         except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
-            halt()
-            crashed(error)
+            self._halt()
+            self._crashed(error)
 
     def let_go(self) -> None:
         """Hold no velocity any more, whatever keys are down."""

@@ -60,7 +60,7 @@ def source_type(config: AdapterConfig) -> str:
 def patience(ask: Ask, config: AdapterConfig) -> float:
     """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
     if isinstance(ask, Setpoint):
-        return config.max_age
+        return math.inf if ask.velocity.is_zero else config.max_age
     holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
     return math.inf if holds or is_stop(ask) else config.command_max_age
 

@@ -65,17 +65,36 @@ class Admission:
         return self.motion() or self._turn(ask.origin)
 
     def setpoint(self, ask: Setpoint) -> str | None:
-        """Judge a velocity."""
+        """Judge a velocity; one that is refused for its age still shows that its driver holds the stick."""
         asker, now = _asker(ask.origin), self._clock.monotonic()
-        refusal = (
-            self._policy.refusal(ask.origin)
-            or self._age(asker, ask.stamp, self._max_age, ordered=True)
-            or self.motion()
-            or self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
-            or self._turn(ask.origin)
-        )
+        refusal = self._policy.refusal(ask.origin)
+        if refusal is not None:
+            return refusal
+        late = self._setpoint_age(ask)
+        if late is not None:
+            self._let_go.drove(asker, now)
+            return late
+        # Asked before the latch, behind which a stick that is held would pass for one that is let go.
+        holds = self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
+        refusal = self.motion() or holds or self._turn(ask.origin)
         if refusal is None:
             self._let_go.drove(asker, now)
+        return refusal
+
+    def is_untimely_zero(self, ask: Setpoint) -> bool:
+        """Return whether a velocity is zero, and its age would have any other refused."""
+        return ask.velocity.is_zero and self._setpoint_age(ask) is not None
+
+    def untimely_zero(self, ask: Setpoint) -> str | None:
+        """Judge a velocity of zero that is late, overtaken, or stamped by a clock that is off.
+
+        It may end motion, and gives back the control that its sender has; it never takes control, and is no
+        word of who holds the stick now: it may be from before the stop that he is to let go after.
+        """
+        session = ask.origin.session
+        refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, self._clock.monotonic())
+        if refusal is None:
+            self.lease.let_go(session)
         return refusal
 
     def navigate(self, ask: Navigate) -> str | None:
@@ -109,6 +128,10 @@ class Admission:
             ordered=ordered,
             moves=moves,
         )
+
+    def _setpoint_age(self, ask: Setpoint) -> str | None:
+        """Judge the age of a velocity; asking twice of one gives one answer."""
+        return self._age(_asker(ask.origin), ask.stamp, self._max_age, ordered=True)
 
     def _turn(self, origin: Origin) -> str | None:
         """Judge whose turn it is, and give the robot to the asker when it is his."""

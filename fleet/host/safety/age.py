@@ -8,6 +8,8 @@ velocities whose every message lags more is refused: a slow clock and a slow way
 Nothing from before a stop moves the robot after it. Within the stopper's own session the stamps decide, be
 the stop the first that is heard of it. Others' clocks may be off by ``clock_skew``: what may be from before
 by that much is refused.
+
+A velocity of zero is judged like any other; what is refused of it here still ends motion (``Admission``).
 """
 
 from __future__ import annotations

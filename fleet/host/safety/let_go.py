@@ -11,7 +11,8 @@ MOST = 16  # drivers of one robot that are remembered; with a control lease ther
 class LetGo:
     """Who drives one robot, and who of them was stopped by somebody else and has not let go since.
 
-    A velocity of zero is letting go, and so are ``pause`` seconds without any. Times are monotonic.
+    A velocity of zero is letting go, and so are ``pause`` seconds without any. Times are monotonic. A zero
+    that may be from before the stop is none of both: it is not told here.
     """
 
     def __init__(self, pause: float) -> None:
@@ -20,7 +21,7 @@ class LetGo:
         self._stopped: set[str] = set()
 
     def drove(self, driver: str, now: float) -> None:
-        """Note a velocity that is obeyed."""
+        """Note a velocity that is obeyed, or is not because it is too late: he holds the stick."""
         self._last[driver] = now
         if len(self._last) > MOST:
             self._forget(now)

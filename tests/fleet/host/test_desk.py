@@ -1,5 +1,6 @@
 import threading
 
+import msgspec
 import pytest
 
 from fleet.errors import LinkLost, NotReady
@@ -86,6 +87,53 @@ async def test_a_stale_setpoint_is_refused(bench, asks):
     answers = bench.ask(asks.setpoint(stamp=bench.clock.time() - 30))
     assert statuses(answers) == [REJECTED]
     assert bench.puppet.told == []
+
+
+@pytest.mark.parametrize("stamp", [-3600.0, -30.0, -0.6, 0.5, 60.0])
+async def test_a_zero_ends_motion_however_late_or_early_its_stamp_is(bench, asks, stamp):
+    bench.ask(asks.setpoint(stamp=bench.clock.time()))
+    assert bench.desk.deadman.armed
+    zero = asks.setpoint(x=0.0, stamp=bench.clock.time() + stamp)
+    assert statuses(bench.ask(zero)) == [ACCEPTED]
+    assert bench.puppet.told[-1] == ZERO_VELOCITY
+    assert not bench.desk.in_motion
+    bench.ask(asks.goal())
+    await asks.settle()
+    assert statuses(bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() + stamp))) == [ACCEPTED]
+    await asks.settle()
+    assert not bench.desk.in_motion
+
+
+async def test_a_late_zero_tells_a_robot_that_stands_nothing(bench, asks):
+    bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
+    assert bench.puppet.told == []
+    assert not bench.desk.in_control
+
+
+async def test_a_late_zero_ends_no_take_off_and_nothing_that_another_drives(bench, asks):
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    (answer,) = bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
+    assert answer.reason == "busy with takeoff; send stop first"
+    bench.ask(asks.command("stop"))
+    await asks.settle()
+    bench.clock.advance(5.0)
+    bench.ask(asks.setpoint(session="bert"))
+    (answer,) = bench.ask(asks.setpoint(x=0.0, session="anna", stamp=bench.clock.time() - 30))
+    assert answer.reason == "bert has control for 3.0 s more"
+    assert bench.desk.deadman.armed
+
+
+async def test_a_late_zero_of_one_key_starts_none_that_it_held_back(bench, make_bench, asks, monkeypatch):
+    monkeypatch.setattr(type(bench.puppet), "combines_keys", True, raising=False)
+    bench = make_bench()
+    now = bench.clock.time()
+    for verb, x in (("move_forward", 1.0), ("move_backward", -1.0)):
+        bench.ask(msgspec.structs.replace(asks.setpoint(x=x, stamp=now), name=verb))
+    before = len(bench.puppet.told)
+    bench.ask(msgspec.structs.replace(asks.setpoint(x=0.0, stamp=now - 3), name="move_backward"))
+    assert all(told == ZERO_VELOCITY for told in bench.puppet.told[before:])
+    assert not bench.desk.in_motion
 
 
 async def test_a_setpoint_is_clamped_and_held_for_its_lease(bench, asks):
