@@ -25,14 +25,16 @@ from fleet.cli.output import ExitCode, NotRunning, Output, with_output
 from fleet.errors import BusError
 from fleet.host.safety.latch import RELEASE
 from fleet.model.command import ReplyStatus
+from fleet.model.state import RobotState
 from fleet.supervisor.ask import stop_all
 from fleet.supervisor.messages import Stopped
 from fleet.wire.stops import EMERGENCY
 
 LOOK = 0.2  # s between looks at how the stops go on
 SEEN_WITHIN = 8.0  # s; an adapter has 5 to bring its robot to a standstill
-OPEN = ("under way", ReplyStatus.ACCEPTED.value)
 DONE = "done"
+UNSEEN = "no state of it came after the stop"
+OPEN = ("under way", ReplyStatus.ACCEPTED.value, UNSEEN)
 
 
 class Attempt:
@@ -141,18 +143,27 @@ class Effort:
         return [answer for answer in self._answers if answer.kept]
 
     @property
-    def reached(self) -> Edges:
-        """The edges that were reached, and in words which were not; an edge may be tried more than once."""
+    def supervised(self) -> set[str]:
+        """The edges that took the stop from their supervisor, whether the bus let us in or not."""
+        return {answer.edge for answer in self._answers if not answer.kept}
+
+    def edges(self) -> Edges:
+        """Return the edges that were joined, and in words which were not reached at all.
+
+        An edge may be tried more than once. What kept us off the bus of one that was reached without it is
+        a problem, and no edge that is missing.
+        """
         lanes: dict[str, Lane] = {}
         for attempt in self._attempts:
             if attempt.lane is not None:
                 lanes.setdefault(attempt.settings.edge, attempt.lane)
-        failed = {
-            attempt.settings.edge: attempt.problem
+        apart = {
+            attempt.settings.edge: f"edge {attempt.settings.edge or '(unknown)'}: {attempt.problem}"
             for attempt in self._attempts
             if attempt.settings.edge not in lanes
         }
-        return Edges(lanes, [f"edge {edge or '(unknown)'}: {problem}" for edge, problem in failed.items()])
+        self.problems += [problem for edge, problem in apart.items() if edge in self.supervised]
+        return Edges(lanes, [problem for edge, problem in apart.items() if edge not in self.supervised])
 
 
 @click.command()
@@ -166,6 +177,12 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     This is the emergency stop: aircraft brake and hold in the air, and nothing moves until it is released
     with  fleet send ROBOT release_emergency_stop.  It never asks and never waits its turn. Every edge that
     runs on this computer is asked, and that of the file as well, even if there are errors in it.
+
+    What only makes a robot safer is let through meanwhile. Aircraft: land, return_to_home, and what cancels
+    them or a take-off (and kill, where its robot allows it). Wheeled robots, dogs, boats and submarines:
+    nothing that moves them.
+
+    A robot that is not seen to stand within 8 s, or of which no state comes, is NOT SEEN TO STOP.
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
@@ -174,7 +191,7 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
         if file is not None:
             effort.try_file(file)
         hit = effort.end()
-        edges = effort.reached
+        edges = effort.edges()
         missing = [*edges.unreached, *_missing(edges, robots, hit)]
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
@@ -196,22 +213,43 @@ class Result(msgspec.Struct, frozen=True):
 def _failed(out: Output, edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], str]:
     """Wait until the robots were seen to stop; return why some were not."""
     end = time.monotonic() + SEEN_WITHIN
-    outcomes = _outcomes(edges, hit)
+    first: dict[tuple[str, str], float] = {}
+    outcomes = _outcomes(edges, hit, first)
     waiting = sorted(name for (_, name), outcome in outcomes.items() if outcome in OPEN)
     if waiting:
         out.note(f"the stop is set; not seen to stand yet: {', '.join(waiting)}")
-    while any(outcome in OPEN for outcome in outcomes.values()) and time.monotonic() < end:
+    # Of an edge that was reached through its supervisor alone no state can come.
+    while time.monotonic() < end and any(
+        outcome in OPEN and edge in edges.joined for (edge, _), outcome in outcomes.items()
+    ):
         time.sleep(LOOK)
-        outcomes = _outcomes(edges, hit)
+        outcomes = _outcomes(edges, hit, first)
     late = f"nothing was seen within {SEEN_WITHIN:g} s"
-    told = {robot: late if outcome in OPEN else outcome for robot, outcome in outcomes.items()}
+    under_way = {outcome for outcome in OPEN if outcome != UNSEEN}
+    told = {robot: late if outcome in under_way else outcome for robot, outcome in outcomes.items()}
     return {robot: outcome for robot, outcome in told.items() if outcome != DONE}
 
 
-def _outcomes(edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """Return how the stops of robots go, of those that tell it."""
-    states = ((state.edge, state.name, state) for state in edges.states() if state.last_command == EMERGENCY)
-    return {(edge, name): state.last_outcome for edge, name, state in states if (edge, name) in hit}
+def _outcomes(
+    edges: Edges, hit: set[tuple[str, str]], first: dict[tuple[str, str], float]
+) -> dict[tuple[str, str], str]:
+    """Return how the stops of robots go; ``first``: the stamps of the states that were seen first."""
+    outcomes = dict.fromkeys(hit, UNSEEN)
+    for state in edges.states():
+        robot = (state.edge, state.name)
+        if robot in hit:
+            outcomes[robot] = _outcome(state, first.setdefault(robot, state.stamp))
+    return outcomes
+
+
+def _outcome(state: RobotState, first: float) -> str:
+    """Return how a robot's stop goes by its state.
+
+    One that tells of another command may be from before the stop: it counts once it was made anew.
+    """
+    if state.last_command == EMERGENCY:
+        return state.last_outcome
+    return DONE if state.emergency_stop and state.reachable and state.stamp > first else UNSEEN
 
 
 def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode:
@@ -223,7 +261,7 @@ def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode
     stopped = sorted({name for edge, name in result.hit if (edge, name) not in result.failed})
     kept = {answer.edge: sorted(answer.names) for answer in effort.kept}
     failed = {name: why for (_, name), why in sorted(result.failed.items())}
-    reached = sorted(edges.joined)
+    reached = sorted({*edges.joined, *effort.supervised})
     document = {"stopped": stopped, "failed": failed, "missing": result.missing, "kept": kept}
     out.data(document | {"edges": reached, "problems": problems})
     for name in stopped:

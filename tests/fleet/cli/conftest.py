@@ -102,6 +102,8 @@ class PlayedEdge:
         self.stops = []
         self._silent = False
         self._put_off = []
+        self._stands = set()  # who shows that it was stopped
+        self.shows_stops = True
         self._groups = groups
         self._robots = list(robots)
         self.bus = open_edge(BusSettings(edge, listen=settings.pop("listen", ()), **settings), runtime)
@@ -116,7 +118,13 @@ class PlayedEdge:
     def also_speaks(self, name, **fields):
         """Tell a robot's state."""
         state = RobotState(name, "", "toy", self.edge, fields.pop("stamp", 1.0), **fields)
-        self._control.answer(keys.state(self.edge, name), self._teller(msgspec.json.encode(state)))
+
+        def told():
+            known = name in self._stands and "last_command" not in fields
+            ended = {"emergency_stop": True, "last_command": "emergency_stop", "last_outcome": "done"}
+            return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
+
+        self._control.answer(keys.state(self.edge, name), self._teller(told))
 
     def garbles(self, name):
         """Answer for a robot with what is no state."""
@@ -175,7 +183,7 @@ class PlayedEdge:
     def _teller(self, answer):
         def tell(question):
             if not self._silent:
-                question.reply(answer)
+                question.reply(answer() if callable(answer) else answer)
             question.close()
             while self._put_off:
                 late, reply = self._put_off.pop()
@@ -188,7 +196,10 @@ class PlayedEdge:
         names = json.loads(question.payload)
         self.stops.append(names)
         meant = {robot for name in names for robot in (name, *self._groups.get(name, ()))}
-        question.reply(json.dumps([name for name in self._robots if not names or name in meant]).encode())
+        stopped = [name for name in self._robots if not names or name in meant]
+        if self.shows_stops:
+            self._stands.update(stopped)
+        question.reply(json.dumps(stopped).encode())
         question.close()
 
 

@@ -4,11 +4,16 @@ import subprocess
 import sys
 import threading
 
+import msgspec
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
 from fleet.cli.connect import decoded
 from fleet.cli.outline import Outline
+from fleet.cli.stop import DONE, UNSEEN, _outcome
+from fleet.errors import BusError
+from fleet.model.state import RobotState
+from fleet.supervisor.messages import Stopped
 from fleet.testing.waiting import DEADLINE
 
 
@@ -70,10 +75,56 @@ def test_a_stop_that_nobody_took_is_no_success(fleet, yard):
     assert "kestral: NOT STOPPED" in result.err
 
 
-def test_a_stop_is_told_although_the_edge_answers_nothing_else(fleet, yard):
+def test_a_robot_of_which_no_state_comes_was_not_seen_to_stop(fleet, yard, monkeypatch):
+    monkeypatch.setattr("fleet.cli.stop.SEEN_WITHIN", 0.3)
     yard.falls_silent()
     result = fleet("stop", "rex", "ghost")
-    assert (result.code, result.out) == (7, "rex: stopped\n")
+    assert (result.code, result.out) == (
+        5,
+        "rex: NOT SEEN TO STOP: no state of it came after the stop\n",
+    )
+    assert "ghost: NOT STOPPED" in result.err
+    assert "rex: NOT STOPPED" not in result.err
+    assert yard.stops == [["rex", "ghost"]]
+
+
+@pytest.mark.parametrize("known", [{}, {"last_command": "move_forward", "last_outcome": "done"}])
+def test_a_state_from_before_the_stop_shows_no_stop(fleet, play_edge, monkeypatch, known):
+    monkeypatch.setattr("fleet.cli.stop.SEEN_WITHIN", 0.3)
+    yard = play_edge("yard-1", robots={"rex": known})
+    yard.shows_stops = False
+    result = fleet("stop", "--all", "--json")
+    assert result.json["failed"] == {"rex": "no state of it came after the stop"}
+    assert result.json["stopped"] == []
+
+
+def test_a_robot_that_was_asked_to_land_after_the_stop_was_stopped():
+    landing = RobotState(
+        "kestrel", "", "toy", "yard-1", 2.0, last_command="land", emergency_stop=True, reachable=True
+    )
+    assert _outcome(landing, first=1.0) == DONE
+    assert _outcome(landing, first=2.0) == UNSEEN
+    assert _outcome(msgspec.structs.replace(landing, reachable=False), first=1.0) == UNSEEN
+
+
+def test_an_edge_that_took_the_stop_from_its_supervisor_is_not_missing(fleet, yard, monkeypatch):
+    def no_way_in(settings, _directory):
+        raise BusError("its bus lets nobody in")
+
+    answer = Stopped(edge="yard-1", names=("rex",))
+    monkeypatch.setattr("fleet.cli.stop.join_control", no_way_in)
+    monkeypatch.setattr("fleet.cli.stop.stop_all", lambda *_: [answer])
+    result = fleet("stop", "rex", "--json")
+    assert result.json["missing"] == []
+    assert result.json["edges"] == ["yard-1"]
+    assert result.json["failed"] == {"rex": "no state of it came after the stop"}
+    assert result.json["problems"] == ["edge yard-1: its bus lets nobody in"]
+
+
+def test_the_help_says_what_an_emergency_stop_lets_through(fleet):
+    told = " ".join(fleet("stop", "--help").out.split())
+    assert "Aircraft: land, return_to_home" in told
+    assert "Wheeled robots, dogs, boats and submarines: nothing that moves them" in told
 
 
 def test_a_robot_whose_worker_hears_no_stop_is_told_when_all_are_stopped(fleet, yard):
