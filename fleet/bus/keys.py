@@ -11,6 +11,7 @@ key                                    what
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
+``fleet/{edge}/held``                 publication: which robots of its workers stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
 ``fleet/{edge}/holders``               publication: who has the edge's twins, as the cloud shows it
 ``fleet/{edge}/health``                the edge's state: publication, and ask for the last
@@ -74,6 +75,11 @@ def heartbeat(edge_id: str, name: str) -> str:
 def halt(edge_id: str, name: str) -> str:
     """Return the key on which a worker that is given up is told to halt its robots."""
     return f"fleet/{edge_id}/workers/{name}/halt"
+
+
+def held(edge_id: str) -> str:
+    """Return where an edge tells its workers which of their robots its stop inputs hold, and why."""
+    return f"fleet/{edge_id}/held"
 
 
 def health(edge_id: str) -> str:

@@ -37,7 +37,7 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
-from fleet.host.stop_inputs import StopInputs
+from fleet.host.stop_inputs import TELL, StopInputs
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
@@ -110,10 +110,10 @@ class Edge:
         self._stop_inputs = StopInputs(
             config.stop_inputs,
             self._groups,
-            self.process.robots,
+            {name: robot.desk.latch for name, robot in self.process.robots.items()},
+            self.remote,
             stop=self._stop_robots,
             renew=self._renew_stops,
-            hold=self._hold_stop,
             clock=clock,
         )
         self._cloud_holders: dict[str, str] = {}
@@ -305,6 +305,9 @@ class Edge:
         self.process.wheel.every(HEALTH_EVERY, tell_health)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
             self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
+        if self.remote and self._config.stop_inputs:
+            held = self.bus.control.publisher(keys.held(edge))
+            self.process.wheel.every(TELL, lambda: held.put(self._stop_inputs.held))
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
         if self.metrics is not None:
@@ -374,10 +377,6 @@ class Edge:
         for robot in self.remote.values():
             if (not names or robot.name in names) and not robot.state().emergency_stop:
                 robot.emergency(why)
-
-    def _hold_stop(self, name: str, why: str) -> None:
-        """Keep a robot's stop from being released; from any thread."""
-        self.process.robots[name].desk.latch.held = why
 
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""

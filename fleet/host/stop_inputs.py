@@ -9,6 +9,10 @@ silent, lost, unopenable  sets the emergency stop once, and holds: it cannot be 
 heard again               no longer holds: a person can release the stop
 ========================  =====================================================================
 
+The edge's own process reads them. It tells its workers many times a second which of their robots are held; a
+worker holds those that an input names from its start until it hears that they are not, and while the edge is
+silent.
+
 Each input is read by a thread of its own, and its silence is noticed by the watchdog's: neither needs the
 event loop. Not safety-rated: see docs/stops.md.
 """
@@ -21,18 +25,24 @@ import logging
 import os
 import select
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+
+import msgspec
 
 from fleet.clock import Clock
 from fleet.config.schema import StopInputConfig
+from fleet.decoding import decode_json
 from fleet.host.heartbeat_devices import open_device
 from fleet.host.safety.deadman import DeadMan
+from fleet.host.safety.latch import Latch
 from fleet.host.watchdog import Watched
 
 log = logging.getLogger(__name__)
 
 LOOK = 0.1  # s between looks whether the input ends, or must be opened again
 MOST = 4096  # bytes of heartbeat that are read at once
+TELL = 0.1  # s between two words to the workers of which robots are held
+SILENT_AFTER = 1.5  # s without a word after which a worker holds its robots by itself
 REST = 0.005  # s between two reads of a device that says much
 
 
@@ -162,26 +172,27 @@ class StopInput:
 class StopInputs:
     """All inputs of an edge.
 
-    ``stop`` and ``renew`` get the names of robots, none for all, and why; ``hold`` gets the name of each
-    robot that is ``here`` and why its stop cannot be released, empty when it can.
+    ``stop`` and ``renew`` get the names of robots, none for all, and why. ``here`` are the latches of the
+    robots of this process, by name: they are held while a stop cannot be released; ``elsewhere`` the names of
+    those in workers.
     """
 
     def __init__(
         self,
         inputs: Iterable[StopInputConfig],
-        groups: dict[str, list[str]],
-        here: Iterable[str],
+        groups: Mapping[str, Iterable[str]],
+        here: Mapping[str, Latch],
+        elsewhere: Iterable[str],
         *,
         stop: Callable[[tuple[str, ...], str], None],
         renew: Callable[[tuple[str, ...], str], None],
-        hold: Callable[[str, str], None],
         clock: Clock,
     ) -> None:
-        self._here = tuple(here)
-        self._hold = hold
+        self._here = here
+        self._elsewhere = tuple(elsewhere)
         self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []
         for config in inputs:
-            names = tuple(name for one in config.robots for name in (one, *groups.get(one, ())))
+            names = _names(config, groups)
             one = StopInput(
                 config,
                 stop=lambda why, names=names: stop(names, why),  # type: ignore[misc]
@@ -208,8 +219,66 @@ class StopInputs:
         for one, _ in self._inputs:
             one.end()
 
+    @property
+    def held(self) -> bytes:
+        """The word for the workers: which of their robots are held, and why."""
+        why = {robot: self._why(robot) for robot in self._elsewhere}
+        return msgspec.json.encode({robot: words for robot, words in why.items() if words})
+
     def _hold_all(self) -> None:
-        """Tell each robot here what keeps it from being released."""
-        for robot in self._here:
-            held = (one.trouble for one, names in self._inputs if not names or robot in names)
-            self._hold(robot, "; ".join(filter(None, held)))
+        """Hold each robot here for as long as it may not be released."""
+        for robot, latch in self._here.items():
+            latch.held = self._why(robot)
+
+    def _why(self, robot: str) -> str:
+        """Return what keeps a robot from being released, empty when nothing does."""
+        held = (one.trouble for one, names in self._inputs if not names or robot in names)
+        return "; ".join(filter(None, held))
+
+
+class HeldByEdge:
+    """What keeps robots of a worker from moving: stop inputs, of which the edge tells.
+
+    They are held from the start: whether the input was ever heard is not known yet.
+    """
+
+    def __init__(
+        self,
+        inputs: Iterable[StopInputConfig],
+        groups: Mapping[str, Iterable[str]],
+        latches: Mapping[str, Latch],
+        *,
+        clock: Clock,
+    ) -> None:
+        named = [_names(config, groups) for config in inputs]
+        self._latches = {
+            robot: latch
+            for robot, latch in latches.items()
+            if any(not names or robot in names for names in named)
+        }
+        self._clock = clock
+        self._heard = clock.monotonic()
+        for latch in self._latches.values():
+            latch.held = "the edge has not told yet that its stop input is heard"
+
+    def take(self, payload: bytes) -> None:
+        """Take the edge's word; on the bus's thread. One that cannot be read is none."""
+        try:
+            held = decode_json(payload, dict[str, str])
+        except msgspec.DecodeError as error:
+            log.warning("which robots are held cannot be read: %s", error)
+            return
+        self._heard = self._clock.monotonic()
+        for robot, latch in self._latches.items():
+            latch.held = held.get(robot, "")
+
+    def look(self) -> None:
+        """Hold the robots again while the edge is silent: then nobody here knows of their stop inputs."""
+        if self._clock.monotonic() - self._heard > SILENT_AFTER:
+            for latch in self._latches.values():
+                latch.held = latch.held or "the edge, which reads its stop input, is silent"
+
+
+def _names(config: StopInputConfig, groups: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """Return the robots that an input stops, groups spelt out; none means all."""
+    return tuple(name for one in config.robots for name in (one, *groups.get(one, ())))

@@ -28,6 +28,7 @@ from fleet.host.logs import log_to_stderr, publish_robot_logs
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.signals import end_by_signal
+from fleet.host.stop_inputs import TELL, HeldByEdge
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.spool.place import state_folder
@@ -69,10 +70,16 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     ended = asyncio.Event()
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
-    stop = take_stops(process, bus, {group: list(names) for group, names in loaded.config.groups.items()})
+    groups = {group: list(names) for group, names in loaded.config.groups.items()}
+    stop = take_stops(process, bus, groups)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
+    if loaded.config.stop_inputs:
+        latches = {robot.name: robot.desk.latch for robot in process.robots.values()}
+        held = HeldByEdge(loaded.config.stop_inputs, groups, latches, clock=clock)
+        bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
+        process.wheel.every(TELL, held.look)
     # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))

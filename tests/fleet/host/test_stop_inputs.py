@@ -9,7 +9,11 @@ import time
 
 import pytest
 
+from fleet.config.schema import StopInputConfig
+from fleet.host.safety.latch import RELEASE, Latch
+from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge
 from fleet.model.command import Way
+from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
 
@@ -189,7 +193,34 @@ async def test_nothing_moves_before_the_first_heartbeat_and_no_stop_is_set_by_wa
         assert (await asked(edge, "rex", "move_forward")).ok
 
 
-async def test_a_robot_in_a_worker_is_stopped_too_and_again_when_it_is_released(guarded, button, asks):
+async def asked_on_the_bus(place, edge, name, command):
+    """Ask a robot on its own key, where its worker answers; returns the receipt."""
+    lane = await asyncio.to_thread(place.lane)
+    key = f"fleet/{edge.state().edge}/robots/{name}/command"
+    message = json.dumps({"command": command}).encode()
+    (answer,) = await asyncio.to_thread(lambda: list(lane.ask(key, message, timeout=20)))
+    await asyncio.to_thread(lane.close)
+    return json.loads(answer[1])
+
+
+async def test_a_robot_in_a_worker_is_held_from_its_start_until_the_heartbeat_is_heard(guarded, button, asks):
+    button.beats = False
+    place, edge, running = guarded(an_input(button.name, timeout=5.0), max_worker="other")
+    async with running:
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        assert (await asked_on_the_bus(place, edge, "max", "move_forward"))["status"] == "rejected"
+        refused = await asked_on_the_bus(place, edge, "max", RELEASE)
+        assert refused["status"] == "rejected"
+        assert "stop input" in refused["reason"]  # not heard yet, or by now silent for too long
+        assert "move" not in " ".join(place.words("max"))
+        button.beats = True
+        async with asyncio.timeout(20):
+            for command in (RELEASE, "move_forward"):
+                while (await asked_on_the_bus(place, edge, "max", command))["status"] != "accepted":
+                    pass
+
+
+async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(guarded, button, asks):
     place, edge, running = guarded(an_input(button.name), max_worker="other")
     async with running:
         await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
@@ -197,11 +228,43 @@ async def test_a_robot_in_a_worker_is_stopped_too_and_again_when_it_is_released(
         button.beats = False
         await asks.until(lambda: "stop" in place.words("max"))
         await asks.until(lambda: stopped(edge, "max"))
-        lane = await asyncio.to_thread(place.lane)
-        key = f"fleet/{edge.state().edge}/robots/max/command"
-        message = json.dumps({"command": "release_emergency_stop"}).encode()
-        await asyncio.to_thread(lambda: list(lane.ask(key, message, timeout=20)))
-        stops = place.words("max").count("stop")
-        await asks.until(lambda: place.words("max").count("stop") > stops)
+        async with asyncio.timeout(20):  # the edge's word that it is held may come a tenth of a second later
+            while (reply := await asked_on_the_bus(place, edge, "max", RELEASE))["status"] == "accepted":
+                pass
+        assert "no heartbeat for 0.3 s" in reply["reason"]
         await asks.until(lambda: stopped(edge, "max"))
-        await asyncio.to_thread(lane.close)
+
+
+CONFIG = StopInputConfig(name="button", kind="serial", device="/dev/null", robots=("ground",))
+GROUPS = {"ground": ["max"]}
+
+
+def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_silent():
+    clock, latches = ManualClock(), {"max": Latch(), "kestrel": Latch()}
+    held = HeldByEdge([CONFIG], GROUPS, latches, clock=clock)
+    assert "has not told yet" in latches["max"].refusal()
+    assert latches["kestrel"].refusal() is None, "no input names it"
+    held.take(b'{"max": "stop input button has not been heard yet"}')
+    assert latches["max"].refusal() == "stop input button has not been heard yet"
+    held.take(b"{}")
+    assert latches["max"].refusal() is None
+    held.take(b"[1]")
+    clock.advance(SILENT_AFTER)
+    held.look()
+    assert latches["max"].refusal() is None
+    clock.advance(0.1)
+    held.look()
+    assert "is silent" in latches["max"].refusal()
+    held.take(b"{}")
+    assert latches["max"].refusal() is None
+
+
+def test_a_worker_that_hears_nothing_at_all_holds_its_robots_for_ever():
+    clock, latches = ManualClock(), {"max": Latch()}
+    held = HeldByEdge(
+        [StopInputConfig(name="all", kind="serial", device="/dev/null")], {}, latches, clock=clock
+    )
+    for _ in range(100):
+        clock.advance(1.0)
+        held.look()
+        assert latches["max"].refusal()
