@@ -25,6 +25,7 @@ from fleet.supervisor.messages import (
     Ended,
     Hello,
     Keep,
+    Kept,
     Message,
     Running,
     Stop,
@@ -110,14 +111,28 @@ class Supervised:
                 self._thread.join(2 * BEAT)
             self._sock.close()
 
-    def keep(self, robot: str, descriptor: int, frames: Iterable[bytes], address: Address = None) -> bool:
-        """Leave a robot's halt with the supervisor; False when that cannot be."""
+    def keep(
+        self,
+        robot: str,
+        descriptor: int,
+        frames: Iterable[bytes],
+        address: Address = None,
+        *,
+        kept: Callable[[], None],
+    ) -> bool:
+        """Leave a robot's halt with the supervisor; False when that cannot be.
+
+        ``kept`` is called once the supervisor has said that it keeps it, on its thread; never if it does not.
+        """
         if self._sock is None or descriptor < 0:
             return False
-        message = messages.encode(Keep(robot, tuple(frames), address))
+        number = next(self._numbers)
+        self._waiting[number] = kept
+        message = messages.encode(Keep(robot, tuple(frames), address, number))
         try:
             socket.send_fds(self._sock, [message], [descriptor])
         except OSError as error:
+            self._waiting.pop(number, None)
             log.error("%s: its halt could not be left with the supervisor: %s", robot, error)  # noqa: TRY400
             return False
         return True
@@ -171,8 +186,8 @@ class Supervised:
         match message:
             case Stop():
                 self._send(Stopped(message.number, self._edge, tuple(self._stop(message.names))))
-            case Dropped():
-                self._waiting.get(message.number, lambda: None)()
+            case Kept() | Dropped():
+                self._waiting.pop(message.number, lambda: None)()
             case Ended():
                 self._end("the edge is gone")
             case _:

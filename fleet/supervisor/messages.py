@@ -37,12 +37,19 @@ class Welcome(msgspec.Struct, tag="welcome", frozen=True):
 class Keep(msgspec.Struct, tag="keep", frozen=True):
     """The frames that halt a robot, and with the message the descriptor of the link to write them to.
 
-    ``address``: to whom, for datagrams.
+    ``address``: to whom, for datagrams. ``number`` comes back in Kept.
     """
 
     robot: str
     frames: tuple[bytes, ...]
     address: tuple[str | int, ...] | None = None
+    number: int = 0
+
+
+class Kept(msgspec.Struct, tag="kept", frozen=True):
+    """The answer to Keep: the frames are written if the process dies. What is refused has no answer."""
+
+    number: int
 
 
 class Drop(msgspec.Struct, tag="drop", frozen=True):
@@ -79,7 +86,7 @@ class Stopped(msgspec.Struct, tag="stopped", frozen=True):
     kept: bool = False
 
 
-Message = Hello | Stop | Welcome | Keep | Drop | Dropped | Running | Ended | Beat | Stopped
+Message = Hello | Stop | Welcome | Keep | Kept | Drop | Dropped | Running | Ended | Beat | Stopped
 
 _decoder: msgspec.json.Decoder[Message] = json_decoder(Message)
 encode = msgspec.json.Encoder().encode

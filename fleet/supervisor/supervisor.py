@@ -41,6 +41,7 @@ from fleet.supervisor.messages import (
     Ended,
     Hello,
     Keep,
+    Kept,
     Message,
     Running,
     Stop,
@@ -274,6 +275,7 @@ class Supervisor:
                 halt = kept_halt(descriptors[-1], message.frames, message.address)
                 descriptors.pop()
                 peer.halts.keep(message.robot, halt)
+                peer.send(Kept(message.number))
             case Drop():
                 peer.halts.drop(message.robot)
                 peer.send(Dropped(message.number))

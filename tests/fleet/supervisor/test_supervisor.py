@@ -112,7 +112,7 @@ def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
 async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
     alone = Supervised()
     alone.begin("yard", stop=lambda _names: [], end=lambda _why: None)
-    assert not alone.keep("rex", 0, [b"halt"])
+    assert not alone.keep("rex", 0, [b"halt"], kept=lambda: None)
     await alone.drop("rex")
     alone.running()
     alone.ending()
@@ -149,6 +149,21 @@ def test_a_halt_whose_link_did_not_come_with_it_is_told(field):
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
         worker.send(messages.encode(Keep("rex", (b"halt",))))
         wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
+
+
+def test_a_halt_that_is_kept_is_answered_and_one_that_is_refused_is_not(field):
+    kept = []
+    worker = Supervised(connected(field.path, within=5.0))
+    worker.begin("yard", "arm", stop=lambda _names: [], end=lambda _why: None)
+    worker._waiting[99] = lambda: kept.append("kept")
+    worker._send(Keep("rex", (b"halt",), None, 99))
+    wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
+    ours, robot = socket.socketpair()
+    with contextlib.closing(ours), contextlib.closing(robot):
+        worker.keep("max", ours.fileno(), [b"halt"], kept=lambda: kept.append("another"))
+        wait_until("the next answer", lambda: bool(kept))
+    assert kept == ["another"]
+    worker.close()
 
 
 def test_a_process_that_nobody_welcomes_stops_all_its_robots():
