@@ -92,6 +92,7 @@ class Adapter(ABC, Generic[ConfigT]):
     separation: ClassVar[Separation] = Separation(radius=1.0, braking=0.5, precedence=2)
     holonomic: ClassVar[bool] = False  # it also moves sideways; else such velocities are refused
     combines_keys: ClassVar[bool] = False  # verbs that are held together add up, opposite ones cancel
+    tells_home: ClassVar[bool] = False  # it reports where on Earth its home is, which places it in the site
     failsafe: str = ""
     """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops
     0.5 s after the last velocity"). Empty where nothing does: then leave a halt, or its health says so."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from fleet.config.problems import Mark
@@ -71,6 +71,27 @@ def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -
         mark = document.keys.get((*at, "low")) or document.marks.get(at) or document.marks["robots", index]
         message = f"low ({policy.low:g} %) is below reserve ({policy.reserve:g} %)"
         document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
+
+
+def warn_of_places(
+    robots: Mapping[int, AdapterConfig], at_home: Collection[int], *, has_site: bool, document: Document
+) -> None:
+    """Warn of robots that nobody can place beside the others, so that they are not kept apart.
+
+    ``at_home`` are the robots that tell where on Earth their home is, ``has_site``: the site has an origin.
+    """
+    if len(robots) < 2:
+        return
+    on_earth = [index for index, robot in robots.items() if robot.origin is not None or index in at_home]
+    started = [index for index, robot in robots.items() if robot.start is not None]
+    for index in sorted(robots.keys() - {*on_earth, *started}):
+        message = "it cannot be placed beside the other robots: separation unknown, they are not kept apart"
+        hint = "start: [metres east, metres north, heading in radians], from the site's origin"
+        document.warn(document.marks["robots", index], message, hint)
+    for index in started if not has_site and set(on_earth) - set(started) else ():
+        message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
+        mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
+        document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
 
 
 def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:

@@ -23,6 +23,7 @@ from fleet.config.checks import (
     check_stop_inputs,
     identity_of,
     warn_of_batteries,
+    warn_of_places,
 )
 from fleet.config.environment import cloud_from_environment
 from fleet.config.explain import validated
@@ -103,7 +104,11 @@ def load(
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     check_stop_inputs(data, document)
-    warn_of_batteries({index: robot.config for index, robot in robots.items()}, document)
+    configs = {index: robot.config for index, robot in robots.items()}
+    warn_of_batteries(configs, document)
+    at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
+    has_site = sections is not None and sections.site.origin is not None
+    warn_of_places(configs, at_home, has_site=has_site, document=document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
     fatal = not runnable or any(not _ROBOT_PATH.match(problem.path) for problem in problems)

@@ -127,6 +127,7 @@ class Apart:
         self._velocity = Vector3()
         self._task: Task | None = None
         self._way: tuple[Vector3, ...] = ()
+        self._down: tuple[Vector3, ...] = ()  # the way of a landing that is under way
         self._near: tuple[tuple[float, Occupant], ...] = ()  # by how far the robot may go in any direction
         self._free = math.inf  # m/s that pass in any direction
         self._judged = ZERO_VELOCITY  # the velocity that was judged last, and what of it passes until when
@@ -214,8 +215,10 @@ class Apart:
     def _ahead(self) -> tuple[Vector3, ...]:
         """Return the rest of the way that it is sent."""
         doing = self._mover.doing()
-        if doing is None or self.placement is None:
+        if self.placement is None:
             return ()
+        if doing is None:
+            return self._down
         task, behind = doing
         if task is not self._task:
             self._task = task
@@ -240,6 +243,17 @@ class Apart:
         if not trouble:
             self._task, self._way = task, way
         return trouble
+
+    def trouble_on(self, points: Sequence[Vector3]) -> str:
+        """Return what is met on a way that is taken all the same, empty for nothing."""
+        robot = self.occupant()
+        if robot is None or self.placement is None or not points:
+            return ""
+        return way_trouble(robot, self._in_site(points), self._others.others(self.name))
+
+    def comes_down(self, points: Sequence[Vector3]) -> None:
+        """Note the way of a landing, which others keep away from; no points: it has ended."""
+        self._down = self._in_site(points) if self.placement is not None else ()
 
     def within(self, velocity: Velocity) -> Velocity:
         """Return a body velocity, slowed so far that the robot can stop before it is too near another.

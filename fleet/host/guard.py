@@ -35,6 +35,9 @@ BEGINNINGS = frozenset({"takeoff", "arm"})
 CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
 """Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
 
+LANDINGS = frozenset({"land", "return_to_home"})
+"""Commands that lead down, which is safe: they are never refused for another robot's sake, only told."""
+
 
 class Asked(Protocol):
     """What the guard asks of the robot, at its desk."""
@@ -128,6 +131,9 @@ class Guard:
     def obeyed(self, reply: Reply) -> None:
         """Take the answer to what moves the robot: one that did it is ours again."""
         self.taken = self.taken and not reply.done
+        if reply.command in LANDINGS and self.apart is not None:
+            begins = reply.ok and reply.done is None
+            self.apart.comes_down(self._way_down(reply.command) if begins else ())
 
     def _look(self) -> None:
         """Tell once that the robot is where it may not be, and end what leads it out."""
@@ -152,7 +158,26 @@ class Guard:
 
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
+        self._tell_landing(ask.name)
         return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+
+    def _tell_landing(self, name: str) -> None:
+        """Say that a landing or a way home meets another robot; it goes on all the same."""
+        if name not in LANDINGS or self.apart is None:
+            return
+        trouble = self.apart.trouble_on(self._way_down(name))
+        if trouble:
+            self._teller.event("separation", reason=f"{name}: {trouble}; it is let through all the same")
+
+    def _way_down(self, name: str) -> tuple[Vector3, ...]:
+        """Return where a landing leads: straight down, or home at the height that it has, and down there."""
+        pose, home = self._fresh(), self._home_point()
+        if pose is None:
+            return ()
+        here = pose.position
+        if name == "land":
+            return (Vector3(here.x, here.y, min(here.z, home.z)),)
+        return (Vector3(home.x, home.y, max(here.z, home.z)), home)
 
     def _climb_trouble(self, ask: Command) -> str:
         """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""

@@ -1,3 +1,6 @@
+import pytest
+
+
 def test_a_good_file_is_told_in_one_line(fleet):
     result = fleet("check")
     assert result == (0, "fleet.yaml is valid: edge yard-1, 1 robot (1 toy), 0 groups, no cloud\n", "")
@@ -87,3 +90,38 @@ def test_a_warning_stands_at_the_policy_when_the_default_is_what_is_too_small(fl
     (place / "fleet.yaml").write_text(text + "    battery_policy: {reserve: 30}\n")
     (warning,) = fleet("check", "--json").json["warnings"]
     assert warning["path"] == "robots[0].battery_policy"
+
+
+TWO = """
+edge: {{id: yard-1}}
+{site}
+robots:
+  - {{name: rex, twin: 6f0c9a1e-0000-4000-8000-000000000001, adapter: mavlink, link: "sim:px4"}}
+  - name: max
+    twin: 6f0c9a1e-0000-4000-8000-000000000002
+    adapter: ugv
+    profile: waveshare-beast
+    link: "serial:/dev/ttyUSB0?baud=115200"
+    {start}
+"""
+SITE, START = "site: {origin: [47.4, 8.5, 400.0]}", "start: [5, 0, 0]"
+
+
+@pytest.mark.parametrize(
+    ("site", "start", "told", "hint"),
+    [
+        (SITE, "", "it cannot be placed beside the other robots", "start: [metres east"),
+        ("", START, "nobody knows where its start is on Earth", "site: {origin:"),
+        (SITE, START, "", ""),
+    ],
+)
+def test_a_robot_that_cannot_be_placed_beside_the_others_is_warned_of(fleet, place, site, start, told, hint):  # noqa: PLR0917
+    (place / "fleet.yaml").write_text(TWO.format(site=site, start=start))
+    result = fleet("check", "--json")
+    assert result.code == 0, result.json
+    warnings = result.json["warnings"]
+    assert len(warnings) == bool(told)
+    for warning in warnings:
+        assert told in warning["message"]
+        assert warning["hint"].startswith(hint)
+        assert warning["path"].startswith("robots[1]")

@@ -147,6 +147,14 @@ class Flyer(Walker):
             yield Progress(50.0)
             await asyncio.sleep(0.1)
 
+    @command("land", timeout=60, safe=True)
+    async def land(self):
+        """Come down here."""
+        self._later(setattr, self, "goal", Vector3(self.world.x, self.world.y, 0.0))
+        while self.world.z > 0.3:
+            yield Progress(50.0)
+            await asyncio.sleep(0.1)
+
 
 class _Nowhere:
     """An outbox for nobody."""

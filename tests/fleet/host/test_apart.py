@@ -264,3 +264,48 @@ def test_whatever_is_asked_of_many_no_two_come_nearer_than_their_radii(seed):
     }
     assert near == {}
     assert {"held", "slowed"} <= told  # else nothing was tried
+
+
+ABOVE = {"high": (Flyer, (0.0, 0.0, 0.0)), "low": (Flyer, (12.0, 0.0, 0.0))}
+
+
+def test_a_landing_on_another_robot_is_told_and_never_refused_and_others_keep_out_of_its_way():
+    async def work(field):
+        said = []
+        field.robots["high"].desk.teller._publish = said.append
+        field.send("high", 0, 0, 10)
+        await asyncio.sleep(15)
+        field.send("low", 0, 2, 1)
+        await asyncio.sleep(15)
+        landing = field.command("high", "land")
+        await asyncio.sleep(1)
+        told = [report.fields["reason"] for report in said if getattr(report, "type", "") == "separation"]
+        field.send("low", 12, 0, 1)
+        await asyncio.sleep(8)
+        return landing, told
+
+    landing, told = in_field(ABOVE, work)
+    assert landing[0].ok
+    assert len(told) == 1
+    assert told[0].startswith("land: ")
+    assert "low" in told[0]
+    assert told[0].endswith("it is let through all the same")
+
+
+def test_who_would_be_sent_under_a_robot_that_lands_is_refused_until_it_is_down():
+    async def work(field):
+        field.send("high", 0, 0, 20)
+        await asyncio.sleep(25)
+        landing = field.command("high", "land")
+        await asyncio.sleep(1)
+        under = field.send("low", 0, 0, 2)
+        await asyncio.sleep(30)
+        beside = field.send("low", 5, 0, 0)
+        await asyncio.sleep(8)
+        return landing, under, beside
+
+    landing, under, beside = in_field(ABOVE, work)
+    assert [answer.done for answer in landing] == [None, True]
+    assert not under[0].ok
+    assert "high's way" in under[0].reason
+    assert beside[0].ok
