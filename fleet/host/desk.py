@@ -26,7 +26,7 @@ from fleet.host.navigator import Navigator
 from fleet.host.safety.admission import Admission
 from fleet.host.safety.latch import RELEASE, Latch
 from fleet.host.safety.speeds import Speeds
-from fleet.host.standstill import stand_still, write_halt
+from fleet.host.standstill import stand_still, what_was_written, write_halt
 from fleet.host.teller import Teller
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Setpoint
@@ -89,7 +89,7 @@ class Desk:
         }
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
-        self.in_control = False
+        self.in_control = self._heard = False  # _heard: since the adapter's run began
         self.adrift = journal.cut_off  # it moved because of us when it was lost, and may still
         self._executor = Executor(crashed=crashed, journal=journal, log=self.teller.log)
         ready = self._executor.standing
@@ -127,11 +127,11 @@ class Desk:
 
     def attach(self, adapter: Adapter[Any]) -> None:
         """Take the adapter of a fresh run; it is asked nothing but to stop until ``found``."""
-        self._adapter = adapter
+        self._adapter, self._heard = adapter, False
 
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
-        self.offline = self._admission.fault = ""
+        self.offline, self._admission.fault, self._heard = "", "", True
         self._catch()
 
     def _catch(self) -> None:
@@ -142,7 +142,7 @@ class Desk:
 
     def faulted(self, why: str) -> None:
         """Note a fault of a robot that answers: it moves no more until ``found``; a landing goes on."""
-        before, self._admission.fault, self.offline = self._admission.fault, why, ""
+        before, self._admission.fault, self.offline, self._heard = self._admission.fault, why, "", True
         self._catch()
         if before or self._executor.safe:
             return
@@ -276,7 +276,7 @@ class Desk:
         self._admission.stopped(ask)
         if self._adapter is None or self.offline:
             aside(self.halt, wait=HALT_WAIT)
-            ticket.reject(f"{self._absence()}; the stop was written, nobody answers")
+            ticket.reject(f"{self._absence()}; {what_was_written(self._adapter, heard=self._heard)}")
         else:
             self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
         self.last.follow(ask.name, ticket)

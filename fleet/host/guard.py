@@ -167,7 +167,8 @@ class Guard:
             return
         trouble = self.apart.trouble_on(self._way_down(name))
         if trouble:
-            self._teller.event("separation", reason=f"{name}: {trouble}; it is let through all the same")
+            why = f"{name}: {trouble}; it is let through all the same"
+            self._teller.event(EventKind.SEPARATION, why, telemetry="separation", data={"reason": why})
 
     def _way_down(self, name: str) -> tuple[Vector3, ...]:
         """Return where a landing leads: straight down, or home at the height that it has, and down there."""

@@ -21,6 +21,15 @@ def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> N
         robot_log(name).exception("its halt failed")
 
 
+def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
+    """Say what became of the halt of a robot that does not answer; ``heard``: since its adapter began."""
+    if adapter is None:
+        return "the stop was not written: no link to it is open"
+    if not heard:
+        return "the stop may not have been written: it has not been heard since its adapter began"
+    return "the stop was written, nobody answers"
+
+
 async def stand_still(
     adapter: Adapter[Any], why: str, within: float, *, name: str, halt: Callable[[], None]
 ) -> None:

@@ -120,7 +120,7 @@ def test_the_sdk_takes_off_moves_navigates_and_lands(edge, drone):
         "status"
     ] == ("accepted")
     # PX4 hovers before its take-off is over: it climbs on to its height, and is busy as long.
-    edge.robot("kestrel", "is up", lambda it: (it["last_command"], it["last_outcome"]) == ("takeoff", "done"))
+    edge.robot("kestrel", "is up", lambda state: ended(state) == ("takeoff", "done"))
     assert height(twin) > 2.5
 
     before = twin.get_pose()["position"]
@@ -166,6 +166,11 @@ def ready(ears):
     """Say whether the autopilot says that it can be armed."""
     told = ears.of("flight_controller")
     return bool(told) and told[-1].get("ready_to_arm")
+
+
+def ended(state):
+    """Return a robot's last command and how it ended."""
+    return state.get("last_command"), state.get("last_outcome")
 
 
 def answers(ears, name):

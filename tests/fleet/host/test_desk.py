@@ -878,3 +878,16 @@ async def test_a_velocity_cannot_be_set_by_who_may_not_move_the_robot(bench, ask
     await asks.settle()
     assert "emergency stop is set" in bench.ask(a_setting(asks))[0].reason
     assert bench.desk.speeds.of("anna").forward == 0.5
+
+
+async def test_a_stop_says_that_it_was_written_only_where_it_could_be(make_bench, asks):
+    bench = make_bench()
+    bench.desk.lost("silent")
+    (answer,) = bench.ask(asks.command("stop"))
+    assert answer.reason.endswith("silent; the stop was written, nobody answers")
+    bench.desk.attach(bench.puppet)  # a new run, which has heard nothing yet
+    (answer,) = bench.ask(asks.command("stop"))
+    assert answer.reason.endswith("may not have been written: it has not been heard since its adapter began")
+    bench.desk.detach("the device is gone")
+    (answer,) = bench.ask(asks.command("stop"))
+    assert answer.reason.endswith("the stop was not written: no link to it is open")

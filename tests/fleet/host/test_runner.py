@@ -42,7 +42,7 @@ class Stage:
             changed=lambda: None,
             told=self.levels.append,
         )
-        bench.desk._crashed = self.runner.crashed
+        bench.desk._crashed = bench.desk._driving._crashed = self.runner.crashed
         bench.desk._executor._crashed = self.runner.crashed
         bench.desk.detach("")
 
@@ -546,7 +546,8 @@ async def test_a_fault_during_the_start_is_told_at_once(stage, asks, caplog):
 class Kept(Supervised):
     """A supervisor that keeps every halt."""
 
-    def keep(self, robot, descriptor, frames, address=None):
+    def keep(self, robot, descriptor, frames, address=None, *, kept):
+        kept()
         return True
 
 
@@ -578,3 +579,28 @@ async def test_a_robot_that_nothing_stops_when_its_process_dies_is_degraded(  # 
         assert ("nothing stops it" in one.runner.health.cause) is (health == "degraded")
     finally:
         type(bench.puppet).failsafe = "it moves nothing"
+
+
+class Refusing(Supervised):
+    """A supervisor that never answers for a halt."""
+
+    def keep(self, robot, descriptor, frames, address=None, *, kept):
+        return True
+
+
+async def test_a_robot_whose_halt_the_supervisor_refused_is_degraded_within_two_seconds(
+    stage, asks, bench, monkeypatch
+):
+    monkeypatch.setattr("fleet.host.handle.KEPT_WITHIN", 0.0)
+    monkeypatch.setattr(type(bench.puppet), "failsafe", "")
+
+    async def run(robot):
+        robot._supervised = Refusing()
+        robot.leave_halt(Line(), [b"halt"])
+        await serve(robot)
+
+    one = stage(run)
+    await asks.until(lambda: one.runner.health.level is Level.OK)
+    bench.clock.advance(0.1)
+    one.robot._look_at_halt()
+    assert "nothing stops it" in one.runner.health.cause
