@@ -14,6 +14,7 @@ from fleet.bus import keys
 from fleet.topic_rules import topic_name
 from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
+from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, Change
 from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Form, Rule, Taker
 from fleet.wire.stops import STOP_WORDS
@@ -42,6 +43,21 @@ CLASSES = """\
 
 "Off" topics are sent only when fleet.yaml says `on: true`. A message larger than its size is not sent, and
 counted. After its age a message is not worth sending any more, wherever it waits.
+"""
+
+TELEMETRY_TEXT = """\
+### Telemetry and metrics
+
+When a robot answers, `T telemetry` says `connected` and `telemetry_start`; when it is lost or the edge ends,
+`disconnected` and `telemetry_end`. An end of the whole twin (one without `sensor`, `stream_source` or
+`stream_instance_id`) closes all its streams and recordings: it is not sent, and counted, while a program on
+the bus has signalled a stream of that twin. A `type` that is told again and again is state: the newest
+crosses, and none from before an outage arrives after it. Every other type is an event, as the row says:
+"""
+
+METRICS_TEXT = """\
+`T metrics` has its categories in `metrics`, whatever they are; those that a robot's adapter reports and those
+of a program on the bus do not replace each other. A `camera_sync_frame` keeps the `session_id` of its stream.
 """
 
 RULES_TEXT = """\
@@ -153,6 +169,9 @@ The payloads differ from those on MQTT; the bridge translates. A sensor in a key
 
 SHAPES = {
     "event": "`event_type, source, data`; of the fleet also `ts, text, severity, asker?, command?, request?`",
+    "telemetry": "as on MQTT, other fields beside `type` or in `fields`",
+    "metrics": "as on MQTT, categories in `metrics` or at the top",
+    "driverlog": "as on MQTT: `message, level`, and what else is told of who says it",
     "position": "`ts, x, y, z, qx, qy, qz, qw`",
     "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",
@@ -239,6 +258,17 @@ def inbound() -> Iterator[str]:
         yield f"| {topic(rule.leaf)} | {about} | {goes} | {bounds} |"
 
 
+def telemetry_parts() -> Iterator[str]:
+    """Yield the table of the types of telemetry that are carried otherwise than the row says."""
+    yield from (
+        "| type | class | QoS | at most, Hz | age, s | one state for each |",
+        "|---|---|---|---|---|---|",
+    )
+    for name, part in TELEMETRY.items():
+        carried = f"{part.traffic.word} | {part.qos} | {rate(part.max_rate)} | {rate(part.max_age)}"
+        yield f"| `{name}` | {carried} | {f'`{part.apart}`' if part.apart else '-'} |"
+
+
 def verbs() -> Iterator[str]:
     """Yield the table of motion verbs."""
     yield from ("| command | moves along | own field |", "|---|---|---|")
@@ -285,6 +315,10 @@ def render() -> str:
         "",
         CLASSES,
         PAYLOADS,
+        TELEMETRY_TEXT,
+        *telemetry_parts(),
+        "",
+        METRICS_TEXT,
         RULES_TEXT,
         *profiles(),
         "",

@@ -23,6 +23,7 @@ from fleet.wire.databus import decode_report
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
 from fleet.wire.events import is_of_the_fleet
+from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import Message, messages_of, to_mqtt
 from fleet.wire.rules import Rule, Traffic
 from fleet.wire.topics import Topics, parse_data_key
@@ -93,6 +94,7 @@ class Uplink:
         self._next_tell = float("-inf")
         self._told = 0
         self.held: frozenset[str] = frozenset()
+        self.streaming: set[str] = set()  # twins of which a program on the bus has streams
         self.refusals = refusals
         self.received = ClassCounts()
         self.sent = ClassCounts()
@@ -134,6 +136,13 @@ class Uplink:
 
     def _take(self, slot: Slot, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
+        if slot.parted:
+            try:
+                slot, sample = self._part(slot, sample)
+            except WireError as error:
+                self.received.counts[slot.traffic] += 1
+                self._refuse(slot, error)
+                return
         self.received.counts[slot.traffic] += 1
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
@@ -147,6 +156,13 @@ class Uplink:
         else:
             slot.fresh = True
             self._fresh.append(slot)
+
+    def _part(self, slot: Slot, sample: Report | bytes) -> tuple[Slot, Report]:
+        """Return where a message of a channel with several states crosses, read; raises WireError."""
+        report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
+        if ends_every_stream(report) and slot.twin in self.streaming:
+            raise WireError("a program here has streams of this twin, which it would close; name a sensor")
+        return slot.part(part_of(report)), report
 
     def turn(self) -> Iterator[None]:
         """Publish the state that is due, a few samples a step."""
@@ -271,9 +287,7 @@ class Uplink:
         try:
             messages = self._translated(slot, sample)
         except WireError as error:
-            slot.refused = True
-            line = "a sample on %s of %s did not cross: %s"
-            self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
+            self._refuse(slot, error)
             return
         slot.refused = False
         for leaf, payload in messages:
@@ -283,6 +297,12 @@ class Uplink:
                 continue
             self.sent.counts[slot.traffic] += 1
             self._client.queue(slot.ways.get(leaf) or self._open(slot, leaf), payload)
+
+    def _refuse(self, slot: Slot, error: WireError) -> None:
+        """Count what cannot cross, and tell why."""
+        slot.refused = True
+        line = "a sample on %s of %s did not cross: %s"
+        self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
     def _translated(self, slot: Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
@@ -308,6 +328,8 @@ class Uplink:
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
         slot = Slot(parsed, twin, rule, self._session)
+        if parsed.channel.startswith("webrtc_"):
+            self.streaming.add(parsed.twin)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

@@ -327,11 +327,13 @@ class LocalRobot:
         self._changed(self.name)
 
     def _health_changed(self) -> None:
-        """Say on the telemetry channel when the robot comes and goes."""
+        """Say on the telemetry channel when the robot comes and goes, in the order of the SDK."""
         online = not self.desk.offline
         if online != self._online:
             self._online = online
-            kind = "connected" if online else "disconnected"
+            kind, session = ("connected", "telemetry_start") if online else ("disconnected", "telemetry_end")
             fields = {} if online else {"reason": self.runner.health.cause}
-            self.publish(TelemetryReport(self._clock.time(), kind, fields))
+            now = self._clock.time()
+            self.publish(TelemetryReport(now, kind, fields))
+            self.publish(TelemetryReport(now, session))
         self._changed(self.name)

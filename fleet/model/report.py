@@ -124,13 +124,29 @@ class FlightControllerReport(msgspec.Struct, frozen=True):
 
 
 class MetricsReport(msgspec.Struct, frozen=True):
-    """Numbers for people: power, navigation, errors (the categories of the ``metrics`` topic)."""
+    """Numbers for people: power, navigation, errors, and ``more`` categories by name (the ``metrics`` topic).
+
+    Errors are told even when there are none any more; None says nothing about them.
+    """
 
     channel: ClassVar[str] = "metrics"
     stamp: float
     power: dict[str, Any] = {}
     navigation: dict[str, Any] = {}
-    errors: tuple[dict[str, Any], ...] = ()
+    errors: tuple[dict[str, Any], ...] | None = ()
+    more: dict[str, Any] = {}
+
+    @property
+    def categories(self) -> dict[str, Any]:
+        """What is told, by category."""
+        told: dict[str, Any] = {**self.more}
+        if self.errors is not None:
+            told["errors"] = self.errors
+        if self.power:
+            told["power"] = self.power
+        if self.navigation:
+            told["navigation"] = self.navigation
+        return told
 
 
 class NavigationReport(msgspec.Struct, frozen=True):
@@ -146,7 +162,10 @@ class NavigationReport(msgspec.Struct, frozen=True):
 
 
 class TelemetryReport(msgspec.Struct, frozen=True):
-    """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ..."""
+    """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ...
+
+    ``fields`` stand beside ``type`` in the message.
+    """
 
     channel: ClassVar[str] = "telemetry"
     stamp: float
@@ -194,12 +213,16 @@ class PointCloudReport(msgspec.Struct, frozen=True):
 
 
 class LogReport(msgspec.Struct, frozen=True):
-    """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL."""
+    """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL.
+
+    ``about`` holds what else is told of who says it: ``container_name``, ``driver_image``, versions.
+    """
 
     channel: ClassVar[str] = "driverlog"
     stamp: float
     level: str
     message: str
+    about: dict[str, Any] = {}
 
 
 Report = (

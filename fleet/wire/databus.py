@@ -2,7 +2,8 @@
 
 Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps and event
 have the names of their MQTT topics; depth and pointcloud are arrays; every other channel has the fields of
-its report, with ``ts`` for the stamp. The framing is that of ``fleet.wire.samples``.
+its report, with ``ts`` for the stamp, and three of them are read as they stand on MQTT, too
+(``fleet.wire.published``). The framing is that of ``fleet.wire.samples``.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from fleet.model.report import (
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import EventDocument
+from fleet.wire.published import PUBLISHED, decode_published
 from fleet.wire.samples import json_payload, json_sample
 
 ReportT = TypeVar("ReportT", bound=Report)
@@ -260,6 +262,8 @@ def encode_report(report: Report, sequence: int) -> bytes:
 
 def decode_report(channel: str, sample: bytes) -> Report:
     """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
+    if channel in PUBLISHED:
+        return decode_published(channel, sample)
     codec = _CODECS.get(channel)
     if codec is None:
         return _decode_array(channel, sample)

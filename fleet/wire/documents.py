@@ -7,7 +7,6 @@ readers need crosses in either direction.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -18,7 +17,8 @@ from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import stamp_of
-from fleet.wire.samples import json_payload, json_sample, stamp_of_header
+from fleet.wire.published import object_in, stamp_in
+from fleet.wire.samples import json_sample
 from fleet.wire.strict import kind, parse_object, path
 
 UPDATE_TYPES = frozenset({"update", "twin_added", "twin_deleted", "twin_updated", "sensor_binding", "event"})
@@ -61,7 +61,6 @@ class _Aimed(msgspec.Struct):
 
 _TARGET: msgspec.json.Decoder[_Aimed] = json_decoder(_Aimed)
 _OPEN = Shape()
-_DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
 
 
 def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) -> bytes:
@@ -69,12 +68,9 @@ def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) ->
 
     Raises WireError for what is no JSON object, lacks what the leaf needs, or has no stamp at all.
     """
-    try:
-        message = _DECODER.decode(json_payload(sample))
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise WireError(str(error), where=leaf) from None
+    message = object_in(sample, leaf)
     shape = _checked(leaf, message)
-    message["timestamp"] = _stamp(message, sample)
+    message["timestamp"] = stamp_in(message, sample)
     message.pop("ts", None)
     if leaf.startswith("environment:"):
         message = {"type": leaf.partition(":")[2], **message}
@@ -119,12 +115,3 @@ def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
         if not isinstance(message[name], types):
             raise WireError(f"this is {kind(message[name])}", where=path(leaf, name))
     return shape
-
-
-def _stamp(message: Mapping[str, Any], sample: bytes) -> float:
-    """Return when a document was made; raises WireError when nothing says so."""
-    stamp = stamp_of(message)
-    stamp = stamp_of_header(sample) if stamp is None else stamp
-    if stamp is None or not math.isfinite(stamp):
-        raise WireError("is missing, and so is the sample's header", where="timestamp")
-    return stamp

@@ -40,6 +40,7 @@ from fleet.wire.states import STATES, Sender, State
 from fleet.wire.strict import finite, without_nulls
 
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
+OF_A_STREAM = frozenset({"camera_sync_frame"})  # their ``session_id`` is that of a video stream
 
 Body = dict[str, Any]
 Leaves = list[tuple[str, Body]]
@@ -87,7 +88,10 @@ def _enveloped(report: Report, by: Sender) -> Leaves:
     """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
     leaves = _FORMS[type(report)](report)
     for leaf, body in leaves:
+        stream = body.get("session_id") if leaf == "telemetry" and body["type"] in OF_A_STREAM else None
         body.update(by.fields, timestamp=report.stamp)
+        if stream is not None:
+            body["session_id"] = stream
         if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
             del body["source_type"]
     return leaves
@@ -174,13 +178,8 @@ def _mission(mission: MissionProgress) -> Body:
 
 
 def _metrics(report: MetricsReport) -> Leaves:
-    """Put the categories inside ``metrics``; errors are told even when there are none any more."""
-    metrics: Body = {"errors": report.errors}
-    if report.power:
-        metrics["power"] = report.power
-    if report.navigation:
-        metrics["navigation"] = report.navigation
-    return [("metrics", {"metrics": metrics})]
+    """Put the categories inside ``metrics``; nothing when there are none."""
+    return [("metrics", {"metrics": report.categories})] if report.categories else []
 
 
 def _navigation(report: NavigationReport) -> Leaves:
@@ -257,6 +256,7 @@ def _log(report: LogReport) -> Leaves:
         "message": report.message,
         "level": report.level.upper(),
         "source": "edge",
+        **report.about,
     }
     return [("driverlog", body)]
 

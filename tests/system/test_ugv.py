@@ -84,6 +84,7 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     seen = [(each["position"]["x"], each["position"]["y"]) for each in ears.of("position")]
     for corner in SQUARE:
         assert min(math.dist(at, corner) for at in seen) < 0.12
+    assert [each["type"] for each in ears.of("telemetry")][:2] == ["connected", "telemetry_start"]
     assert ears.of("battery/status")[-1]["percentage"] == pytest.approx(80.8, abs=0.1)
 
 

@@ -48,7 +48,7 @@ REPORTS = [
     MetricsReport(1.0),
     NavigationReport(1.0, "a1", ActionState.RUNNING),
     NavigationReport(1.0, "m1", ActionState.RUNNING, step=0),
-    TelemetryReport(1.0, "vehicle_state"),
+    TelemetryReport(1.0, "connected"),
     PhotoReport(1.0, b"x", "jpeg", 1, 1),
     DepthReport(1.0, b"xx", 1, 1, "uint16"),
     PointCloudReport(1.0, b"x" * 12, 3),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.bridge.slot import SLACK, TwinInfo
+from fleet.bridge.slot import MOST_PARTS, SLACK, TwinInfo
 from fleet.bridge.uplink import STRANGERS, Uplink
 from fleet.model.event import EventKind, EventReport
 from fleet.model.geometry import Quaternion, Vector3
@@ -22,6 +22,7 @@ from fleet.model.report import (
     ImuReport,
     JointReport,
     LogReport,
+    MetricsReport,
     NavigationReport,
     PhotoReport,
     PointCloudReport,
@@ -43,6 +44,7 @@ POSITION = f"cw/{TWIN}/data/position"
 BATTERY = f"cw/{TWIN}/data/battery"
 STATUS = f"cw/{TWIN}/data/navigate_status"
 LOG = f"cw/{TWIN}/data/driverlog"
+METRICS = f"cw/{TWIN}/data/metrics"
 SCALE = f"cw/{TWIN}/data/scale"
 ONES = Vector3(1.0, 1.0, 1.0)
 TICK = 0.02
@@ -122,6 +124,11 @@ def status(action, progress=0.0):
 
 def line(text):
     return encode_report(LogReport(1.0, "WARNING", text), 0)
+
+
+def say(bench, channel, message):
+    """Have a program on the bus say something of the twin."""
+    bench.uplink.arrived(f"cw/{TWIN}/data/{channel}", json.dumps({"ts": 1.0, **message}).encode())
 
 
 @pytest.fixture
@@ -492,6 +499,54 @@ def test_telemetry_crosses_with_its_own_fields(bench):
     bench.turn()
     assert bench.of("telemetry")[0][1]["type"] == "vehicle_state"
     assert bench.of("telemetry")[0][1]["armed"] is True
+
+
+def test_of_periodic_telemetry_the_newest_of_each_part_crosses(bench):
+    for number in range(40):
+        for motor in (1, 2):
+            say(bench, "telemetry", {"type": "motor_status", "motor_id": motor, "n": number})
+        say(bench, "telemetry", {"type": "vehicle_state", "n": number})
+        say(bench, "telemetry", {"type": "camera_sync_frame", "frame_index": number})
+        bench.turn(0.05)
+    bench.run(1.0)
+    told = [(message, qos) for _, leaf, message, qos in bench.sent if leaf == "telemetry"]
+    motors = [[m["n"] for m, _ in told if m.get("motor_id") == motor] for motor in (1, 2)]
+    assert [each[-1] for each in motors] == [39, 39]
+    assert all(4 <= len(each) <= 7 for each in motors), "2 Hz"
+    assert [m["n"] for m, _ in told if m["type"] == "vehicle_state"][-1] == 39
+    assert {qos for m, qos in told if m["type"] == "vehicle_state"} == {0}
+    assert [(m["frame_index"], qos) for m, qos in told if m["type"] == "camera_sync_frame"] == [
+        (number, 2) for number in range(40)
+    ]
+
+
+def test_the_metrics_of_a_program_are_not_lost_behind_the_robot_s_own(bench):
+    for _ in range(50):
+        bench.cross({METRICS: MetricsReport(1.0, power={"voltage": 12.0})})
+        bench.turn()
+    say(bench, "metrics", {"metrics": {"load": {"loaded": True}}})
+    bench.cross({METRICS: MetricsReport(1.0, power={"voltage": 11.0})})
+    bench.run(1.2)
+    told = [message["metrics"] for _, message in bench.of("metrics")]
+    assert {"load": {"loaded": True}} in told
+    assert told[-1]["power"] == {"voltage": 11.0} or told[-2]["power"] == {"voltage": 11.0}
+
+
+def test_invented_states_do_not_fill_the_memory(bench):
+    for number in range(MOST_PARTS + 100):
+        say(bench, "telemetry", {"type": "motor_status", "motor_id": number})
+    bench.turn()
+    assert len(bench.of("telemetry")) == MOST_PARTS
+    assert bench.uplink.refusals.counts() == {"unreadable": 100}
+
+
+def test_an_end_of_all_streams_does_not_cross_while_a_program_has_some(bench):
+    say(bench, "telemetry", {"type": "telemetry_end"})
+    say(bench, "webrtc_offer", {"type": "offer", "target": "backend", "sdp": "v=0"})
+    say(bench, "telemetry", {"type": "telemetry_end"})
+    say(bench, "telemetry", {"type": "telemetry_end", "sensor": "front"})
+    assert [message.get("sensor") for _, message in bench.of("telemetry")] == [None, "front"]
+    assert bench.uplink.refusals.counts() == {"unreadable": 1}
 
 
 def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):

@@ -150,13 +150,19 @@ REPORTS = {
         st.none() | st.builds(MissionProgress, COUNTS, st.none() | COUNTS, st.none() | COUNTS),
         st.none() | PLACES,
     ),
-    MetricsReport: st.builds(MetricsReport, STAMPS, PLAIN, PLAIN, st.lists(PLAIN, max_size=2).map(tuple)),
+    MetricsReport: st.builds(
+        MetricsReport,
+        STAMPS,
+        PLAIN,
+        PLAIN,
+        st.none() | st.lists(PLAIN, max_size=2).map(tuple),
+        st.dictionaries(st.sampled_from(["load", "fan"]), PLAIN | FINITE, max_size=2),
+    ),
     NavigationReport: st.builds(
         NavigationReport, STAMPS, WORDS, st.sampled_from(ActionState), st.floats(0, 100), WORDS
     ),
     TelemetryReport: st.builds(TelemetryReport, STAMPS, WORDS, PLAIN),
     PhotoReport: st.builds(PhotoReport, STAMPS, st.binary(max_size=40), WORDS, COUNTS, COUNTS),
-    LogReport: st.builds(LogReport, STAMPS, st.sampled_from(["DEBUG", "INFO", "ERROR"]), WORDS),
     EventReport: st.builds(
         EventReport,
         STAMPS,
@@ -167,6 +173,13 @@ REPORTS = {
         WORDS,
         WORDS,
         PLAIN,
+    ),
+    LogReport: st.builds(
+        LogReport,
+        STAMPS,
+        st.sampled_from(["DEBUG", "INFO", "ERROR"]),
+        WORDS,
+        st.dictionaries(st.sampled_from(["container_name", "sdk_version"]), WORDS),
     ),
 }
 
