@@ -55,6 +55,14 @@ the bus has signalled a stream of that twin. A `type` that is told again and aga
 crosses, and none from before an outage arrives after it. Every other type is an event, as the row says:
 """
 
+LAYOUTS_TEXT = """\
+`J update` is aggregated (`positions`, `velocities`, `efforts`) unless its rule has `layout: single` (a
+message for each joint) or `flat` (positions at the top); what a report tells of who moves the joints
+(`source_subtype`, `workload_uuid`, `camera_frame_counters`) goes along. The `data` of `T depth` is an object,
+or with `layout: string` the image in base64 and with `list` a list of `uint16`; width, height and dtype then
+stand beside it. A pose has the `frame_id` that its report names.
+"""
+
 METRICS_TEXT = """\
 `T metrics` has its categories in `metrics`, whatever they are; those that a robot's adapter reports and those
 of a program on the bus do not replace each other. A `camera_sync_frame` keeps the `session_id` of its stream.
@@ -172,8 +180,8 @@ SHAPES = {
     "telemetry": "as on MQTT, other fields beside `type` or in `fields`",
     "metrics": "as on MQTT, categories in `metrics` or at the top",
     "driverlog": "as on MQTT: `message, level`, and what else is told of who says it",
-    "position": "`ts, x, y, z, qx, qy, qz, qw`",
-    "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
+    "position": "`ts, x, y, z, qx, qy, qz, qw, frame_id?`",
+    "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?, source_subtype?, workload_uuid?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",
     "imu": "`ts, accel{x,y,z}, gyro{x,y,z}`",
     "depth": "array `[height, width]` of `uint16` (mm) or `float32` (m)",
@@ -319,6 +327,7 @@ def render() -> str:
         *telemetry_parts(),
         "",
         METRICS_TEXT,
+        LAYOUTS_TEXT,
         RULES_TEXT,
         *profiles(),
         "",

@@ -73,7 +73,7 @@ class Slot:
         self.channel = key.channel
         self.sensor = key.sensor
         self.info = info
-        self.by = sender(source_type=info.source_type, session=session, sensor=key.sensor)
+        self.by = sender(source_type=info.source_type, session=session, sensor=key.sensor, layout=rule.layout)
         self.off = info.rules.off.intersection(CHANNEL_LEAVES.get(key.channel, ()))
         self.rule = rule
         self.document = rule.form is Form.DOCUMENT

@@ -12,7 +12,7 @@ from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
 from fleet.host.apart import LOOK, Apart
-from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
+from fleet.host.asks import Ask, Decoder, is_once, is_stop, told_flaw
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
@@ -195,7 +195,7 @@ class LocalRobot:
             return None
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin)
-        return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask))
+        return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_once(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""

@@ -17,12 +17,16 @@ from fleet.model.navigation import ActionState
 
 
 class PoseReport(msgspec.Struct, frozen=True, gc=False):
-    """Where the robot is, in the world frame (m, ENU) and how it is turned."""
+    """Where the robot is, in the world frame (m, ENU) and how it is turned.
+
+    ``frame_id`` is what readers in the cloud are told that frame is called; empty: they are not.
+    """
 
     channel: ClassVar[str] = "position"
     stamp: float
     position: Vector3
     rotation: Quaternion
+    frame_id: str = ""
 
 
 class ScaleReport(msgspec.Struct, frozen=True):
@@ -33,6 +37,19 @@ class ScaleReport(msgspec.Struct, frozen=True):
     scale: Vector3
 
 
+class JointTags(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What joints may be told with, by the names of ``joint/update``: who moves them, and what is seen then.
+
+    ``source_subtype`` is how they are moved (a policy, a gamepad), ``workload_uuid`` the run that moves them.
+    """
+
+    source_subtype: str | None = None
+    workload_uuid: str | None = None
+    camera_frame_counters: list[dict[str, Any]] | None = None
+    stream_instance_id: str | None = None
+    applied_position_targets: dict[str, float] | None = None
+
+
 class JointReport(msgspec.Struct, frozen=True, gc=False):
     """Measured joints by name: rad (or m), rad/s, N m; ``velocities`` and ``efforts`` may be empty."""
 
@@ -41,6 +58,7 @@ class JointReport(msgspec.Struct, frozen=True, gc=False):
     positions: dict[str, float]
     velocities: dict[str, float] = {}
     efforts: dict[str, float] = {}
+    tags: JointTags | None = None
 
 
 class BatteryReport(msgspec.Struct, frozen=True):

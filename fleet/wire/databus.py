@@ -25,6 +25,7 @@ from fleet.model.report import (
     GpsReport,
     ImuReport,
     JointReport,
+    JointTags,
     PointCloudReport,
     PoseReport,
     Report,
@@ -53,7 +54,7 @@ class _Vector(msgspec.Struct, frozen=True):
         return Vector3(self.x, self.y, self.z)
 
 
-class _Position(msgspec.Struct, frozen=True):
+class _Position(msgspec.Struct, frozen=True, omit_defaults=True):
     """``position``: metres in the world, and a quaternion."""
 
     ts: float
@@ -64,48 +65,60 @@ class _Position(msgspec.Struct, frozen=True):
     qy: float
     qz: float
     qw: float
+    frame_id: str = ""
 
     @classmethod
     def of(cls, report: PoseReport) -> _Position:
         p, r = report.position, report.rotation
-        return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w)
+        return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w, report.frame_id)
 
     def report(self) -> PoseReport:
         rotation = Quaternion(self.qw, self.qx, self.qy, self.qz)
-        return PoseReport(self.ts, Vector3(self.x, self.y, self.z), rotation)
+        return PoseReport(self.ts, Vector3(self.x, self.y, self.z), rotation, self.frame_id)
 
 
-class _Joints(msgspec.Struct, frozen=True, omit_defaults=True):
+class _Joints(JointTags, frozen=True, omit_defaults=True, kw_only=True):
     """``joint_states``: arrays by the order of ``names``; null where one joint tells nothing."""
 
     ts: float
     names: list[str]
     positions: list[float]
-    velocities: list[float | None] = []
-    efforts: list[float | None] = []
+    velocities: list[float | None] = msgspec.field(default_factory=list)
+    efforts: list[float | None] = msgspec.field(default_factory=list)
 
     @classmethod
     def of(cls, report: JointReport) -> _Joints:
         names = list(report.positions)
         return cls(
-            report.stamp,
-            names,
-            list(report.positions.values()),
-            _aligned(names, report.velocities, "velocities"),
-            _aligned(names, report.efforts, "efforts"),
+            ts=report.stamp,
+            names=names,
+            positions=list(report.positions.values()),
+            velocities=_aligned(names, report.velocities, "velocities"),
+            efforts=_aligned(names, report.efforts, "efforts"),
+            **(msgspec.structs.asdict(report.tags) if report.tags is not None else {}),
         )
 
     def report(self) -> JointReport:
         positions = dict(zip(self.names, self.positions, strict=True))
         if len(positions) != len(self.names):
             raise ValueError("a joint is named twice")
-        return JointReport(self.ts, positions, self._by_name(self.velocities), self._by_name(self.efforts))
+        tags = JointTags(*(getattr(self, name) for name in JointTags.__struct_fields__))
+        return JointReport(
+            self.ts,
+            positions,
+            self._by_name(self.velocities),
+            self._by_name(self.efforts),
+            None if tags == _UNTAGGED else tags,
+        )
 
     def _by_name(self, values: list[float | None]) -> dict[str, float]:
         if not values:
             return {}
         pairs = zip(self.names, values, strict=True)
         return {name: value for name, value in pairs if value is not None}
+
+
+_UNTAGGED = JointTags()
 
 
 def _aligned(names: list[str], values: Mapping[str, float], what: str) -> list[float | None]:

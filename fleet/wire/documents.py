@@ -7,6 +7,7 @@ readers need crosses in either direction.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -21,8 +22,8 @@ from fleet.wire.published import object_in, stamp_in
 from fleet.wire.samples import json_sample
 from fleet.wire.strict import kind, parse_object, path
 
-UPDATE_TYPES = frozenset({"update", "twin_added", "twin_deleted", "twin_updated", "sensor_binding", "event"})
-"""The kinds of an environment's update that are told and taken."""
+UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+"""The kinds of an environment's update: an open list, of what can be a level of a topic."""
 
 
 class Shape(msgspec.Struct, frozen=True):
@@ -86,8 +87,15 @@ def document_in(leaf: str, payload: bytes, *, size: int, now: float) -> bytes:
     """
     message = parse_object(payload, limit=size)
     _checked(leaf, message)
+    if leaf.startswith("environment:"):
+        message = {"type": leaf.partition(":")[2], **message}
     stamp = stamp_of(message)
     return json_sample(encode_finite(message), stamp=now if stamp is None else stamp, sequence=0)
+
+
+def word_of_update(update: str) -> str:
+    """Return how the type of an update stands in a key on the bus, where only lower-case words can."""
+    return re.sub(r"[^a-z0-9_]", "_", update.lower())
 
 
 def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
@@ -103,9 +111,8 @@ def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
 def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
     """Return the shape of a leaf, which the message must have."""
     namespace, _, update = leaf.partition(":")
-    if namespace == "environment" and update not in UPDATE_TYPES:
-        known = ", ".join(sorted(UPDATE_TYPES))
-        raise WireError(f"{update[:40]!a} is not an update of an environment ({known})", where=leaf)
+    if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
+        raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")
     shape = SHAPES.get(leaf, _OPEN)
     if shape.says and message.get("type") != shape.says:
         raise WireError(f"{shape.says!a} is needed, this is {str(message.get('type'))[:40]!a}", where="type")

@@ -36,7 +36,9 @@ from fleet.model.report import (
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
-from fleet.wire.states import STATES, Sender, State
+from fleet.wire.layouts import Sender, depth_data
+from fleet.wire.rules import Layout
+from fleet.wire.states import STATES, State
 from fleet.wire.strict import finite, without_nulls
 
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
@@ -48,18 +50,18 @@ Message = Body | State
 
 
 @functools.lru_cache(maxsize=1024)  # that of most robots is the same
-def sender(*, source_type: str, session: str = "", sensor: str | None = None) -> Sender:
+def sender(*, source_type: str, session: str = "", sensor: str | None = None, layout: Layout = "") -> Sender:
     """Return who says something to the cloud.
 
     ``session`` is the edge's client id, left out when empty; ``sensor`` the one that measured it, where the
-    bus key names one.
+    bus key names one; ``layout`` that of the payload, where its topic has several.
     """
     fields = {"source_type": source_type}
     if session:
         fields["session_id"] = session
     if sensor:
         fields["sensor_id"] = sensor
-    return Sender(source_type, session or UNSET, sensor or UNSET, fields)
+    return Sender(source_type, session or UNSET, sensor or UNSET, fields, layout)
 
 
 def to_mqtt(report: Report, by: Sender, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
@@ -86,7 +88,7 @@ def messages_of(
 
 def _enveloped(report: Report, by: Sender) -> Leaves:
     """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
-    leaves = _FORMS[type(report)](report)
+    leaves = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
     for leaf, body in leaves:
         stream = body.get("session_id") if leaf == "telemetry" and body["type"] in OF_A_STREAM else None
         body.update(by.fields, timestamp=report.stamp)
@@ -223,16 +225,10 @@ def _photo(report: PhotoReport) -> Leaves:
     return [("camera/photo", body)]
 
 
-def _depth(report: DepthReport) -> Leaves:
-    """One depth image in the object form, its bytes in base64 (the encoder does that)."""
+def _depth(report: DepthReport, by: Sender) -> Leaves:
+    """One depth image, its bytes in base64 (the encoder does that) unless they are asked for as a list."""
     check_depth(report)
-    data: Body = {
-        "depth_binary": report.image,
-        "width": report.width,
-        "height": report.height,
-        "dtype": report.dtype,
-    }
-    return [("depth", {"type": "depth_data", "data": data})]
+    return [("depth", {"type": "depth_data", **depth_data(report, by.layout)})]
 
 
 def _pointcloud(report: PointCloudReport) -> Leaves:
@@ -277,7 +273,6 @@ _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
         NavigationReport: _navigation,
         TelemetryReport: _telemetry,
         PhotoReport: _photo,
-        DepthReport: _depth,
         PointCloudReport: _pointcloud,
         LogReport: _log,
         EventReport: _event,

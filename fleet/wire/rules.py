@@ -51,6 +51,13 @@ class Form(enum.Enum):
     DOCUMENT = "a JSON object, checked and passed on"
 
 
+Layout = Literal["", "aggregated", "single", "flat", "object", "string", "list"]
+LAYOUTS: Mapping[str, tuple[Layout, ...]] = MappingProxyType(
+    {JOINT_UPDATE: ("aggregated", "single", "flat"), "depth": ("object", "string", "list")}
+)
+"""By leaf, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
+
+
 class Rule(msgspec.Struct, frozen=True):
     """How one topic is carried from the edge to the cloud.
 
@@ -59,6 +66,7 @@ class Rule(msgspec.Struct, frozen=True):
     although nothing changed (Hz, 0: never), ``about`` what is on it. ``max_age`` is how many seconds a
     message is worth sending (0: always), ``size`` its largest payload in bytes. ``sensors``: samples of
     one sensor (the last part of the key) cross too. A topic that is not ``on`` must be asked for.
+    ``layout`` is that of its payload, where it has several (``fleet.wire.layouts``); empty: the usual one.
     """
 
     leaf: str
@@ -73,6 +81,7 @@ class Rule(msgspec.Struct, frozen=True):
     size: int = 64 * KIB
     sensors: bool = False
     on: bool = True
+    layout: Layout = ""
 
 
 Kind = Literal["command", "navigate", "motion", "joints", "mission"]

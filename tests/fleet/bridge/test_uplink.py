@@ -681,13 +681,22 @@ def test_an_update_of_an_environment_goes_to_its_own_topic():
     bench = Bench(environments=[OTHER])
     bench._publish = lambda topic, _qos, payload: topics.append((topic, json.loads(payload)))
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_added", b'{"ts": 5, "data": {"a": 1}}')
-    bench.uplink.arrived(f"cw/{OTHER}/data/environment/anything", b'{"ts": 5}')
+    bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_removed", b'{"ts": 5}')
     bench.uplink.arrived(f"cw/{OTHER}/data/position", b"{}")
     bench.uplink.arrived(f"cw/{TWIN}/data/environment/update", b'{"ts": 5}')
     bench.turn()
-    ((topic, message),) = topics
+    (topic, message), (other, removed) = topics
     assert topic == f"cyberwave/environment/{OTHER}/twin_added"
+    assert (other, removed["type"]) == (f"cyberwave/environment/{OTHER}/twin_removed", "twin_removed")
     assert (message["type"], message["data"], message["timestamp"]) == ("twin_added", {"a": 1}, 5)
+
+
+def test_joints_cross_in_the_layout_that_fleet_yaml_asks_for():
+    bench = Bench(rulebook("lan", [Changes({"joint:update": Change(layout="single")})]))
+    bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", encode_report(JointReport(1.0, {"a": 1, "b": 2}), 0))
+    bench.turn()
+    told = [message for _, topic, message, _ in bench.sent]
+    assert [message["joint_name"] for message in told] == ["a", "b"]
 
 
 def test_scale_crosses_and_is_said_again(bench):

@@ -19,6 +19,7 @@ from fleet.model.report import (
     GpsReport,
     ImuReport,
     JointReport,
+    JointTags,
     LogReport,
     MetricsReport,
     MissionProgress,
@@ -75,11 +76,19 @@ PLAIN = st.dictionaries(
 COUNTS = st.integers(0, 2**31)
 
 
+TAGS = st.builds(
+    JointTags,
+    WORDS,
+    st.none() | WORDS,
+    st.none() | st.lists(st.fixed_dictionaries({"track_id": WORDS, "frame_count": COUNTS}), max_size=2),
+)
+
+
 @st.composite
 def _joint_reports(draw):
     positions = draw(JOINTS)
     some = st.dictionaries(st.sampled_from(sorted(positions)), FINITE) if positions else st.just({})
-    return JointReport(draw(STAMPS), positions, draw(some), draw(some))
+    return JointReport(draw(STAMPS), positions, draw(some), draw(some), draw(st.none() | TAGS))
 
 
 SENSORS = st.sampled_from(["", "front", "lidar_2"])
@@ -111,7 +120,9 @@ REPORTS = {
     ScaleReport: st.builds(ScaleReport, STAMPS, st.builds(Vector3, POSITIVE, POSITIVE, POSITIVE)),
     DepthReport: _depth_reports(),
     PointCloudReport: _pointcloud_reports(),
-    PoseReport: st.builds(PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE)),
+    PoseReport: st.builds(
+        PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE), WORDS
+    ),
     JointReport: _joint_reports(),
     BatteryReport: st.builds(
         BatteryReport,
