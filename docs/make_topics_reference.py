@@ -121,6 +121,10 @@ one answer. With `legacy_status: false` a robot sends no status.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
 declare; without it they are refused. Missions are flown by robots with a memory for them.
 
+Of `T position`, `T rotation` and `T scale` only what the editor says (`source_type: edit`) goes to the bus,
+for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
+3.1.1 a broker sends an edge's own state back to it; `listen: {position: {on: false}}` saves that.
+
 A twin has one edge. An edge that sees another one that had it first, by the token
 `fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
 the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed

@@ -18,9 +18,10 @@ from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import stamp_of
+from fleet.wire.joints import STATE_SENDERS
 from fleet.wire.published import object_in, stamp_in
 from fleet.wire.samples import json_sample
-from fleet.wire.strict import kind, parse_object, path
+from fleet.wire.strict import child, finite, kind, parse_object, path
 
 UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 """The kinds of an environment's update: an open list, of what can be a level of a topic."""
@@ -54,6 +55,16 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
 """By leaf; what is not here only has to be a JSON object."""
 
 
+EDITED = frozenset({"position", "rotation", "scale"})
+"""What the editor changes of a twin: a field of the topic's name, by axis. Others tell these as state."""
+
+
+class _Tagged(msgspec.Struct):
+    """A message, as far as it says what kind of sender it has."""
+
+    source_type: str | None = None
+
+
 class _Aimed(msgspec.Struct):
     """A WebRTC message, as far as it says whom it is for; others may be named in it, too."""
 
@@ -61,6 +72,7 @@ class _Aimed(msgspec.Struct):
 
 
 _TARGET: msgspec.json.Decoder[_Aimed] = json_decoder(_Aimed)
+_SENDER: msgspec.json.Decoder[_Tagged] = json_decoder(_Tagged)
 _OPEN = Shape()
 
 
@@ -89,6 +101,8 @@ def document_in(leaf: str, payload: bytes, *, size: int, now: float) -> bytes:
     _checked(leaf, message)
     if leaf.startswith("environment:"):
         message = {"type": leaf.partition(":")[2], **message}
+    if leaf in EDITED:
+        _check_edit(leaf, message)
     stamp = stamp_of(message)
     return json_sample(encode_finite(message), stamp=now if stamp is None else stamp, sequence=0)
 
@@ -106,6 +120,24 @@ def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
         return _TARGET.decode(payload).target == "backend"
     except (ValueError, RecursionError):  # ``document_in`` says what is wrong with it
         return False
+
+
+def is_state_of_another(leaf: str, payload: bytes) -> bool:
+    """Return True for where a twin is as somebody measured or simulated it: nothing that the editor did."""
+    if leaf not in EDITED:
+        return False
+    try:
+        return _SENDER.decode(payload).source_type in STATE_SENDERS
+    except (ValueError, RecursionError):  # ``document_in`` says what is wrong with it
+        return False
+
+
+def _check_edit(leaf: str, message: Mapping[str, Any]) -> None:
+    """Raise WireError for what is no change by the editor."""
+    if message.get("source_type") != "edit":
+        raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
+    for axis, value in child(message, leaf).items():
+        finite(value, path(leaf, axis))
 
 
 def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:

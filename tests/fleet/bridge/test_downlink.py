@@ -409,6 +409,16 @@ def test_a_flood_is_thinned_and_counted(bench, clock):
     assert len(bench.put) == 30
 
 
+def test_the_editor_s_changes_go_to_the_bus_and_the_state_of_others_does_not(bench):
+    edit = b'{"source_type": "edit", "position": {"x": 1, "y": 2, "z": 3}}'
+    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"sim")), Message(f"{T}/position", edit))
+    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"tele")))
+    ((key, sample),) = bench.put
+    assert key == f"cw/{TWIN}/data/cloud/position"
+    assert sample["position"] == {"x": 1, "y": 2, "z": 3}
+    assert bench.downlink.refusals.counts() == {"unreadable": 1}
+
+
 def test_updates_of_an_environment_and_of_runs_have_their_own_keys(bench):
     bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_added", b'{"data": {}}'))
     bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_removed", b'{"data": {}}'))

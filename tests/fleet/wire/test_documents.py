@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.wire.documents import SHAPES, document_in, document_out, word_of_update
+from fleet.wire.documents import SHAPES, document_in, document_out, is_state_of_another, word_of_update
 from fleet.wire.samples import json_payload, json_sample, stamp_of_header
 from fleet.wire.topics import data_key
 
@@ -57,6 +57,51 @@ def test_each_good_one_crosses_both_ways(leaf):
     sample = document_in(leaf, json.dumps(GOOD[leaf]).encode(), size=1000, now=9.0)
     assert json.loads(json_payload(sample)) == GOOD[leaf]
     assert stamp_of_header(sample) == 9.0
+
+
+EDITS = {
+    "position": {"x": 1.0, "y": 2.0, "z": 3.0},
+    "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
+    "scale": {"x": 1.0, "y": 1.0, "z": 2.0},
+}
+
+
+def edit(leaf, message):
+    payload = json.dumps(message).encode()
+    return json.loads(json_payload(document_in(leaf, payload, size=1000, now=9.0)))
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+def test_what_the_editor_does_with_a_twin_reaches_programs_on_the_bus(leaf):
+    message = {"source_type": "edit", leaf: EDITS[leaf], "timestamp": 5.0, "session_id": "front"}
+    assert edit(leaf, message) == message
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"source_type": "tele"},
+        {"source_type": None},
+        {"source_type": "preview"},
+        {"given": [1, 2, 3]},
+        {"given": {"x": "1"}},
+    ],
+)
+def test_what_is_no_edit_is_refused(leaf, wrong):
+    given = {leaf: wrong.get("given", EDITS[leaf])}
+    with pytest.raises(WireError):
+        edit(leaf, {"source_type": "edit", **wrong, **given})
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+def test_where_others_measured_a_twin_is_no_edit(leaf):
+    for source in ("edge", "edge_leader", "edge_follower", "sim"):
+        message = json.dumps({"source_type": source, leaf: EDITS[leaf]}).encode()
+        assert is_state_of_another(leaf, message)
+        assert not is_state_of_another("alert", message)
+    assert not is_state_of_another(leaf, json.dumps({"source_type": "edit"}).encode())
+    assert not is_state_of_another(leaf, b"garbage")
 
 
 @pytest.mark.parametrize(
