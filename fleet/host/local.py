@@ -36,6 +36,7 @@ from fleet.model.report import (
     BatteryReport,
     FlightControllerReport,
     FlightStateReport,
+    MetricsReport,
     NavigationReport,
     PoseReport,
     Report,
@@ -257,6 +258,10 @@ class LocalRobot:
             self.happenings.see(report)
             self.desk.see(report)
             self.desk.guard.see(report)
+        elif type(report) is NavigationReport:
+            self._seen.take(report)
+        elif type(report) is MetricsReport:
+            report = self._seen.with_way(report)
         self._send(report)
 
     def state(self) -> RobotState:

@@ -168,7 +168,11 @@ class MetricsReport(msgspec.Struct, frozen=True):
 
 
 class NavigationReport(msgspec.Struct, frozen=True):
-    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0."""
+    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0.
+
+    ``remaining`` metres and ``eta`` seconds are left of it, as far as that is known; the cloud hears of them
+    in ``metrics``.
+    """
 
     channel: ClassVar[str] = "navigate_status"
     stamp: float
@@ -177,6 +181,8 @@ class NavigationReport(msgspec.Struct, frozen=True):
     progress: float = 0.0
     message: str = ""
     step: int | None = None
+    remaining: float | None = None
+    eta: float | None = None
 
 
 class TelemetryReport(msgspec.Struct, frozen=True):
