@@ -10,7 +10,7 @@ from fleet.model.report import Report
 from fleet.wire.parts import PARTED, rule_of_part
 from fleet.wire.reports import sender
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, KIB, Form, Rule, Traffic
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, RULES, Form, Rule, Traffic
 from fleet.wire.topics import DataKey
 
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
@@ -20,6 +20,18 @@ MOST_PARTS = 64  # of one channel of one twin; anybody on the bus can invent mor
 SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
+
+
+LOCAL = frozenset({"cloud", "frames", *(rule.channel for rule in INWARD.values())})
+"""Channels that are for programs on the bus alone."""
+
+
+def is_left_out(key: DataKey) -> bool:
+    """Return True for a channel that its program may think crosses: neither local nor switched off."""
+    if key.channel.startswith("commands") or key.channel in LOCAL:
+        return False
+    leaves = CHANNEL_LEAVES.get(key.channel)
+    return leaves is None or (key.sensor is not None and not RULES[leaves[0]].sensors)
 
 
 class TwinInfo(msgspec.Struct, frozen=True):

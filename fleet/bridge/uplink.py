@@ -13,13 +13,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
-from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo
+from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo, is_left_out
 from fleet.clock import Clock
 from fleet.cloud.client import Way
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.tally import Tally
-from fleet.wire.databus import decode_report
+from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
 from fleet.wire.events import is_of_the_fleet
@@ -108,9 +108,21 @@ class Uplink:
 
     def arrived(self, key: str, sample: bytes) -> None:
         """Take a sample from the bus; any thread, never blocks."""
-        slot = self._slots[key] if key in self._slots else self._meet(key)
+        if key in self._slots:
+            slot = self._slots[key]
+        else:
+            slot = self._meet(key)
+            if slot is not None and not slot.document:
+                self._look_for_unread(slot, sample)
         if slot is not None:
             self._take(slot, sample)
+
+    def _look_for_unread(self, slot: Slot, sample: bytes) -> None:
+        """Tell what of a program's messages does not cross, by the first that comes on a key."""
+        unread = unread_fields(slot.channel, sample)
+        if unread:
+            line = "of %s of %s these fields do not cross: %s"
+            self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
     def open(self, key: str) -> Slot | None:
         """Return where this process's own reports of a key cross; None when none may."""
@@ -324,6 +336,9 @@ class Uplink:
         rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
         # What a worker learned with one of a robot's sensors is seldom the robot's own state.
         if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
+            if parsed and twin and is_left_out(parsed):
+                line = "%.120s stays on the bus: no rule has it (cloud.channels in fleet.yaml adds one)"
+                self.refusals.add("no rule", line, key)
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None

@@ -33,7 +33,7 @@ from fleet.model.report import (
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import EventDocument
-from fleet.wire.published import PUBLISHED, decode_published
+from fleet.wire.published import ENVELOPE, PUBLISHED, decode_published, object_in
 from fleet.wire.samples import json_payload, json_sample
 
 ReportT = TypeVar("ReportT", bound=Report)
@@ -210,11 +210,12 @@ class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
     to_wire: Callable[[Any], Any]
     from_wire: Callable[[Any], Report]
     decoder: msgspec.json.Decoder[Any]
+    names: frozenset[str]
 
 
 def _shaped(shape: Any) -> _Codec[Any]:
     """Return the codec of a channel whose payload has a shape of its own."""
-    return _Codec(shape.of, shape.report, json_decoder(shape))
+    return _Codec(shape.of, shape.report, json_decoder(shape), frozenset(shape.__struct_encode_fields__))
 
 
 def _as_it_is(kind: Any) -> _Codec[Any]:
@@ -225,6 +226,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
         lambda report: shape(*msgspec.structs.astuple(report)),
         lambda wire: kind(*msgspec.structs.astuple(wire)),
         json_decoder(shape),
+        frozenset(shape.__struct_encode_fields__),
     )
 
 
@@ -284,6 +286,18 @@ def decode_report(channel: str, sample: bytes) -> Report:
         return codec.from_wire(codec.decoder.decode(json_payload(sample)))
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise WireError(str(error), where=channel) from None
+
+
+def unread_fields(channel: str, sample: bytes) -> list[str]:
+    """Return the fields of a sample that ``decode_report`` leaves out; what it refuses has none."""
+    codec = None if channel in PUBLISHED else _CODECS.get(channel)
+    if codec is None:
+        return []
+    try:
+        message = object_in(sample, channel)
+    except WireError:
+        return []
+    return sorted(message.keys() - codec.names - ENVELOPE)
 
 
 def _decode_array(channel: str, sample: bytes) -> Report:

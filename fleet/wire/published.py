@@ -21,7 +21,8 @@ from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.strict import child, text
 
 LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
-_ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
+ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
+"""What every message may carry, of which the bridge makes its own."""
 _DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
 
 
@@ -59,7 +60,7 @@ def _telemetry(message: Mapping[str, Any], stamp: float) -> TelemetryReport:
 
 def _metrics(message: Mapping[str, Any], stamp: float) -> MetricsReport:
     """Read categories: at the top, as some write them, or in ``metrics``."""
-    own = _ENVELOPE | {"metrics", "more"}
+    own = ENVELOPE | {"metrics", "more"}
     told = {name: value for name, value in message.items() if name not in own}
     told = {**told, **_part(message, "more"), **_part(message, "metrics")}
     taken: dict[str, Any] = {"errors": None}
@@ -78,7 +79,7 @@ def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
     level = text(message, "level").upper()
     if level not in LEVELS:
         raise WireError(f"one of {', '.join(sorted(LEVELS))} is needed, not {level[:40]!a}", where="level")
-    own = _ENVELOPE | {"message", "level", "about"}
+    own = ENVELOPE | {"message", "level", "about"}
     about = {name: value for name, value in message.items() if name not in own}
     return LogReport(stamp, level, text(message, "message"), {**about, **_part(message, "about")})
 

@@ -352,6 +352,34 @@ def test_channels_without_a_rule_stay_on_the_bus(bench, channel):
     assert bench.sent == []
 
 
+@pytest.mark.parametrize("key", ["thermal", "thermal/front", "battery/second"])
+def test_a_channel_that_no_rule_has_is_told_once_and_counted(bench, caplog, key):
+    for _ in range(10):
+        bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
+    assert bench.uplink.refusals.counts() == {"no rule": 1}
+    assert "stays on the bus: no rule has it" in caplog.text
+
+
+@pytest.mark.parametrize("key", ["commands/velocity", "frames", "frames/front", "cloud/position", "alert"])
+def test_what_is_for_the_bus_alone_is_not_told(bench, key):
+    bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
+    assert bench.uplink.refusals.counts() == {}
+
+
+def test_what_fleet_yaml_switched_off_is_not_told():
+    bench = Bench(rulebook("satellite"))
+    bench.uplink.arrived(f"cw/{TWIN}/data/imu", b"{}")
+    assert bench.uplink.refusals.counts() == {}
+
+
+def test_fields_that_do_not_cross_are_told_by_name(bench, caplog):
+    say(bench, "battery", {"charge_pct": 50.0, "cell_temperature": 31.5, "source_type": "edge"})
+    bench.turn()
+    assert bench.uplink.refusals.counts() == {"unknown fields": 1}
+    assert "these fields do not cross: cell_temperature" in caplog.text
+    assert bench.of("battery/status")[0][1]["percentage"] == 50.0
+
+
 def test_invented_keys_do_not_fill_the_memory(bench, pose):
     for number in range(STRANGERS + 100):
         bench.uplink.arrived(f"cw/{number}/data/position", b"x")
