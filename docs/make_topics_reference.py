@@ -100,7 +100,8 @@ What each profile changes (Hz, bytes):
 
 PAYLOADS = """\
 Every message has `timestamp` (Unix seconds, when it was measured), `session_id` (the edge's client id) and
-`source_type` (`edge`, or `sim` for a simulated robot); `connected` and `disconnected` have no source type.
+`source_type` (`edge`, `sim` for a simulated robot, `edge_leader` or `edge_follower` by its `role`);
+`connected` and `disconnected` have no source type.
 What is unknown is left out, and a number that is not finite is never sent. An exact zero position and an
 exact identity rotation are moved by 1e-9, because the SDK's readers take them for "not given".
 """

@@ -55,7 +55,9 @@ READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightController
 
 def source_type(config: AdapterConfig) -> str:
     """Return the source type of a robot's own state."""
-    return "sim" if config.simulated else "edge"
+    if config.simulated:
+        return "sim"
+    return f"edge_{config.role}" if config.role else "edge"
 
 
 def patience(ask: Ask, config: AdapterConfig) -> float:
