@@ -14,6 +14,7 @@ from fleet.bus import keys
 from fleet.topic_rules import topic_name
 from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
+from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, Change
 from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Form, Rule, Taker
 from fleet.wire.stops import STOP_WORDS
@@ -42,6 +43,29 @@ CLASSES = """\
 
 "Off" topics are sent only when fleet.yaml says `on: true`. A message larger than its size is not sent, and
 counted. After its age a message is not worth sending any more, wherever it waits.
+"""
+
+TELEMETRY_TEXT = """\
+### Telemetry and metrics
+
+When a robot answers, `T telemetry` says `connected` and `telemetry_start`; when it is lost or the edge ends,
+`disconnected` and `telemetry_end`. An end of the whole twin (one without `sensor`, `stream_source` or
+`stream_instance_id`) closes all its streams and recordings: it is not sent, and counted, while a program on
+the bus has signalled a stream of that twin. A `type` that is told again and again is state: the newest
+crosses, and none from before an outage arrives after it. Every other type is an event, as the row says:
+"""
+
+LAYOUTS_TEXT = """\
+`J update` is aggregated (`positions`, `velocities`, `efforts`) unless its rule has `layout: single` (a
+message for each joint) or `flat` (positions at the top); what a report tells of who moves the joints
+(`source_subtype`, `workload_uuid`, `camera_frame_counters`) goes along. The `data` of `T depth` is an object,
+or with `layout: string` the image in base64 and with `list` a list of `uint16`; width, height and dtype then
+stand beside it. A pose has the `frame_id` that its report names.
+"""
+
+METRICS_TEXT = """\
+`T metrics` has its categories in `metrics`, whatever they are; those that a robot's adapter reports and those
+of a program on the bus do not replace each other. A `camera_sync_frame` keeps the `session_id` of its stream.
 """
 
 RULES_TEXT = """\
@@ -76,7 +100,8 @@ What each profile changes (Hz, bytes):
 
 PAYLOADS = """\
 Every message has `timestamp` (Unix seconds, when it was measured), `session_id` (the edge's client id) and
-`source_type` (`edge`, or `sim` for a simulated robot); `connected` and `disconnected` have no source type.
+`source_type` (`edge`, `sim` for a simulated robot, `edge_leader` or `edge_follower` by its `role`);
+`connected` and `disconnected` have no source type.
 What is unknown is left out, and a number that is not finite is never sent. An exact zero position and an
 exact identity rotation are moved by 1e-9, because the SDK's readers take them for "not given".
 """
@@ -96,6 +121,10 @@ request's Correlation Data, where that is text, as `correlation_id`; what was do
 one answer. With `legacy_status: false` a robot sends no status.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
 declare; without it they are refused. Missions are flown by robots with a memory for them.
+
+Of `T position`, `T rotation` and `T scale` only what the editor says (`source_type: edit`) goes to the bus,
+for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
+3.1.1 a broker sends an edge's own state back to it; `listen: {position: {on: false}}` saves that.
 
 A twin has one edge. An edge that sees another one that had it first, by the token
 `fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
@@ -153,8 +182,11 @@ The payloads differ from those on MQTT; the bridge translates. A sensor in a key
 
 SHAPES = {
     "event": "`event_type, source, data`; of the fleet also `ts, text, severity, asker?, command?, request?`",
-    "position": "`ts, x, y, z, qx, qy, qz, qw`",
-    "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?`",
+    "telemetry": "as on MQTT, other fields beside `type` or in `fields`",
+    "metrics": "as on MQTT, categories in `metrics` or at the top",
+    "driverlog": "as on MQTT: `message, level`, and what else is told of who says it",
+    "position": "`ts, x, y, z, qx, qy, qz, qw, frame_id?`",
+    "joint_states": "`ts, names[], positions[], velocities[]?, efforts[]?, source_subtype?, workload_uuid?`",
     "battery": "`ts, voltage_v?, current_a?, charge_pct?`",
     "imu": "`ts, accel{x,y,z}, gyro{x,y,z}`",
     "depth": "array `[height, width]` of `uint16` (mm) or `float32` (m)",
@@ -239,6 +271,17 @@ def inbound() -> Iterator[str]:
         yield f"| {topic(rule.leaf)} | {about} | {goes} | {bounds} |"
 
 
+def telemetry_parts() -> Iterator[str]:
+    """Yield the table of the types of telemetry that are carried otherwise than the row says."""
+    yield from (
+        "| type | class | QoS | at most, Hz | age, s | one state for each |",
+        "|---|---|---|---|---|---|",
+    )
+    for name, part in TELEMETRY.items():
+        carried = f"{part.traffic.word} | {part.qos} | {rate(part.max_rate)} | {rate(part.max_age)}"
+        yield f"| `{name}` | {carried} | {f'`{part.apart}`' if part.apart else '-'} |"
+
+
 def verbs() -> Iterator[str]:
     """Yield the table of motion verbs."""
     yield from ("| command | moves along | own field |", "|---|---|---|")
@@ -285,6 +328,11 @@ def render() -> str:
         "",
         CLASSES,
         PAYLOADS,
+        TELEMETRY_TEXT,
+        *telemetry_parts(),
+        "",
+        METRICS_TEXT,
+        LAYOUTS_TEXT,
         RULES_TEXT,
         *profiles(),
         "",

@@ -173,6 +173,11 @@ class AdapterConfig(Topics):
         description="Run this robot in the worker process of this name; "
         "robots that name the same worker share it.",
     )
+    role: Literal["leader", "follower"] | None = Field(
+        None,
+        description="One of two arms that move together: its state says edge_leader or edge_follower. "
+        "A simulated robot says sim all the same.",
+    )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
     limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
     fence: FenceConfig | None = Field(None, description="Where the robot may be.")

@@ -11,10 +11,11 @@ from pydantic_core import PydanticKnownError
 
 from fleet.wire.documents import SHAPES
 from fleet.wire.rulebook import Change, Changes, Channel
-from fleet.wire.rules import CHANNEL_LEAVES, INWARD, LARGEST, RULES, Form, Taker, Traffic
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, LARGEST, LAYOUTS, RULES, Form, Taker, Traffic
 from fleet.yaml_model import Model, wrong
 
 TrafficWord = Literal["status", "event", "latest", "stream"]
+LayoutWord = Literal["aggregated", "single", "flat", "object", "string", "list"]
 _ANSWERED = frozenset({"ping:request", "pong:response"})
 
 
@@ -96,10 +97,16 @@ class TopicRule(Model):
     max_age: _Age | None = Field(None, description="Seconds after which it is not worth sending any more.")
     size: _Size | None = Field(None, description="Largest payload in bytes; what is larger is not sent.")
 
+    layout: LayoutWord | None = Field(
+        None,
+        description="How the payload is laid out: joint/update as `aggregated`, `single` or `flat`, the data "
+        "of depth as `object`, `string` or `list`.",
+    )
+
     def change(self) -> Change:
         """Return it as the bridge's own."""
         traffic = None if self.traffic is None else Traffic[self.traffic.upper()]
-        return Change(self.on, self.rate, traffic, self.max_age, self.size)
+        return Change(self.on, self.rate, traffic, self.max_age, self.size, self.layout)
 
 
 class ListenRule(Model):
@@ -146,6 +153,11 @@ class Topics(Model):
             if name in _FOLLOWERS and rule.model_fields_set - {"on"}:
                 first = _FOLLOWERS[name]
                 raise wrong("rules", f"{name} is made with {first} and has its rule; it takes only on:")
+            known = LAYOUTS.get(OUTWARD_NAMES[name], ())
+            if rule.layout is not None and rule.layout not in known:
+                raise wrong(
+                    "rules", f"{name} has no layout {rule.layout!r} ({', '.join(known) or 'only one'})"
+                )
         if "command" in self.listen and self.listen["command"].on is False:
             raise wrong("listen", "stops come on command; to obey nothing else set accepts: {command: []}")
         return self

@@ -200,13 +200,18 @@ class PositionTargetGlobalInt(Message, frozen=True):
 
 
 class BatteryStatus(Message, frozen=True):
-    """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown."""
+    """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown.
+
+    The last two are extensions, 0 where they are not told: seconds that are left, MAV_BATTERY_CHARGE_STATE.
+    """
 
     message_id: ClassVar[int] = 147
     id: int
     voltages: tuple[int, ...]
     current_battery: int  # cA, -1 unknown
     battery_remaining: int  # percent, -1 unknown
+    time_remaining: int = 0
+    charge_state: int = 0
 
 
 class EkfStatusReport(Message, frozen=True):

@@ -103,11 +103,12 @@ class _Course:
         self._length = max(sum(self._legs), 0.01)
         self._percent = 0.0
 
-    def percent(self, leg: int, left: float) -> float:
-        """Return 0 to 99, never less than before; ``left`` metres of leg number ``leg`` remain."""
+    def progress(self, leg: int, left: float, message: str, *, blocked: bool = False) -> Progress:
+        """Return 0 to 99 percent, never less than before; ``left`` metres of leg number ``leg`` remain."""
         ahead = left + sum(self._legs[leg + 1 :])
         self._percent = max(self._percent, min(99.0, 100 * (1 - ahead / self._length)))
-        return self._percent
+        remaining = ahead if math.isfinite(ahead) else None
+        return Progress(self._percent, message, blocked, remaining=remaining)
 
 
 class _Watch:
@@ -193,13 +194,13 @@ class Navigator:
         goto = flight.flavour.goto
         tolerance = constraints.tolerance or TOLERANCE
         await flight.go(target.point, self._speed(constraints), nose)
-        yield Progress(course.percent(leg, self._left(target)), "on the way")
+        yield course.progress(leg, self._left(target), "on the way")
         async for blocked in self._until(target, tolerance, turned=False):
-            yield Progress(course.percent(leg, self._left(target)), "on the way", blocked=blocked)
+            yield course.progress(leg, self._left(target), "on the way", blocked=blocked)
         if target.heading is not None:
             async for blocked in self._until(target, math.inf, turned=True):
-                yield Progress(course.percent(leg, 0.0), "turning", blocked=blocked)
-        yield Progress(course.percent(leg, 0.0), "there")
+                yield course.progress(leg, 0.0, "turning", blocked=blocked)
+        yield course.progress(leg, 0.0, "there")
         await flight.wait(target.wait, goto)
 
     async def _until(self, target: Target, tolerance: float, *, turned: bool) -> AsyncIterator[bool]:

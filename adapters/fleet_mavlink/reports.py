@@ -115,7 +115,14 @@ def metrics_report(
     """Return the numbers for people: only those that are known; ``counts`` of what went wrong by its name."""
     errors = tuple({"type": what, "count": count} for what, count in (counts or {}).items() if count)
     battery = state.battery
-    power = {"battery_percent": battery.percent, "voltage": battery.voltage, "current": battery.current}
+    lasts = None if battery.charging else battery.seconds_left
+    power = {
+        "battery_percent": battery.percent,
+        "voltage": battery.voltage,
+        "current": battery.current,
+        "charging": battery.charging,
+        "estimated_runtime_minutes": None if lasts is None else round(lasts / 60, 1),
+    }
     navigation = {
         "status": kind.mode_of(state),
         "altitude_m": _height(state),

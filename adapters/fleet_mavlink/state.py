@@ -48,15 +48,18 @@ _ABSOLUTE_POSITION = 0x10  # estimator flag
 _UNKNOWN_16 = 65535
 _LANDED = {int(each): each for each in Landed}
 _UNDEFINED, _ON_GROUND = Landed.UNDEFINED, Landed.ON_GROUND  # looked up once: an enumeration's is slow
+_CHARGING = 7  # MAV_BATTERY_CHARGE_STATE
 _AIRBORNE = 0.5  # m above home, where the autopilot does not say whether it flies
 
 
 class Battery(msgspec.Struct, frozen=True):
-    """The main battery: percent 0 to 100, volts, amperes; None where unknown."""
+    """The main battery: percent 0 to 100, volts, amperes, s until it is empty; None where unknown."""
 
     percent: float | None = None
     voltage: float | None = None
     current: float | None = None
+    charging: bool | None = None
+    seconds_left: float | None = None
 
 
 class Fix(msgspec.Struct, frozen=True):
@@ -255,6 +258,8 @@ def _battery_status(_state: VehicleState, message: BatteryStatus, _now: float) -
         percent=_percent(message.battery_remaining),
         voltage=sum(cells) / 1000 if cells else None,
         current=_amperes(message.current_battery),
+        charging=message.charge_state == _CHARGING if message.charge_state else None,
+        seconds_left=float(message.time_remaining) if message.time_remaining > 0 else None,
     )
     return {"battery": battery, "battery_has_own_message": True}
 

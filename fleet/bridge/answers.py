@@ -84,14 +84,15 @@ class Answers:
         self._clock = clock
         self._told: dict[tuple[str, str, str], float] = {}
 
-    def to(self, port: Port, message: Message, kind: Kind) -> Answering:
+    def to(self, port: Port, message: Message, kind: Kind, *, once: bool = False) -> Answering:
         """Return what answers a message: a response to who asked for one, else a status.
 
         How a command ended that was accepted before is told by a status, to all who hear of the twin.
+        ``once``: it is no part of a stream, whatever its verb is.
         """
         inbox, status = message.response_topic, _no_answer
         if kind in TOLD_BY_STATUS and port.legacy_status:
-            status = partial(self._tell_status, port, _text(message.correlation))
+            status = partial(self._tell_status, port, _text(message.correlation), once)
         if inbox is None:
             return Answering(status, status)
         if not self._topics.is_own_inbox(inbox, port.twin):
@@ -111,9 +112,9 @@ class Answers:
 
         return respond
 
-    def _tell_status(self, port: Port, request: str, reply: Reply) -> None:
+    def _tell_status(self, port: Port, request: str, once: bool, reply: Reply) -> None:  # noqa: FBT001 - by position
         """Put a status message on the command topic."""
-        if self._worth_telling(port, reply):
+        if once or self._worth_telling(port, reply):
             payload = legacy_status(
                 reply, stamp=self._clock.time(), source_type=port.source_type, request=request
             )

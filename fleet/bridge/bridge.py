@@ -24,6 +24,7 @@ from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
 from fleet.tally import Tally
 from fleet.wire.claims import read_heartbeat
+from fleet.wire.parts import TELEMETRY_END
 from fleet.wire.ping import check_ping
 from fleet.wire.rulebook import Rulebook
 from fleet.wire.rules import Rule
@@ -123,6 +124,8 @@ class Bridge:
         """Say that every twin is disconnected, and leave."""
         for port in self._served():
             self.voice.tell(port, "disconnected", {"reason": "the edge ends"})
+            if self._alive(port.name) and port.twin not in self.uplink.streaming:
+                self.voice.tell(port, TELEMETRY_END, {})
         self.client.close()
 
     def heard(self, samples: Iterable[tuple[str, bytes]]) -> None:

@@ -233,7 +233,9 @@ class Downlink:
             if asked.stops:
                 asked(lambda _reply: None)
             return
-        asked(partial(self._answer, port, self._answers.to(port, message, route.kind), one.at))
+        asked(
+            partial(self._answer, port, self._answers.to(port, message, route.kind, once=asked.once), one.at)
+        )
 
     def _answer(self, port: Port, tell: Answering, arrived: float, reply: Reply) -> None:
         """Answer, and note how long the receipt took."""

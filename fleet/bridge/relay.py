@@ -8,7 +8,7 @@ from fleet.clock import Clock
 from fleet.cloud.values import Message
 from fleet.errors import WireError
 from fleet.tally import Tally
-from fleet.wire.documents import document_in, is_for_the_cloud
+from fleet.wire.documents import document_in, is_for_the_cloud, is_state_of_another, word_of_update
 from fleet.wire.rules import ENVIRONMENT, Inward
 from fleet.wire.topics import Topic, data_key
 
@@ -28,7 +28,7 @@ class Relay:
 
     def take(self, topic: Topic, rule: Inward, message: Message) -> None:
         """Check one message and put it on the bus, or count why not."""
-        if is_for_the_cloud(topic.leaf, message.payload):
+        if is_for_the_cloud(topic.leaf, message.payload) or is_state_of_another(topic.leaf, message.payload):
             return
         if not self._allowed(topic, rule):
             line = "%s comes more than %g times a second"
@@ -60,5 +60,5 @@ class Relay:
 
 def _key(topic: Topic, rule: Inward) -> str:
     """Return where on the bus a message goes; an update's type takes the place of the sensor."""
-    sensor = topic.leaf.partition(":")[2] if rule.leaf == ENVIRONMENT else None
+    sensor = word_of_update(topic.leaf.partition(":")[2]) if rule.leaf == ENVIRONMENT else None
     return data_key(topic.twin, rule.channel, sensor)

@@ -5,18 +5,33 @@ from __future__ import annotations
 import msgspec
 
 from fleet.cloud.client import Way
+from fleet.errors import WireError
 from fleet.model.report import Report
+from fleet.wire.parts import PARTED, rule_of_part
 from fleet.wire.reports import sender
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, KIB, Form, Rule, Traffic
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, RULES, Form, Rule, Traffic
 from fleet.wire.topics import DataKey
 
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 HEAVY = 64 * KIB
 """Bytes that a message may have above which it is sent by itself: translating it may take milliseconds."""
+MOST_PARTS = 64  # of one channel of one twin; anybody on the bus can invent more
 SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
+
+
+LOCAL = frozenset({"cloud", "frames", *(rule.channel for rule in INWARD.values())})
+"""Channels that are for programs on the bus alone."""
+
+
+def is_left_out(key: DataKey) -> bool:
+    """Return True for a channel that its program may think crosses: neither local nor switched off."""
+    if key.channel.startswith("commands") or key.channel in LOCAL:
+        return False
+    leaves = CHANNEL_LEAVES.get(key.channel)
+    return leaves is None or (key.sensor is not None and not RULES[leaves[0]].sensors)
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
@@ -42,7 +57,10 @@ class Slot:
         "fresh",
         "heavy",
         "info",
+        "key",
         "off",
+        "parted",
+        "parts",
         "period",
         "rate",
         "refused",
@@ -51,6 +69,7 @@ class Slot:
         "sample",
         "sensor",
         "sent",
+        "session",
         "silence",
         "size",
         "streams",
@@ -60,11 +79,13 @@ class Slot:
     )
 
     def __init__(self, key: DataKey, info: TwinInfo, rule: Rule, session: str) -> None:
+        self.key = key
+        self.session = session
         self.twin = key.twin
         self.channel = key.channel
         self.sensor = key.sensor
         self.info = info
-        self.by = sender(source_type=info.source_type, session=session, sensor=key.sensor)
+        self.by = sender(source_type=info.source_type, session=session, sensor=key.sensor, layout=rule.layout)
         self.off = info.rules.off.intersection(CHANNEL_LEAVES.get(key.channel, ()))
         self.rule = rule
         self.document = rule.form is Form.DOCUMENT
@@ -74,7 +95,9 @@ class Slot:
         self.durable = rule.traffic.durable
         self.streams = rule.traffic is Traffic.STREAM
         self.heavy = self.document or rule.size > HEAVY
-        self.at_once = not (self.durable or self.heavy)
+        self.parted = key.channel in PARTED
+        self.parts: dict[str, Slot] = {}  # of a channel whose messages are several states, by part
+        self.at_once = not (self.durable or self.heavy or self.parted)
         self.backlog = info.rules.backlog
         self.rate = rule.max_rate
         self.period = 1.0 / rule.max_rate - SLACK if rule.max_rate else 0.0
@@ -87,6 +110,21 @@ class Slot:
         self.due = float("-inf")  # when the next one may go
         self.credit = 0.0  # events that may go now
         self.refused = False  # the last sample could not be translated
+
+    def part(self, name: str) -> Slot:
+        """Return where one of the channel's states crosses; itself for what its row is about.
+
+        Raises WireError for more of them than a channel has.
+        """
+        if not name:
+            return self
+        found = self.parts.get(name)
+        if found is None:
+            if len(self.parts) >= MOST_PARTS:
+                raise WireError(f"more than {MOST_PARTS} different states", where=self.channel)
+            rule = rule_of_part(self.rule, name)
+            found = self.parts.setdefault(name, Slot(self.key, self.info, rule, self.session))
+        return found
 
     def takes_event(self, now: float) -> bool:
         """Return False for an event above the channel's rate; the events of one second may come at once.

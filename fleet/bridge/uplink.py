@@ -13,16 +13,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
-from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo
+from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo, is_left_out
 from fleet.clock import Clock
 from fleet.cloud.client import Way
 from fleet.errors import WireError
 from fleet.model.report import Report
 from fleet.tally import Tally
-from fleet.wire.databus import decode_report
+from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
 from fleet.wire.events import is_of_the_fleet
+from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import Message, messages_of, to_mqtt
 from fleet.wire.rules import Rule, Traffic
 from fleet.wire.topics import Topics, parse_data_key
@@ -93,6 +94,7 @@ class Uplink:
         self._next_tell = float("-inf")
         self._told = 0
         self.held: frozenset[str] = frozenset()
+        self.streaming: set[str] = set()  # twins of which a program on the bus has streams
         self.refusals = refusals
         self.received = ClassCounts()
         self.sent = ClassCounts()
@@ -106,9 +108,21 @@ class Uplink:
 
     def arrived(self, key: str, sample: bytes) -> None:
         """Take a sample from the bus; any thread, never blocks."""
-        slot = self._slots[key] if key in self._slots else self._meet(key)
+        if key in self._slots:
+            slot = self._slots[key]
+        else:
+            slot = self._meet(key)
+            if slot is not None and not slot.document:
+                self._look_for_unread(slot, sample)
         if slot is not None:
             self._take(slot, sample)
+
+    def _look_for_unread(self, slot: Slot, sample: bytes) -> None:
+        """Tell what of a program's messages does not cross, by the first that comes on a key."""
+        unread = unread_fields(slot.channel, sample)
+        if unread:
+            line = "of %s of %s these fields do not cross: %s"
+            self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
     def open(self, key: str) -> Slot | None:
         """Return where this process's own reports of a key cross; None when none may."""
@@ -134,6 +148,13 @@ class Uplink:
 
     def _take(self, slot: Slot, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
+        if slot.parted:
+            try:
+                slot, sample = self._part(slot, sample)
+            except WireError as error:
+                self.received.counts[slot.traffic] += 1
+                self._refuse(slot, error)
+                return
         self.received.counts[slot.traffic] += 1
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
@@ -147,6 +168,13 @@ class Uplink:
         else:
             slot.fresh = True
             self._fresh.append(slot)
+
+    def _part(self, slot: Slot, sample: Report | bytes) -> tuple[Slot, Report]:
+        """Return where a message of a channel with several states crosses, read; raises WireError."""
+        report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
+        if ends_every_stream(report) and slot.twin in self.streaming:
+            raise WireError("a program here has streams of this twin, which it would close; name a sensor")
+        return slot.part(part_of(report)), report
 
     def turn(self) -> Iterator[None]:
         """Publish the state that is due, a few samples a step."""
@@ -271,9 +299,7 @@ class Uplink:
         try:
             messages = self._translated(slot, sample)
         except WireError as error:
-            slot.refused = True
-            line = "a sample on %s of %s did not cross: %s"
-            self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
+            self._refuse(slot, error)
             return
         slot.refused = False
         for leaf, payload in messages:
@@ -283,6 +309,12 @@ class Uplink:
                 continue
             self.sent.counts[slot.traffic] += 1
             self._client.queue(slot.ways.get(leaf) or self._open(slot, leaf), payload)
+
+    def _refuse(self, slot: Slot, error: WireError) -> None:
+        """Count what cannot cross, and tell why."""
+        slot.refused = True
+        line = "a sample on %s of %s did not cross: %s"
+        self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
     def _translated(self, slot: Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
@@ -304,10 +336,15 @@ class Uplink:
         rule = twin.rules.outward.get(parsed.channel) if parsed and twin else None
         # What a worker learned with one of a robot's sensors is seldom the robot's own state.
         if parsed is None or twin is None or rule is None or (parsed.sensor is not None and not rule.sensors):
+            if parsed and twin and is_left_out(parsed):
+                line = "%.120s stays on the bus: no rule has it (cloud.channels in fleet.yaml adds one)"
+                self.refusals.add("no rule", line, key)
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
         slot = Slot(parsed, twin, rule, self._session)
+        if parsed.channel.startswith("webrtc_"):
+            self.streaming.add(parsed.twin)
         kept = self._slots.setdefault(key, slot)
         if kept is slot and slot.repeat:
             self._repeated.append(slot)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import msgspec
 
 from fleet.clock import Clock
+from fleet.host.way_left import WayLeft
 from fleet.model.navigation import NEXT, ActionState, FlyMission, FollowPath, Progress, Task
 from fleet.model.report import NavigationReport
 
@@ -33,6 +34,7 @@ class Action:
         self._ended = ended
         self._clock = clock
         self._said = 0.0
+        self._left = WayLeft()
         self.status = self._report(ActionState.QUEUED, 0.0, "")
         publish(self.status)
 
@@ -51,6 +53,7 @@ class Action:
     def pause(self) -> None:
         """Interrupt it; the task becomes what is left of it."""
         self.paused = True
+        self._left.rest()
         if isinstance(self.task, FollowPath):
             left = (self.task.goals * self.task.loops)[max(0, self.reached) :]
             self.task = msgspec.structs.replace(self.task, goals=left or self.task.goals[-1:], loops=1)
@@ -77,6 +80,7 @@ class Action:
         state = ActionState.BLOCKED if progress.blocked else ActionState.RUNNING
         percent = max(self.status.progress, min(99.0, progress.percent))
         self.reached = max(self.reached, progress.reached)
+        self._left.take(progress.remaining, self._clock.monotonic())
         changed = state is not self.status.state or progress.message != self.status.message
         if changed or self._clock.monotonic() - self._said >= REPEAT:
             self.move(state, percent, progress.message)
@@ -103,7 +107,9 @@ class Action:
 
     def _report(self, state: ActionState, percent: float, message: str) -> NavigationReport:
         """Return a status of this action."""
-        return NavigationReport(self._clock.time(), self.id, state, percent, message, self._step)
+        left = WayLeft() if state.terminal else self._left
+        now = self._clock.time()
+        return NavigationReport(now, self.id, state, percent, message, self._step, left.metres, left.seconds)
 
     @property
     def _step(self) -> int | None:

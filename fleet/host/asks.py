@@ -12,7 +12,7 @@ from fleet.model.command import Answer, Command, Origin, Reply, Setpoint, Way
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
 from fleet.wire.commands import Defaults, decode_command, decode_motion
-from fleet.wire.joints import decode_joints
+from fleet.wire.joints import JOINT_TARGETS, decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.rules import MIB, Kind
@@ -114,6 +114,11 @@ def is_stop(ask: Ask) -> bool:
     if isinstance(ask, Navigate):
         return ask.ask is Control.STOP
     return isinstance(ask, Command) and ask.name in STOP_WORDS
+
+
+def is_once(ask: Ask) -> bool:
+    """Return True for what is no part of a stream: neither a velocity nor joint targets."""
+    return not isinstance(ask, Setpoint) and ask.name != JOINT_TARGETS
 
 
 def told_flaw(answer: Answer, flaw: str) -> Answer:

@@ -12,7 +12,7 @@ from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
 from fleet.host.apart import LOOK, Apart
-from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
+from fleet.host.asks import Ask, Decoder, is_once, is_stop, told_flaw
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
@@ -36,6 +36,7 @@ from fleet.model.report import (
     BatteryReport,
     FlightControllerReport,
     FlightStateReport,
+    MetricsReport,
     NavigationReport,
     PoseReport,
     Report,
@@ -54,7 +55,9 @@ READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightController
 
 def source_type(config: AdapterConfig) -> str:
     """Return the source type of a robot's own state."""
-    return "sim" if config.simulated else "edge"
+    if config.simulated:
+        return "sim"
+    return f"edge_{config.role}" if config.role else "edge"
 
 
 def patience(ask: Ask, config: AdapterConfig) -> float:
@@ -195,7 +198,7 @@ class LocalRobot:
             return None
         if ask.name == EMERGENCY:
             self._stop_at_once(ask.origin)
-        return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask))
+        return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_once(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
         """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""
@@ -257,6 +260,10 @@ class LocalRobot:
             self.happenings.see(report)
             self.desk.see(report)
             self.desk.guard.see(report)
+        elif type(report) is NavigationReport:
+            self._seen.take(report)
+        elif type(report) is MetricsReport:
+            report = self._seen.with_way(report)
         self._send(report)
 
     def state(self) -> RobotState:
@@ -327,11 +334,13 @@ class LocalRobot:
         self._changed(self.name)
 
     def _health_changed(self) -> None:
-        """Say on the telemetry channel when the robot comes and goes."""
+        """Say on the telemetry channel when the robot comes and goes, in the order of the SDK."""
         online = not self.desk.offline
         if online != self._online:
             self._online = online
-            kind = "connected" if online else "disconnected"
+            kind, session = ("connected", "telemetry_start") if online else ("disconnected", "telemetry_end")
             fields = {} if online else {"reason": self.runner.health.cause}
-            self.publish(TelemetryReport(self._clock.time(), kind, fields))
+            now = self._clock.time()
+            self.publish(TelemetryReport(now, kind, fields))
+            self.publish(TelemetryReport(now, session))
         self._changed(self.name)

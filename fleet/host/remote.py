@@ -16,7 +16,7 @@ from fleet.decoding import decode_json
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
-from fleet.host.asks import Decoder, is_stop, told_flaw
+from fleet.host.asks import Decoder, is_once, is_stop, told_flaw
 from fleet.host.local import patience, source_type
 from fleet.host.safety.speeds import Speeds
 from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
@@ -132,7 +132,8 @@ class RemoteRobot:
         if isinstance(ask, Command) and ask.flaw:
             return Asked(partial(self._hand_over_stop, ask, parameters), stops=True)
         until = self._arrival() + patience(ask, self._config)
-        return Asked(partial(self._hand_over, ask.name, payload, parameters, until), is_stop(ask))
+        take = partial(self._hand_over, ask.name, payload, parameters, until)
+        return Asked(take, is_stop(ask), is_once(ask))
 
     def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
         """Hand a stop to the worker whose message was refused, written as it should be."""

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from fleet.model.geometry import Vector3
-from fleet.model.report import BatteryReport, FlightControllerReport, FlightStateReport, PoseReport, Report
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    MetricsReport,
+    NavigationReport,
+    PoseReport,
+    Report,
+)
 
 
 class Snapshot:
@@ -15,6 +25,7 @@ class Snapshot:
         self.battery: float | None = None
         self.position: Vector3 | None = None
         self.home_altitude: float | None = None
+        self._way: NavigationReport | None = None  # of the action under way
 
     def take(self, report: Report) -> None:
         """Note what a report says."""
@@ -28,5 +39,17 @@ class Snapshot:
                 self.home_altitude = report.home.altitude if report.home else None
             case FlightStateReport():
                 self.mode = report.flight_mode or self.mode
+            case NavigationReport() if not report.state.terminal:
+                self._way = report
+            case NavigationReport() if self._way is not None and self._way.action_id == report.action_id:
+                self._way = None
             case _:
                 pass
+
+    def with_way(self, report: MetricsReport) -> MetricsReport:
+        """Return numbers for people with what is left of the goal under way, where its leader tells that."""
+        if self._way is None:
+            return report
+        left = {"distance_remaining_m": self._way.remaining, "eta_seconds": self._way.eta}
+        known = {name: round(value, 2) for name, value in left.items() if value is not None}
+        return msgspec.structs.replace(report, navigation={**report.navigation, **known})

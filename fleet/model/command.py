@@ -104,11 +104,13 @@ Answer = Callable[[Reply], None]
 class Asked(msgspec.Struct, frozen=True):
     """What a robot made of a message: calling it takes the message, and answers.
 
-    ``stops``: it can only end motion, so it is obeyed where nothing else is.
+    ``stops``: it can only end motion, so it is obeyed where nothing else is. ``once``: it is no part of a
+    stream of setpoints, so its success is worth an answer.
     """
 
     take: Callable[[Answer], None]
     stops: bool = False
+    once: bool = False
 
     def __call__(self, answer: Answer) -> None:
         """Take the message; on the loop."""

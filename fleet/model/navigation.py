@@ -159,10 +159,12 @@ NEXT: Mapping[ActionState, frozenset[ActionState]] = {
 class Progress(msgspec.Struct, frozen=True):
     """How far something is: percent 0 to 100, in the robot's own words; blocked when it is stuck.
 
-    ``reached``: how many goals of the path (all loops counted) are behind.
+    ``reached``: how many goals of the path (all loops counted) are behind. ``remaining``: metres that are
+    left of all of it, None while they are unknown.
     """
 
     percent: float
     message: str = ""
     blocked: bool = False
     reached: int = 0
+    remaining: float | None = None

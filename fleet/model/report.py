@@ -17,12 +17,16 @@ from fleet.model.navigation import ActionState
 
 
 class PoseReport(msgspec.Struct, frozen=True, gc=False):
-    """Where the robot is, in the world frame (m, ENU) and how it is turned."""
+    """Where the robot is, in the world frame (m, ENU) and how it is turned.
+
+    ``frame_id`` is what readers in the cloud are told that frame is called; empty: they are not.
+    """
 
     channel: ClassVar[str] = "position"
     stamp: float
     position: Vector3
     rotation: Quaternion
+    frame_id: str = ""
 
 
 class ScaleReport(msgspec.Struct, frozen=True):
@@ -33,6 +37,19 @@ class ScaleReport(msgspec.Struct, frozen=True):
     scale: Vector3
 
 
+class JointTags(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What joints may be told with, by the names of ``joint/update``: who moves them, and what is seen then.
+
+    ``source_subtype`` is how they are moved (a policy, a gamepad), ``workload_uuid`` the run that moves them.
+    """
+
+    source_subtype: str | None = None
+    workload_uuid: str | None = None
+    camera_frame_counters: list[dict[str, Any]] | None = None
+    stream_instance_id: str | None = None
+    applied_position_targets: dict[str, float] | None = None
+
+
 class JointReport(msgspec.Struct, frozen=True, gc=False):
     """Measured joints by name: rad (or m), rad/s, N m; ``velocities`` and ``efforts`` may be empty."""
 
@@ -41,6 +58,7 @@ class JointReport(msgspec.Struct, frozen=True, gc=False):
     positions: dict[str, float]
     velocities: dict[str, float] = {}
     efforts: dict[str, float] = {}
+    tags: JointTags | None = None
 
 
 class BatteryReport(msgspec.Struct, frozen=True):
@@ -124,17 +142,37 @@ class FlightControllerReport(msgspec.Struct, frozen=True):
 
 
 class MetricsReport(msgspec.Struct, frozen=True):
-    """Numbers for people: power, navigation, errors (the categories of the ``metrics`` topic)."""
+    """Numbers for people: power, navigation, errors, and ``more`` categories by name (the ``metrics`` topic).
+
+    Errors are told even when there are none any more; None says nothing about them.
+    """
 
     channel: ClassVar[str] = "metrics"
     stamp: float
     power: dict[str, Any] = {}
     navigation: dict[str, Any] = {}
-    errors: tuple[dict[str, Any], ...] = ()
+    errors: tuple[dict[str, Any], ...] | None = ()
+    more: dict[str, Any] = {}
+
+    @property
+    def categories(self) -> dict[str, Any]:
+        """What is told, by category."""
+        told: dict[str, Any] = {**self.more}
+        if self.errors is not None:
+            told["errors"] = self.errors
+        if self.power:
+            told["power"] = self.power
+        if self.navigation:
+            told["navigation"] = self.navigation
+        return told
 
 
 class NavigationReport(msgspec.Struct, frozen=True):
-    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0."""
+    """One status of one action (``navigate/status``); ``step``: of a mission, the item it is at, from 0.
+
+    ``remaining`` metres and ``eta`` seconds are left of it, as far as that is known; the cloud hears of them
+    in ``metrics``.
+    """
 
     channel: ClassVar[str] = "navigate_status"
     stamp: float
@@ -143,10 +181,15 @@ class NavigationReport(msgspec.Struct, frozen=True):
     progress: float = 0.0
     message: str = ""
     step: int | None = None
+    remaining: float | None = None
+    eta: float | None = None
 
 
 class TelemetryReport(msgspec.Struct, frozen=True):
-    """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ..."""
+    """One message of the ``telemetry`` topic: connected, vehicle_state, authority_lost, ...
+
+    ``fields`` stand beside ``type`` in the message.
+    """
 
     channel: ClassVar[str] = "telemetry"
     stamp: float
@@ -194,12 +237,16 @@ class PointCloudReport(msgspec.Struct, frozen=True):
 
 
 class LogReport(msgspec.Struct, frozen=True):
-    """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL."""
+    """One line for the ``driverlog`` topic; ``level`` is DEBUG, INFO, WARNING, ERROR or CRITICAL.
+
+    ``about`` holds what else is told of who says it: ``container_name``, ``driver_image``, versions.
+    """
 
     channel: ClassVar[str] = "driverlog"
     stamp: float
     level: str
     message: str
+    about: dict[str, Any] = {}
 
 
 Report = (

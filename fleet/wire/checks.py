@@ -32,9 +32,11 @@ def check_report(report: Report) -> None:
 
 
 def _plain_pose(report: PoseReport) -> bool:
-    """Tell whether all of a pose is floats."""
+    """Tell whether all of a pose is floats, and its frame a word."""
     p, r = report.position, report.rotation
     if not (type(p) is Vector3 and type(r) is Quaternion and type(report.stamp) is float):
+        return False
+    if type(report.frame_id) is not str:
         return False
     return float is type(p.x) is type(p.y) is type(p.z) is type(r.w) is type(r.x) is type(r.y) is type(r.z)
 
@@ -53,6 +55,8 @@ def _plain_joints(report: JointReport) -> bool:
     if not (
         type(positions) is dict and type(report.stamp) is float and report.velocities == {} == report.efforts
     ):
+        return False
+    if report.tags is not None:
         return False
     for name, position in positions.items():
         if type(position) is not float or type(name) is not str:

@@ -2,7 +2,8 @@
 
 Where the SDK documents a payload (position, joint_states, battery, imu) it has that shape; gps and event
 have the names of their MQTT topics; depth and pointcloud are arrays; every other channel has the fields of
-its report, with ``ts`` for the stamp. The framing is that of ``fleet.wire.samples``.
+its report, with ``ts`` for the stamp, and three of them are read as they stand on MQTT, too
+(``fleet.wire.published``). The framing is that of ``fleet.wire.samples``.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from fleet.model.report import (
     GpsReport,
     ImuReport,
     JointReport,
+    JointTags,
     PointCloudReport,
     PoseReport,
     Report,
@@ -31,6 +33,7 @@ from fleet.model.report import (
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import EventDocument
+from fleet.wire.published import ENVELOPE, PUBLISHED, decode_published, object_in
 from fleet.wire.samples import json_payload, json_sample
 
 ReportT = TypeVar("ReportT", bound=Report)
@@ -51,7 +54,7 @@ class _Vector(msgspec.Struct, frozen=True):
         return Vector3(self.x, self.y, self.z)
 
 
-class _Position(msgspec.Struct, frozen=True):
+class _Position(msgspec.Struct, frozen=True, omit_defaults=True):
     """``position``: metres in the world, and a quaternion."""
 
     ts: float
@@ -62,48 +65,60 @@ class _Position(msgspec.Struct, frozen=True):
     qy: float
     qz: float
     qw: float
+    frame_id: str = ""
 
     @classmethod
     def of(cls, report: PoseReport) -> _Position:
         p, r = report.position, report.rotation
-        return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w)
+        return cls(report.stamp, p.x, p.y, p.z, r.x, r.y, r.z, r.w, report.frame_id)
 
     def report(self) -> PoseReport:
         rotation = Quaternion(self.qw, self.qx, self.qy, self.qz)
-        return PoseReport(self.ts, Vector3(self.x, self.y, self.z), rotation)
+        return PoseReport(self.ts, Vector3(self.x, self.y, self.z), rotation, self.frame_id)
 
 
-class _Joints(msgspec.Struct, frozen=True, omit_defaults=True):
+class _Joints(JointTags, frozen=True, omit_defaults=True, kw_only=True):
     """``joint_states``: arrays by the order of ``names``; null where one joint tells nothing."""
 
     ts: float
     names: list[str]
     positions: list[float]
-    velocities: list[float | None] = []
-    efforts: list[float | None] = []
+    velocities: list[float | None] = msgspec.field(default_factory=list)
+    efforts: list[float | None] = msgspec.field(default_factory=list)
 
     @classmethod
     def of(cls, report: JointReport) -> _Joints:
         names = list(report.positions)
         return cls(
-            report.stamp,
-            names,
-            list(report.positions.values()),
-            _aligned(names, report.velocities, "velocities"),
-            _aligned(names, report.efforts, "efforts"),
+            ts=report.stamp,
+            names=names,
+            positions=list(report.positions.values()),
+            velocities=_aligned(names, report.velocities, "velocities"),
+            efforts=_aligned(names, report.efforts, "efforts"),
+            **(msgspec.structs.asdict(report.tags) if report.tags is not None else {}),
         )
 
     def report(self) -> JointReport:
         positions = dict(zip(self.names, self.positions, strict=True))
         if len(positions) != len(self.names):
             raise ValueError("a joint is named twice")
-        return JointReport(self.ts, positions, self._by_name(self.velocities), self._by_name(self.efforts))
+        tags = JointTags(*(getattr(self, name) for name in JointTags.__struct_fields__))
+        return JointReport(
+            self.ts,
+            positions,
+            self._by_name(self.velocities),
+            self._by_name(self.efforts),
+            None if tags == _UNTAGGED else tags,
+        )
 
     def _by_name(self, values: list[float | None]) -> dict[str, float]:
         if not values:
             return {}
         pairs = zip(self.names, values, strict=True)
         return {name: value for name, value in pairs if value is not None}
+
+
+_UNTAGGED = JointTags()
 
 
 def _aligned(names: list[str], values: Mapping[str, float], what: str) -> list[float | None]:
@@ -195,11 +210,12 @@ class _Codec(msgspec.Struct, Generic[ReportT], frozen=True):
     to_wire: Callable[[Any], Any]
     from_wire: Callable[[Any], Report]
     decoder: msgspec.json.Decoder[Any]
+    names: frozenset[str]
 
 
 def _shaped(shape: Any) -> _Codec[Any]:
     """Return the codec of a channel whose payload has a shape of its own."""
-    return _Codec(shape.of, shape.report, json_decoder(shape))
+    return _Codec(shape.of, shape.report, json_decoder(shape), frozenset(shape.__struct_encode_fields__))
 
 
 def _as_it_is(kind: Any) -> _Codec[Any]:
@@ -210,6 +226,7 @@ def _as_it_is(kind: Any) -> _Codec[Any]:
         lambda report: shape(*msgspec.structs.astuple(report)),
         lambda wire: kind(*msgspec.structs.astuple(wire)),
         json_decoder(shape),
+        frozenset(shape.__struct_encode_fields__),
     )
 
 
@@ -260,6 +277,8 @@ def encode_report(report: Report, sequence: int) -> bytes:
 
 def decode_report(channel: str, sample: bytes) -> Report:
     """Return the report in a sample, with header or as plain JSON; raises WireError for anything else."""
+    if channel in PUBLISHED:
+        return decode_published(channel, sample)
     codec = _CODECS.get(channel)
     if codec is None:
         return _decode_array(channel, sample)
@@ -267,6 +286,18 @@ def decode_report(channel: str, sample: bytes) -> Report:
         return codec.from_wire(codec.decoder.decode(json_payload(sample)))
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise WireError(str(error), where=channel) from None
+
+
+def unread_fields(channel: str, sample: bytes) -> list[str]:
+    """Return the fields of a sample that ``decode_report`` leaves out; what it refuses has none."""
+    codec = None if channel in PUBLISHED else _CODECS.get(channel)
+    if codec is None:
+        return []
+    try:
+        message = object_in(sample, channel)
+    except WireError:
+        return []
+    return sorted(message.keys() - codec.names - ENVELOPE)
 
 
 def _decode_array(channel: str, sample: bytes) -> Report:

@@ -7,7 +7,7 @@ readers need crosses in either direction.
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -18,11 +18,13 @@ from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import stamp_of
-from fleet.wire.samples import json_payload, json_sample, stamp_of_header
-from fleet.wire.strict import kind, parse_object, path
+from fleet.wire.joints import STATE_SENDERS
+from fleet.wire.published import object_in, stamp_in
+from fleet.wire.samples import json_sample
+from fleet.wire.strict import child, finite, kind, parse_object, path
 
-UPDATE_TYPES = frozenset({"update", "twin_added", "twin_deleted", "twin_updated", "sensor_binding", "event"})
-"""The kinds of an environment's update that are told and taken."""
+UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
+"""The kinds of an environment's update: an open list, of what can be a level of a topic."""
 
 
 class Shape(msgspec.Struct, frozen=True):
@@ -53,6 +55,16 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
 """By leaf; what is not here only has to be a JSON object."""
 
 
+EDITED = frozenset({"position", "rotation", "scale"})
+"""What the editor changes of a twin: a field of the topic's name, by axis. Others tell these as state."""
+
+
+class _Tagged(msgspec.Struct):
+    """A message, as far as it says what kind of sender it has."""
+
+    source_type: str | None = None
+
+
 class _Aimed(msgspec.Struct):
     """A WebRTC message, as far as it says whom it is for; others may be named in it, too."""
 
@@ -60,8 +72,8 @@ class _Aimed(msgspec.Struct):
 
 
 _TARGET: msgspec.json.Decoder[_Aimed] = json_decoder(_Aimed)
+_SENDER: msgspec.json.Decoder[_Tagged] = json_decoder(_Tagged)
 _OPEN = Shape()
-_DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
 
 
 def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) -> bytes:
@@ -69,12 +81,9 @@ def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) ->
 
     Raises WireError for what is no JSON object, lacks what the leaf needs, or has no stamp at all.
     """
-    try:
-        message = _DECODER.decode(json_payload(sample))
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise WireError(str(error), where=leaf) from None
+    message = object_in(sample, leaf)
     shape = _checked(leaf, message)
-    message["timestamp"] = _stamp(message, sample)
+    message["timestamp"] = stamp_in(message, sample)
     message.pop("ts", None)
     if leaf.startswith("environment:"):
         message = {"type": leaf.partition(":")[2], **message}
@@ -90,8 +99,17 @@ def document_in(leaf: str, payload: bytes, *, size: int, now: float) -> bytes:
     """
     message = parse_object(payload, limit=size)
     _checked(leaf, message)
+    if leaf.startswith("environment:"):
+        message = {"type": leaf.partition(":")[2], **message}
+    if leaf in EDITED:
+        _check_edit(leaf, message)
     stamp = stamp_of(message)
     return json_sample(encode_finite(message), stamp=now if stamp is None else stamp, sequence=0)
+
+
+def word_of_update(update: str) -> str:
+    """Return how the type of an update stands in a key on the bus, where only lower-case words can."""
+    return re.sub(r"[^a-z0-9_]", "_", update.lower())
 
 
 def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
@@ -104,12 +122,29 @@ def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
         return False
 
 
+def is_state_of_another(leaf: str, payload: bytes) -> bool:
+    """Return True for where a twin is as somebody measured or simulated it: nothing that the editor did."""
+    if leaf not in EDITED:
+        return False
+    try:
+        return _SENDER.decode(payload).source_type in STATE_SENDERS
+    except (ValueError, RecursionError):  # ``document_in`` says what is wrong with it
+        return False
+
+
+def _check_edit(leaf: str, message: Mapping[str, Any]) -> None:
+    """Raise WireError for what is no change by the editor."""
+    if message.get("source_type") != "edit":
+        raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
+    for axis, value in child(message, leaf).items():
+        finite(value, path(leaf, axis))
+
+
 def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
     """Return the shape of a leaf, which the message must have."""
     namespace, _, update = leaf.partition(":")
-    if namespace == "environment" and update not in UPDATE_TYPES:
-        known = ", ".join(sorted(UPDATE_TYPES))
-        raise WireError(f"{update[:40]!a} is not an update of an environment ({known})", where=leaf)
+    if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
+        raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")
     shape = SHAPES.get(leaf, _OPEN)
     if shape.says and message.get("type") != shape.says:
         raise WireError(f"{shape.says!a} is needed, this is {str(message.get('type'))[:40]!a}", where="type")
@@ -119,12 +154,3 @@ def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
         if not isinstance(message[name], types):
             raise WireError(f"this is {kind(message[name])}", where=path(leaf, name))
     return shape
-
-
-def _stamp(message: Mapping[str, Any], sample: bytes) -> float:
-    """Return when a document was made; raises WireError when nothing says so."""
-    stamp = stamp_of(message)
-    stamp = stamp_of_header(sample) if stamp is None else stamp
-    if stamp is None or not math.isfinite(stamp):
-        raise WireError("is missing, and so is the sample's header", where="timestamp")
-    return stamp

@@ -28,7 +28,7 @@ MOST_JOINTS = 256
 STATE_SENDERS = frozenset({"edge", "edge_leader", "edge_follower", "sim"})
 _SETS = ("positions", "velocities", "efforts")
 _SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts"}
-_NEVER_JOINTS = frozenset(
+NEVER_JOINTS = frozenset(
     {
         "source_type",
         "source_subtype",
@@ -112,7 +112,7 @@ def _single(message: Mapping[str, Any]) -> Sets:
 
 def _flat(message: Mapping[str, Any]) -> Sets:
     """Read every number at the top level that is none of the envelope's."""
-    joints = {name: value for name, value in message.items() if name not in _NEVER_JOINTS}
+    joints = {name: value for name, value in message.items() if name not in NEVER_JOINTS}
     return {"positions": _numbers(joints, "")} if joints else {}
 
 

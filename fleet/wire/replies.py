@@ -11,7 +11,7 @@ from fleet.wire.encoding import encode_finite
 
 
 def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float) -> bytes:
-    """Return a reply as ``twin.command_response.v1``; ``source_type`` is edge or sim.
+    """Return a reply as ``twin.command_response.v1``, whose ``source_type`` can be edge or sim alone.
 
     What is empty is left out. ``done`` stands beside the contract's fields once the outcome is known, and
     ``data`` what was asked for.
@@ -21,7 +21,7 @@ def command_response(reply: Reply, *, twin: str, source_type: str, stamp: float)
         "twin_uuid": twin,
         "command": reply.command,
         "status": reply.status.value,
-        "source_type": source_type,
+        "source_type": "sim" if source_type == "sim" else "edge",
         "timestamp": stamp,
         **_details(reply),
     }

@@ -36,10 +36,13 @@ from fleet.model.report import (
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
-from fleet.wire.states import STATES, Sender, State
+from fleet.wire.layouts import Sender, depth_data
+from fleet.wire.rules import Layout
+from fleet.wire.states import STATES, State
 from fleet.wire.strict import finite, without_nulls
 
 UNTAGGED_TELEMETRY = frozenset({"connected", "disconnected"})  # the SDK sends these without source type
+OF_A_STREAM = frozenset({"camera_sync_frame"})  # their ``session_id`` is that of a video stream
 
 Body = dict[str, Any]
 Leaves = list[tuple[str, Body]]
@@ -47,18 +50,18 @@ Message = Body | State
 
 
 @functools.lru_cache(maxsize=1024)  # that of most robots is the same
-def sender(*, source_type: str, session: str = "", sensor: str | None = None) -> Sender:
+def sender(*, source_type: str, session: str = "", sensor: str | None = None, layout: Layout = "") -> Sender:
     """Return who says something to the cloud.
 
     ``session`` is the edge's client id, left out when empty; ``sensor`` the one that measured it, where the
-    bus key names one.
+    bus key names one; ``layout`` that of the payload, where its topic has several.
     """
     fields = {"source_type": source_type}
     if session:
         fields["session_id"] = session
     if sensor:
         fields["sensor_id"] = sensor
-    return Sender(source_type, session or UNSET, sensor or UNSET, fields)
+    return Sender(source_type, session or UNSET, sensor or UNSET, fields, layout)
 
 
 def to_mqtt(report: Report, by: Sender, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
@@ -85,9 +88,12 @@ def messages_of(
 
 def _enveloped(report: Report, by: Sender) -> Leaves:
     """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
-    leaves = _FORMS[type(report)](report)
+    leaves = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
     for leaf, body in leaves:
+        stream = body.get("session_id") if leaf == "telemetry" and body["type"] in OF_A_STREAM else None
         body.update(by.fields, timestamp=report.stamp)
+        if stream is not None:
+            body["session_id"] = stream
         if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
             del body["source_type"]
     return leaves
@@ -174,13 +180,8 @@ def _mission(mission: MissionProgress) -> Body:
 
 
 def _metrics(report: MetricsReport) -> Leaves:
-    """Put the categories inside ``metrics``; errors are told even when there are none any more."""
-    metrics: Body = {"errors": report.errors}
-    if report.power:
-        metrics["power"] = report.power
-    if report.navigation:
-        metrics["navigation"] = report.navigation
-    return [("metrics", {"metrics": metrics})]
+    """Put the categories inside ``metrics``; nothing when there are none."""
+    return [("metrics", {"metrics": report.categories})] if report.categories else []
 
 
 def _navigation(report: NavigationReport) -> Leaves:
@@ -224,16 +225,10 @@ def _photo(report: PhotoReport) -> Leaves:
     return [("camera/photo", body)]
 
 
-def _depth(report: DepthReport) -> Leaves:
-    """One depth image in the object form, its bytes in base64 (the encoder does that)."""
+def _depth(report: DepthReport, by: Sender) -> Leaves:
+    """One depth image, its bytes in base64 (the encoder does that) unless they are asked for as a list."""
     check_depth(report)
-    data: Body = {
-        "depth_binary": report.image,
-        "width": report.width,
-        "height": report.height,
-        "dtype": report.dtype,
-    }
-    return [("depth", {"type": "depth_data", "data": data})]
+    return [("depth", {"type": "depth_data", **depth_data(report, by.layout)})]
 
 
 def _pointcloud(report: PointCloudReport) -> Leaves:
@@ -257,6 +252,7 @@ def _log(report: LogReport) -> Leaves:
         "message": report.message,
         "level": report.level.upper(),
         "source": "edge",
+        **report.about,
     }
     return [("driverlog", body)]
 
@@ -277,7 +273,6 @@ _FORMS: Mapping[type[Any], Callable[[Any], Leaves]] = MappingProxyType(
         NavigationReport: _navigation,
         TelemetryReport: _telemetry,
         PhotoReport: _photo,
-        DepthReport: _depth,
         PointCloudReport: _pointcloud,
         LogReport: _log,
         EventReport: _event,

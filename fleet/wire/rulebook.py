@@ -15,6 +15,7 @@ from fleet.wire.rules import (
     RULES,
     Form,
     Inward,
+    Layout,
     Rule,
     Traffic,
 )
@@ -30,6 +31,7 @@ class Change(msgspec.Struct, frozen=True):
     traffic: Traffic | None = None
     max_age: float | None = None
     size: int | None = None
+    layout: Layout | None = None
 
 
 class Channel(msgspec.Struct, frozen=True):
@@ -181,6 +183,7 @@ def _changed(rule: Rule, layers: Iterable[Mapping[str, Change]]) -> Rule:
         qos=rule.qos if traffic is rule.traffic else int(traffic.durable),
         max_age=rule.max_age if change.max_age is None else change.max_age,
         size=rule.size if change.size is None else change.size,
+        layout=rule.layout if change.layout is None else change.layout,
     )
 
 

@@ -51,6 +51,13 @@ class Form(enum.Enum):
     DOCUMENT = "a JSON object, checked and passed on"
 
 
+Layout = Literal["", "aggregated", "single", "flat", "object", "string", "list"]
+LAYOUTS: Mapping[str, tuple[Layout, ...]] = MappingProxyType(
+    {JOINT_UPDATE: ("aggregated", "single", "flat"), "depth": ("object", "string", "list")}
+)
+"""By leaf, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
+
+
 class Rule(msgspec.Struct, frozen=True):
     """How one topic is carried from the edge to the cloud.
 
@@ -59,6 +66,7 @@ class Rule(msgspec.Struct, frozen=True):
     although nothing changed (Hz, 0: never), ``about`` what is on it. ``max_age`` is how many seconds a
     message is worth sending (0: always), ``size`` its largest payload in bytes. ``sensors``: samples of
     one sensor (the last part of the key) cross too. A topic that is not ``on`` must be asked for.
+    ``layout`` is that of its payload, where it has several (``fleet.wire.layouts``); empty: the usual one.
     """
 
     leaf: str
@@ -73,6 +81,7 @@ class Rule(msgspec.Struct, frozen=True):
     size: int = 64 * KIB
     sensors: bool = False
     on: bool = True
+    layout: Layout = ""
 
 
 Kind = Literal["command", "navigate", "motion", "joints", "mission"]
@@ -126,7 +135,7 @@ _TABLE = (
     Rule("webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K),
     Rule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
     Rule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
-    Rule("telemetry", "telemetry", _E, 1, 0, 0, "connected, vehicle_state, authority_lost"),
+    Rule("telemetry", "telemetry", _E, 1, 0, 0, "what happened; its periodic types are below"),
     Rule("event", "event", _E, 1, 20, 0, "something that happened, for workflows", _DOC, 0, 256 * _K),
     Rule("map_update", "map_update", _E, 1, 1, 0, "a piece of a map", _DOC, 60, 4 * _M),
     Rule("driverlog", "driverlog", _E, 1, 10, 0, "log lines"),
@@ -150,7 +159,7 @@ _TABLE = (
     Rule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft flies"),
     Rule("battery/status", "battery", _L, 0, 1, 0.1, "the main battery"),
     Rule("gps", "gps", _L, 0, 2, 0, "a satellite fix", sensors=True),
-    Rule("metrics", "metrics", _L, 0, 1, 0, "power, navigation and errors in numbers"),
+    Rule("metrics", "metrics", _L, 0, 1, 0, "power, navigation, errors and other categories"),
     Rule("position", "position", _L, 0, 20, 1, "where the robot is"),
     Rule("rotation", "position", _L, 0, 20, 1, "how the robot is turned"),
     Rule("scale", "scale", _L, 0, 2, 1, "how large the twin is drawn"),
@@ -193,6 +202,9 @@ _INWARD_TABLE = (
     Inward("webrtc-candidate", _BUS, 1, "ICE candidates for it", "cloud/webrtc_candidate", 50, 64 * _K),
     Inward("alert", _BUS, 1, "an alert that was raised or changed", "alert", 20, 64 * _K),
     Inward("commands/sync_workflows", _BUS, 1, "for local workers", "commands_sync_workflows", 5, _M),
+    Inward("position", _BUS, 1, "where the editor puts the twin", "cloud/position", 20, 4 * _K),
+    Inward("rotation", _BUS, 1, "how the editor turns it", "cloud/rotation", 20, 4 * _K),
+    Inward("scale", _BUS, 1, "how large the editor draws it", "cloud/scale", 20, 4 * _K),
     Inward("edge_health", Taker.EDGE, 0, "another edge that says that the twin is its own", size=64 * _K),
     Inward("ping:request", Taker.EDGE, 0, "somebody asks whether the twin's edge is there", size=4 * _K),
     Inward("pong:response", Taker.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),

@@ -5,7 +5,7 @@ They cost half of what the same messages cost as dicts, and are nearly all that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -13,24 +13,12 @@ from msgspec import UNSET, UnsetType
 
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, PoseReport
+from fleet.wire.layouts import Sender, joint_messages
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
 ORIGIN, UNTURNED = Vector3(), Quaternion()
 NUDGED, NUDGED_TURN = Vector3(x=NUDGE), Quaternion(z=NUDGE)
-
-
-class Sender(msgspec.Struct, frozen=True):
-    """Who says something to the cloud: what all its messages carry.
-
-    ``session_id`` is the edge's client id, ``sensor_id`` the sensor that measured it; left out when unset.
-    ``fields``: the same by their names.
-    """
-
-    source_type: str
-    session_id: str | UnsetType
-    sensor_id: str | UnsetType
-    fields: Mapping[str, str]
 
 
 class Stamped(msgspec.Struct, gc=False):
@@ -46,12 +34,14 @@ class Position(Stamped, gc=False, tag_field="type", tag="position"):
     """``position`` in object form, metres."""
 
     position: Vector3
+    frame_id: str | UnsetType = UNSET
 
 
 class Rotation(Stamped, gc=False, tag_field="type", tag="rotation"):
     """``rotation`` in object form."""
 
     rotation: Quaternion
+    frame_id: str | UnsetType = UNSET
 
 
 class Joints(Stamped, gc=False):
@@ -76,16 +66,19 @@ def _pose(report: PoseReport, by: Sender) -> list[tuple[str, State]]:
     """Make the messages of the two topics that a pose has."""
     position = NUDGED if report.position == ORIGIN else report.position
     rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
-    return [
-        ("position", Position(by.source_type, report.stamp, by.session_id, by.sensor_id, position)),
-        ("rotation", Rotation(by.source_type, report.stamp, by.session_id, by.sensor_id, rotation)),
-    ]
+    place = Position(by.source_type, report.stamp, by.session_id, by.sensor_id, position)
+    turn = Rotation(by.source_type, report.stamp, by.session_id, by.sensor_id, rotation)
+    if report.frame_id:
+        place.frame_id = turn.frame_id = report.frame_id
+    return [("position", place), ("rotation", turn)]
 
 
-def _joints(report: JointReport, by: Sender) -> list[tuple[str, State]]:
-    """Make one message for two topics; nothing without a joint."""
+def _joints(report: JointReport, by: Sender) -> Sequence[tuple[str, State | dict[str, Any]]]:
+    """Make one message for two topics; nothing without a joint. Other layouts have messages of their own."""
     if not report.positions:
         return []
+    if by.layout or report.tags is not None:
+        return joint_messages(report, by)
     message = Joints(by.source_type, report.stamp, by.session_id, by.sensor_id, report.positions)
     if report.velocities:
         message.velocities = report.velocities
@@ -100,7 +93,7 @@ def _imu(report: ImuReport, by: Sender) -> list[tuple[str, State]]:
     return [("imu", message)]
 
 
-STATES: Mapping[type[Any], Callable[[Any, Sender], list[tuple[str, State]]]] = {
+STATES: Mapping[type[Any], Callable[[Any, Sender], Sequence[tuple[str, State | dict[str, Any]]]]] = {
     PoseReport: _pose,
     JointReport: _joints,
     ImuReport: _imu,

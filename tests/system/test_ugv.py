@@ -84,6 +84,12 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     seen = [(each["position"]["x"], each["position"]["y"]) for each in ears.of("position")]
     for corner in SQUARE:
         assert min(math.dist(at, corner) for at in seen) < 0.12
+    ways = [each["metrics"]["navigation"] for each in ears.of("metrics")]
+    under_way = [way for way in ways if "eta_seconds" in way]
+    assert under_way
+    assert all(way["distance_remaining_m"] <= 4.5 for way in under_way)
+    assert "distance_remaining_m" not in ways[0]
+    assert [each["type"] for each in ears.of("telemetry")][:2] == ["connected", "telemetry_start"]
     assert ears.of("battery/status")[-1]["percentage"] == pytest.approx(80.8, abs=0.1)
 
 

@@ -43,6 +43,11 @@ class Battery:
         """Charge taken out since it was full."""
         return self._capacity * (100.0 - self.percent) / 100.0
 
+    @property
+    def seconds_left(self) -> float:
+        """Seconds until it is empty, at what is drawn now."""
+        return (self._capacity - self.used_mah) * 3.6 / self.amperes
+
     def drain(self, flying: bool, dt: float) -> None:  # noqa: FBT001 - a physical input
         """Take out what ``dt`` seconds need."""
         self.amperes = _FLYING if flying else _IDLE

@@ -158,11 +158,21 @@ def vfr_hud(pilot: Autopilot) -> Any:
 
 
 def battery_status(pilot: Autopilot) -> Any:
-    """BATTERY_STATUS: volts of the pack in the first cell, percent left."""
+    """BATTERY_STATUS: volts of the pack in the first cell, percent left, and how long that lasts."""
     battery = pilot.battery
     volts = [int(battery.volts * 1000)] + [65535] * 9
     return mav.MAVLink_battery_status_message(
-        0, 1, 1, 32767, volts, int(battery.amperes * 100), int(battery.used_mah), -1, battery.whole_percent
+        0,
+        1,
+        1,
+        32767,
+        volts,
+        int(battery.amperes * 100),
+        int(battery.used_mah),
+        -1,
+        battery.whole_percent,
+        time_remaining=int(battery.seconds_left),
+        charge_state=mav.MAV_BATTERY_CHARGE_STATE_OK,
     )
 
 

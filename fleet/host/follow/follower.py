@@ -101,10 +101,11 @@ class Follower:
 
     def progress(self) -> Progress:
         """Return how far it is; never less than before, 100 only at the end."""
-        self._percent = max(self._percent, min(99.0, 100.0 * (1.0 - self._remaining() / self._total)))
+        left = self._remaining()
+        self._percent = max(self._percent, min(99.0, 100.0 * (1.0 - left / self._total)))
         blocked = self.phase is Phase.BLOCKED
         message = "blocked: it is commanded and does not get on" if blocked else ""
-        return Progress(self._percent, message, blocked, self._reached + self._path.passed(self._way))
+        return Progress(self._percent, message, blocked, self._reached + self._path.passed(self._way), left)
 
     # -- the phases ------------------------------------------------------------------------------------
 

@@ -1,18 +1,22 @@
 """What is told of a vehicle, and what is rather left out."""
 
+import json
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mav
 
 from fleet import GeoOrigin, GeoPoint, Vector3
 from fleet.model.geodesy import geo_from_world
+from fleet.wire.reports import sender, to_mqtt
 from fleet_mavlink import reports
+from fleet_mavlink.codec import Parser
 from fleet_mavlink.frames import origin_of, pose_of
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.state import Angles, Battery, Fix, VehicleState
+from fleet_mavlink.state import Angles, Battery, Fix, VehicleState, reduce
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.words import Landed
 
@@ -70,6 +74,26 @@ def test_a_fix_and_a_battery_are_told_as_known():
     battery = reports.battery_report(state, 7.0)
     assert (battery.stamp, battery.percent, battery.voltage, battery.current) == (7.0, 50.0, 15.3, None)
     assert reports.metrics_report(state, PX4, 7.0).power == {"battery_percent": 50.0, "voltage": 15.3}
+
+
+@pytest.mark.parametrize(
+    ("state", "left", "told"),
+    [
+        (mav.MAV_BATTERY_CHARGE_STATE_CHARGING, 600, {"charging": True}),
+        (mav.MAV_BATTERY_CHARGE_STATE_OK, 600, {"charging": False, "estimated_runtime_minutes": 10.0}),
+        (mav.MAV_BATTERY_CHARGE_STATE_LOW, 0, {"charging": False}),
+        (mav.MAV_BATTERY_CHARGE_STATE_UNDEFINED, 0, {}),
+    ],
+)
+def test_the_bytes_of_an_autopilot_that_is_charged_say_so_in_the_cloud(frame_of, state, left, told):
+    message = mav.MAVLink_battery_status_message(
+        0, 0, 0, 300, [16000] + [65535] * 9, 120, 0, -1, 80, time_remaining=left, charge_state=state
+    )
+    (frame,) = Parser().feed(frame_of(message))
+    report = reports.metrics_report(reduce(VehicleState(), frame.message, 1.0), PX4, 7.0)
+    ((_, payload),) = to_mqtt(report, sender(source_type="edge"))
+    power = json.loads(payload)["metrics"]["power"]
+    assert power == {"battery_percent": 80.0, "voltage": 16.0, "current": 1.2, **told}
 
 
 def test_the_flight_controllers_state_is_told_in_its_words():

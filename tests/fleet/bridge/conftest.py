@@ -29,6 +29,7 @@ class FakePort:
         self.received: list[tuple[str, bytes, str]] = []
         self.answers: Callable[[str, bytes], Reply | None] = lambda _kind, _payload: None
         self.raises: Exception | None = None
+        self.once = False
 
     def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
         assert way is Way.CLOUD
@@ -38,7 +39,7 @@ class FakePort:
             self.emergencies.append(payload)
         self.unread.append(unread)
         stops = bool(unread) or b'"stop"' in payload or b'"emergency_stop"' in payload
-        return Asked(partial(self.take, (kind, payload, request_id)), stops)
+        return Asked(partial(self.take, (kind, payload, request_id)), stops, self.once)
 
     def take(self, what, answer):
         self.received.append(what)

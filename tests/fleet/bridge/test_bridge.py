@@ -146,11 +146,19 @@ def test_every_twin_has_a_heartbeat(bridge, listener):
     assert beats[f"cyberwave/twin/{OTHER}/edge_health"]["source_type"] == "sim"
 
 
-def test_whoever_ends_says_that_its_twins_are_disconnected(bridge, listener):
+def test_whoever_ends_says_that_its_twins_are_disconnected_and_their_telemetry_is_over(bridge, listener):
     bridge.close()
-    wait_until("both are heard", lambda: len(listener.heard) == 2)
-    assert listener.telemetry() == listener.telemetry(OTHER) == ["disconnected"]
-    assert {message["reason"] for _, message in listener.heard} == {"the edge ends"}
+    wait_until("both are heard", lambda: len(listener.heard) == 4)
+    assert listener.telemetry() == listener.telemetry(OTHER) == ["disconnected", "telemetry_end"]
+    assert {message.get("reason") for _, message in listener.heard} == {"the edge ends", None}
+
+
+def test_the_end_of_an_edge_closes_no_stream_of_a_program_beside_it(bridge, listener):
+    offer = {"type": "offer", "target": "backend", "sdp": "v=0", "ts": 5.0}
+    bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_offer", json.dumps(offer).encode())
+    bridge.close()
+    wait_until("both are heard", lambda: "telemetry_end" in listener.telemetry(OTHER))
+    assert listener.telemetry() == ["disconnected"]
 
 
 def test_only_what_asks_something_of_our_twins_is_subscribed(broker, make_bridge, topics, ports):

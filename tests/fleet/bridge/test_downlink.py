@@ -284,6 +284,14 @@ def test_the_success_of_a_setpoint_is_not_told(bench, accepting, name):
     assert bench.sent == []
 
 
+def test_the_success_of_a_verb_with_a_distance_is_told_for_it_comes_once(bench, accepting):
+    accepting.once = True
+    bench.arrive(command("ascend"))
+    assert [(topic, reply["command"], reply["status"]) for topic, reply, _ in bench.sent] == [
+        (f"{T}/command", "ascend", "ok")
+    ]
+
+
 def test_the_success_of_a_setpoint_is_told_to_who_gives_an_inbox(bench, accepting):
     bench.arrive(command("move", response_topic=INBOX))
     assert len(bench.sent) == 1
@@ -401,13 +409,27 @@ def test_a_flood_is_thinned_and_counted(bench, clock):
     assert len(bench.put) == 30
 
 
+def test_the_editor_s_changes_go_to_the_bus_and_the_state_of_others_does_not(bench):
+    edit = b'{"source_type": "edit", "position": {"x": 1, "y": 2, "z": 3}}'
+    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"sim")), Message(f"{T}/position", edit))
+    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"tele")))
+    ((key, sample),) = bench.put
+    assert key == f"cw/{TWIN}/data/cloud/position"
+    assert sample["position"] == {"x": 1, "y": 2, "z": 3}
+    assert bench.downlink.refusals.counts() == {"unreadable": 1}
+
+
 def test_updates_of_an_environment_and_of_runs_have_their_own_keys(bench):
     bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_added", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/environment/{PLACE}/made_up", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_removed", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/environment/{PLACE}/telemetry-status", b'{"data": {}}'))
+    bench.arrive(Message(f"cyberwave/environment/{PLACE}/9lives", b'{"data": {}}'))
     bench.arrive(Message(f"cyberwave/environment/{STRANGER}/twin_added", b'{"data": {}}'))
     bench.arrive(Message(f"cyberwave/workflow-run/{RUN}/status", b'{"status": "running"}'))
     assert [key for key, _ in bench.put] == [
         f"cw/{PLACE}/data/cloud/twin_added",
+        f"cw/{PLACE}/data/cloud/twin_removed",
+        f"cw/{PLACE}/data/cloud/telemetry_status",
         f"cw/{RUN}/data/cloud/workflow_run",
     ]
     assert bench.downlink.refusals.counts() == {"unreadable": 1, "foreign topic": 1}

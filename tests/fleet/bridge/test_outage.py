@@ -18,6 +18,7 @@ from fleet.wire.rulebook import of_a_twin, rulebook
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 POSITION = f"cw/{TWIN}/data/position"
 STATUS = f"cw/{TWIN}/data/navigate_status"
+TELEMETRY = f"cw/{TWIN}/data/telemetry"
 UNAVAILABLE = 0x88
 
 
@@ -113,6 +114,36 @@ def test_after_an_outage_the_newest_state_comes_first_and_then_every_status_in_o
     assert {"position", "rotation"} == set(leaves[:2])
     assert leaves.count("position") <= 2
     assert dict(after[:2])["position"]["position"]["x"] == 49.0
+
+
+@pytest.mark.parametrize(
+    "state",
+    [{"type": "vehicle_state"}, {"type": "motor_status", "motor_id": 3}, {"type": "driver_info"}],
+    ids=lambda state: state["type"],
+)
+def test_periodic_telemetry_of_an_outage_does_not_come_after_it_as_news(broker, heard, make_bridge, state):
+    bridge = make_bridge()
+    in_or_out(bridge, connected=True)
+
+    def tell(message):
+        bridge.uplink.arrived(TELEMETRY, json.dumps(message).encode())
+        list(bridge.turn())
+
+    broker.broker.faults.refuse = UNAVAILABLE
+    broker.call(broker.broker.half_open, "edge-0")
+    in_or_out(bridge, connected=False)
+    for second in range(41):
+        tell({**state, "ts": float(second)})
+    tell({"type": "authority_lost", "ts": 41.0})
+    broker.broker.faults.refuse = None
+    wait_until("what happened is heard", lambda: [m for _, m in heard if m.get("type") == "authority_lost"])
+    tell({**state, "ts": 100.0})
+
+    def told():
+        list(bridge.turn())
+        return [message["timestamp"] for _, message in heard if message.get("type") == state["type"]]
+
+    assert wait_until("the state of now is heard", told) == [100.0]
 
 
 def test_what_an_edge_could_not_send_is_sent_by_the_next_one(broker, heard, make_bridge, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.bridge.slot import SLACK, TwinInfo
+from fleet.bridge.slot import MOST_PARTS, SLACK, TwinInfo
 from fleet.bridge.uplink import STRANGERS, Uplink
 from fleet.model.event import EventKind, EventReport
 from fleet.model.geometry import Quaternion, Vector3
@@ -22,6 +22,7 @@ from fleet.model.report import (
     ImuReport,
     JointReport,
     LogReport,
+    MetricsReport,
     NavigationReport,
     PhotoReport,
     PointCloudReport,
@@ -43,6 +44,7 @@ POSITION = f"cw/{TWIN}/data/position"
 BATTERY = f"cw/{TWIN}/data/battery"
 STATUS = f"cw/{TWIN}/data/navigate_status"
 LOG = f"cw/{TWIN}/data/driverlog"
+METRICS = f"cw/{TWIN}/data/metrics"
 SCALE = f"cw/{TWIN}/data/scale"
 ONES = Vector3(1.0, 1.0, 1.0)
 TICK = 0.02
@@ -122,6 +124,11 @@ def status(action, progress=0.0):
 
 def line(text):
     return encode_report(LogReport(1.0, "WARNING", text), 0)
+
+
+def say(bench, channel, message):
+    """Have a program on the bus say something of the twin."""
+    bench.uplink.arrived(f"cw/{TWIN}/data/{channel}", json.dumps({"ts": 1.0, **message}).encode())
 
 
 @pytest.fixture
@@ -345,6 +352,34 @@ def test_channels_without_a_rule_stay_on_the_bus(bench, channel):
     assert bench.sent == []
 
 
+@pytest.mark.parametrize("key", ["thermal", "thermal/front", "battery/second"])
+def test_a_channel_that_no_rule_has_is_told_once_and_counted(bench, caplog, key):
+    for _ in range(10):
+        bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
+    assert bench.uplink.refusals.counts() == {"no rule": 1}
+    assert "stays on the bus: no rule has it" in caplog.text
+
+
+@pytest.mark.parametrize("key", ["commands/velocity", "frames", "frames/front", "cloud/position", "alert"])
+def test_what_is_for_the_bus_alone_is_not_told(bench, key):
+    bench.uplink.arrived(f"cw/{TWIN}/data/{key}", b"{}")
+    assert bench.uplink.refusals.counts() == {}
+
+
+def test_what_fleet_yaml_switched_off_is_not_told():
+    bench = Bench(rulebook("satellite"))
+    bench.uplink.arrived(f"cw/{TWIN}/data/imu", b"{}")
+    assert bench.uplink.refusals.counts() == {}
+
+
+def test_fields_that_do_not_cross_are_told_by_name(bench, caplog):
+    say(bench, "battery", {"charge_pct": 50.0, "cell_temperature": 31.5, "source_type": "edge"})
+    bench.turn()
+    assert bench.uplink.refusals.counts() == {"unknown fields": 1}
+    assert "these fields do not cross: cell_temperature" in caplog.text
+    assert bench.of("battery/status")[0][1]["percentage"] == 50.0
+
+
 def test_invented_keys_do_not_fill_the_memory(bench, pose):
     for number in range(STRANGERS + 100):
         bench.uplink.arrived(f"cw/{number}/data/position", b"x")
@@ -494,6 +529,54 @@ def test_telemetry_crosses_with_its_own_fields(bench):
     assert bench.of("telemetry")[0][1]["armed"] is True
 
 
+def test_of_periodic_telemetry_the_newest_of_each_part_crosses(bench):
+    for number in range(40):
+        for motor in (1, 2):
+            say(bench, "telemetry", {"type": "motor_status", "motor_id": motor, "n": number})
+        say(bench, "telemetry", {"type": "vehicle_state", "n": number})
+        say(bench, "telemetry", {"type": "camera_sync_frame", "frame_index": number})
+        bench.turn(0.05)
+    bench.run(1.0)
+    told = [(message, qos) for _, leaf, message, qos in bench.sent if leaf == "telemetry"]
+    motors = [[m["n"] for m, _ in told if m.get("motor_id") == motor] for motor in (1, 2)]
+    assert [each[-1] for each in motors] == [39, 39]
+    assert all(4 <= len(each) <= 7 for each in motors), "2 Hz"
+    assert [m["n"] for m, _ in told if m["type"] == "vehicle_state"][-1] == 39
+    assert {qos for m, qos in told if m["type"] == "vehicle_state"} == {0}
+    assert [(m["frame_index"], qos) for m, qos in told if m["type"] == "camera_sync_frame"] == [
+        (number, 2) for number in range(40)
+    ]
+
+
+def test_the_metrics_of_a_program_are_not_lost_behind_the_robot_s_own(bench):
+    for _ in range(50):
+        bench.cross({METRICS: MetricsReport(1.0, power={"voltage": 12.0})})
+        bench.turn()
+    say(bench, "metrics", {"metrics": {"load": {"loaded": True}}})
+    bench.cross({METRICS: MetricsReport(1.0, power={"voltage": 11.0})})
+    bench.run(1.2)
+    told = [message["metrics"] for _, message in bench.of("metrics")]
+    assert {"load": {"loaded": True}} in told
+    assert told[-1]["power"] == {"voltage": 11.0} or told[-2]["power"] == {"voltage": 11.0}
+
+
+def test_invented_states_do_not_fill_the_memory(bench):
+    for number in range(MOST_PARTS + 100):
+        say(bench, "telemetry", {"type": "motor_status", "motor_id": number})
+    bench.turn()
+    assert len(bench.of("telemetry")) == MOST_PARTS
+    assert bench.uplink.refusals.counts() == {"unreadable": 100}
+
+
+def test_an_end_of_all_streams_does_not_cross_while_a_program_has_some(bench):
+    say(bench, "telemetry", {"type": "telemetry_end"})
+    say(bench, "webrtc_offer", {"type": "offer", "target": "backend", "sdp": "v=0"})
+    say(bench, "telemetry", {"type": "telemetry_end"})
+    say(bench, "telemetry", {"type": "telemetry_end", "sensor": "front"})
+    assert [message.get("sensor") for _, message in bench.of("telemetry")] == [None, "front"]
+    assert bench.uplink.refusals.counts() == {"unreadable": 1}
+
+
 def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()
@@ -626,13 +709,22 @@ def test_an_update_of_an_environment_goes_to_its_own_topic():
     bench = Bench(environments=[OTHER])
     bench._publish = lambda topic, _qos, payload: topics.append((topic, json.loads(payload)))
     bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_added", b'{"ts": 5, "data": {"a": 1}}')
-    bench.uplink.arrived(f"cw/{OTHER}/data/environment/anything", b'{"ts": 5}')
+    bench.uplink.arrived(f"cw/{OTHER}/data/environment/twin_removed", b'{"ts": 5}')
     bench.uplink.arrived(f"cw/{OTHER}/data/position", b"{}")
     bench.uplink.arrived(f"cw/{TWIN}/data/environment/update", b'{"ts": 5}')
     bench.turn()
-    ((topic, message),) = topics
+    (topic, message), (other, removed) = topics
     assert topic == f"cyberwave/environment/{OTHER}/twin_added"
+    assert (other, removed["type"]) == (f"cyberwave/environment/{OTHER}/twin_removed", "twin_removed")
     assert (message["type"], message["data"], message["timestamp"]) == ("twin_added", {"a": 1}, 5)
+
+
+def test_joints_cross_in_the_layout_that_fleet_yaml_asks_for():
+    bench = Bench(rulebook("lan", [Changes({"joint:update": Change(layout="single")})]))
+    bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", encode_report(JointReport(1.0, {"a": 1, "b": 2}), 0))
+    bench.turn()
+    told = [message for _, topic, message, _ in bench.sent]
+    assert [message["joint_name"] for message in told] == ["a", "b"]
 
 
 def test_scale_crosses_and_is_said_again(bench):

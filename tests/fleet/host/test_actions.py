@@ -66,6 +66,18 @@ def test_progress_that_comes_too_often_is_thinned_out():
     assert len(life.said) <= 4
 
 
+def test_a_status_tells_what_is_left_of_the_way_until_the_end():
+    life = Life()
+    for metres in (9.0, 8.0, 7.0):
+        life.clock.advance(1.0)
+        life.action.progress(Progress(10.0, remaining=metres))
+    assert (life.said[-1].remaining, life.said[-1].eta) == (7.0, pytest.approx(7.0))
+    life.action.pause()
+    assert (life.said[-1].remaining, life.said[-1].eta) == (7.0, None)
+    life.action.complete()
+    assert (life.said[-1].remaining, life.said[-1].eta) == (None, None)
+
+
 def test_a_new_message_is_told_at_once():
     life = Life()
     life.action.move(ActionState.RUNNING)

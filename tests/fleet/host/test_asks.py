@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.host.asks import Decoder
+from fleet.host.asks import Decoder, is_once
 from fleet.host.safety.speeds import VERB_SPEED, Speeds
 from fleet.model.command import Command, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity
@@ -35,6 +35,21 @@ def test_each_kind_of_message_has_its_own_meaning():
     goal = decode("navigate", {"command": "goto", "position": [1, 2, 3]})
     assert isinstance(goal, Navigate)
     assert goal.ask.goal.position == Vector3(1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "once"),
+    [
+        ("command", {"command": "ascend", "data": {"distance": 1.5}}, True),
+        ("command", {"command": "takeoff"}, True),
+        ("navigate", {"command": "goto", "position": [1, 2, 3]}, True),
+        ("command", {"command": "ascend", "data": {"linear_z": 0.5}}, False),
+        ("motion", {"linear": {"x": 1.0}}, False),
+        ("joints", {"target_positions": {"hip": 1.0}}, False),
+    ],
+)
+def test_a_verb_with_a_distance_is_asked_once_and_a_setpoint_is_one_of_a_stream(kind, message, once):
+    assert is_once(decode(kind, message)) is once
 
 
 def test_the_way_in_is_remembered():

@@ -133,6 +133,12 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
     assert world.states()[:2] == ["queued", "running"]
     assert world.states().count("completed") == 1
     assert world.expired == 0
+    said = [report for report in world.reports if isinstance(report, NavigationReport)]
+    left = [report.remaining for report in said if report.remaining is not None]
+    assert left[0] == pytest.approx(math.sqrt(2), abs=0.1)
+    assert sorted(left, reverse=True) == left
+    assert any(report.eta for report in said)
+    assert (said[-1].remaining, said[-1].eta) == (None, None)
 
 
 @pytest.mark.parametrize(("verb", "x"), [("move_forward", 1.0), ("move_backward", -1.0)])

@@ -14,7 +14,7 @@ from fleet.host.ticket import Ticket
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
 from fleet.model.geometry import Quaternion, Vector3
-from fleet.model.report import BatteryReport, PoseReport
+from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
 from fleet.testing.clock import ManualClock
 
 HERE = {"worker": "main"}
@@ -79,6 +79,17 @@ async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
                 break
     assert "the host blocks the event loop" in caplog.text
     assert {robot.state().health for robot in process.robots.values()} == {"ok"}
+
+
+async def test_a_robot_that_comes_and_goes_begins_and_ends_its_telemetry(served):
+    process, _ = served
+    robot, said = process.robots["rex"], []
+    robot._send = said.append
+    for offline in ("gone", "", ""):
+        robot.desk.offline = offline
+        robot._health_changed()
+    told = [report.type for report in said if isinstance(report, TelemetryReport)]
+    assert told == ["disconnected", "telemetry_end", "connected", "telemetry_start"]
 
 
 async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, asks):

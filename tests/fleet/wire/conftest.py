@@ -19,6 +19,7 @@ from fleet.model.report import (
     GpsReport,
     ImuReport,
     JointReport,
+    JointTags,
     LogReport,
     MetricsReport,
     MissionProgress,
@@ -75,11 +76,19 @@ PLAIN = st.dictionaries(
 COUNTS = st.integers(0, 2**31)
 
 
+TAGS = st.builds(
+    JointTags,
+    WORDS,
+    st.none() | WORDS,
+    st.none() | st.lists(st.fixed_dictionaries({"track_id": WORDS, "frame_count": COUNTS}), max_size=2),
+)
+
+
 @st.composite
 def _joint_reports(draw):
     positions = draw(JOINTS)
     some = st.dictionaries(st.sampled_from(sorted(positions)), FINITE) if positions else st.just({})
-    return JointReport(draw(STAMPS), positions, draw(some), draw(some))
+    return JointReport(draw(STAMPS), positions, draw(some), draw(some), draw(st.none() | TAGS))
 
 
 SENSORS = st.sampled_from(["", "front", "lidar_2"])
@@ -111,7 +120,9 @@ REPORTS = {
     ScaleReport: st.builds(ScaleReport, STAMPS, st.builds(Vector3, POSITIVE, POSITIVE, POSITIVE)),
     DepthReport: _depth_reports(),
     PointCloudReport: _pointcloud_reports(),
-    PoseReport: st.builds(PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE)),
+    PoseReport: st.builds(
+        PoseReport, STAMPS, VECTORS, st.builds(Quaternion, FINITE, FINITE, FINITE, FINITE), WORDS
+    ),
     JointReport: _joint_reports(),
     BatteryReport: st.builds(
         BatteryReport,
@@ -150,13 +161,19 @@ REPORTS = {
         st.none() | st.builds(MissionProgress, COUNTS, st.none() | COUNTS, st.none() | COUNTS),
         st.none() | PLACES,
     ),
-    MetricsReport: st.builds(MetricsReport, STAMPS, PLAIN, PLAIN, st.lists(PLAIN, max_size=2).map(tuple)),
+    MetricsReport: st.builds(
+        MetricsReport,
+        STAMPS,
+        PLAIN,
+        PLAIN,
+        st.none() | st.lists(PLAIN, max_size=2).map(tuple),
+        st.dictionaries(st.sampled_from(["load", "fan"]), PLAIN | FINITE, max_size=2),
+    ),
     NavigationReport: st.builds(
         NavigationReport, STAMPS, WORDS, st.sampled_from(ActionState), st.floats(0, 100), WORDS
     ),
     TelemetryReport: st.builds(TelemetryReport, STAMPS, WORDS, PLAIN),
     PhotoReport: st.builds(PhotoReport, STAMPS, st.binary(max_size=40), WORDS, COUNTS, COUNTS),
-    LogReport: st.builds(LogReport, STAMPS, st.sampled_from(["DEBUG", "INFO", "ERROR"]), WORDS),
     EventReport: st.builds(
         EventReport,
         STAMPS,
@@ -167,6 +184,13 @@ REPORTS = {
         WORDS,
         WORDS,
         PLAIN,
+    ),
+    LogReport: st.builds(
+        LogReport,
+        STAMPS,
+        st.sampled_from(["DEBUG", "INFO", "ERROR"]),
+        WORDS,
+        st.dictionaries(st.sampled_from(["container_name", "sdk_version"]), WORDS),
     ),
 }
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion, Vector3
-from fleet.model.report import BatteryReport, ImuReport, JointReport, PoseReport
+from fleet.model.report import BatteryReport, ImuReport, JointReport, JointTags, PoseReport
 from fleet.wire.checks import check_report
 
 NUMBERS = st.floats()
@@ -22,9 +22,18 @@ NAMED = st.dictionaries(
     st.text(max_size=3) | JUNK.filter(lambda key: key.__hash__), MOSTLY_NUMBERS, max_size=4
 )
 REPORTS = st.one_of(
-    st.builds(PoseReport, MOSTLY_NUMBERS, VECTORS | TURNS | JUNK, TURNS | VECTORS | JUNK),
+    st.builds(
+        PoseReport, MOSTLY_NUMBERS, VECTORS | TURNS | JUNK, TURNS | VECTORS | JUNK, st.just("map") | JUNK
+    ),
     st.builds(ImuReport, MOSTLY_NUMBERS, VECTORS | TURNS | JUNK, VECTORS | JUNK),
-    st.builds(JointReport, MOSTLY_NUMBERS, NAMED | JUNK, st.just({}) | NAMED | JUNK, st.just({}) | JUNK),
+    st.builds(
+        JointReport,
+        MOSTLY_NUMBERS,
+        NAMED | JUNK,
+        st.just({}) | NAMED | JUNK,
+        st.just({}) | JUNK,
+        st.none() | st.builds(JointTags, JUNK, JUNK) | JUNK,
+    ),
     st.builds(BatteryReport, MOSTLY_NUMBERS, JUNK, JUNK, JUNK),
 )
 
@@ -49,6 +58,8 @@ def fits(report):
 @given(REPORTS)
 @example(PoseReport(1.0, Vector3(1.0, 2.0, 3.0), Quaternion()))
 @example(PoseReport(1.0, Quaternion(), Quaternion()))
+@example(PoseReport(1.0, Vector3(1.0, 2.0, 3.0), Quaternion(), 5))
+@example(JointReport(1.0, {"hip": 1.0}, {}, {}, JointTags(source_subtype=5)))
 @example(JointReport(1.0, {"hip": 1.0}))
 @example(JointReport(1.0, {"hip": 1.0}, [], 0))
 def test_a_report_is_refused_exactly_when_a_field_is_not_of_its_type(report):

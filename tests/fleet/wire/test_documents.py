@@ -6,8 +6,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.wire.documents import SHAPES, UPDATE_TYPES, document_in, document_out
+from fleet.wire.documents import SHAPES, document_in, document_out, is_state_of_another, word_of_update
 from fleet.wire.samples import json_payload, json_sample, stamp_of_header
+from fleet.wire.topics import data_key
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 OFFER = {"type": "offer", "target": "backend", "sdp": "v=0", "session_id": "c_front"}
 GOOD = {
@@ -18,7 +21,7 @@ GOOD = {
     "map_update": {"map_type": "point_cloud"},
     "alert": {"name": "low battery"},
     "workflow-run:status": {"status": "running"},
-    "environment:update": {"data": {}},
+    "environment:update": {"type": "update", "data": {}},
 }
 
 
@@ -56,6 +59,51 @@ def test_each_good_one_crosses_both_ways(leaf):
     assert stamp_of_header(sample) == 9.0
 
 
+EDITS = {
+    "position": {"x": 1.0, "y": 2.0, "z": 3.0},
+    "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
+    "scale": {"x": 1.0, "y": 1.0, "z": 2.0},
+}
+
+
+def edit(leaf, message):
+    payload = json.dumps(message).encode()
+    return json.loads(json_payload(document_in(leaf, payload, size=1000, now=9.0)))
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+def test_what_the_editor_does_with_a_twin_reaches_programs_on_the_bus(leaf):
+    message = {"source_type": "edit", leaf: EDITS[leaf], "timestamp": 5.0, "session_id": "front"}
+    assert edit(leaf, message) == message
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"source_type": "tele"},
+        {"source_type": None},
+        {"source_type": "preview"},
+        {"given": [1, 2, 3]},
+        {"given": {"x": "1"}},
+    ],
+)
+def test_what_is_no_edit_is_refused(leaf, wrong):
+    given = {leaf: wrong.get("given", EDITS[leaf])}
+    with pytest.raises(WireError):
+        edit(leaf, {"source_type": "edit", **wrong, **given})
+
+
+@pytest.mark.parametrize("leaf", EDITS)
+def test_where_others_measured_a_twin_is_no_edit(leaf):
+    for source in ("edge", "edge_leader", "edge_follower", "sim"):
+        message = json.dumps({"source_type": source, leaf: EDITS[leaf]}).encode()
+        assert is_state_of_another(leaf, message)
+        assert not is_state_of_another("alert", message)
+    assert not is_state_of_another(leaf, json.dumps({"source_type": "edit"}).encode())
+    assert not is_state_of_another(leaf, b"garbage")
+
+
 @pytest.mark.parametrize(
     ("leaf", "field"), [(leaf, field) for leaf in SHAPES for field in SHAPES[leaf].needs]
 )
@@ -70,15 +118,29 @@ def test_what_lacks_a_field_that_its_readers_need_is_refused_both_ways(leaf, fie
             document_in(leaf, json.dumps(message).encode(), size=1000, now=9.0)
 
 
-@pytest.mark.parametrize("update", ["", "made_up", "telemetry-status", "a/b"])
-def test_an_unknown_update_of_an_environment_is_refused(update):
-    with pytest.raises(WireError, match="is not an update of an environment"):
+@pytest.mark.parametrize("update", ["", "a/b", "+", "#", "a b", "9", "x" * 65, "\u00e9", "a\n"])
+def test_what_cannot_be_a_level_of_a_topic_is_no_update_of_an_environment(update):
+    with pytest.raises(WireError, match="cannot be the type of an update"):
         out(f"environment:{update}", {"ts": 1.0})
+    with pytest.raises(WireError, match="cannot be the type of an update"):
+        document_in(f"environment:{update}", b"{}", size=1000, now=9.0)
 
 
-@pytest.mark.parametrize("update", sorted(UPDATE_TYPES))
-def test_an_update_of_an_environment_says_its_type(update):
-    assert out(f"environment:{update}", {"ts": 1.0, "data": {}})["type"] == update
+@pytest.mark.parametrize("update", ["update", "twin_added", "twin_removed", "made_up", "telemetry-status"])
+def test_an_update_of_an_environment_may_be_of_any_type_and_says_it_both_ways(update):
+    leaf = f"environment:{update}"
+    assert out(leaf, {"ts": 1.0, "data": {}})["type"] == update
+    sample = document_in(leaf, b'{"data": {}}', size=1000, now=9.0)
+    assert json.loads(json_payload(sample)) == {"type": update, "data": {}}
+
+
+@pytest.mark.parametrize(
+    ("update", "word"),
+    [("twin_removed", "twin_removed"), ("telemetry-status", "telemetry_status"), ("aB", "ab")],
+)
+def test_the_type_of_an_update_is_a_word_on_the_bus(update, word):
+    assert word_of_update(update) == word
+    assert data_key(TWIN, "cloud", word)
 
 
 def test_a_document_from_the_cloud_is_bounded_and_strict():

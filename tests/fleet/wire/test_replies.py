@@ -38,6 +38,16 @@ def test_every_reply_keeps_the_contract(reply):
     assert is_command_response(message)
 
 
+@pytest.mark.parametrize(
+    ("says", "told"), [("edge", "edge"), ("edge_leader", "edge"), ("edge_follower", "edge"), ("sim", "sim")]
+)
+def test_a_reply_says_no_more_than_edge_or_sim_whatever_its_robot_s_state_says(says, told):
+    reply = Reply("land", ReplyStatus.ACCEPTED)
+    message = json.loads(command_response(reply, twin="t", source_type=says, stamp=5.0))
+    MODELS_BY_CONTRACT_ID["twin.command_response.v1"].model_validate(message)
+    assert message["source_type"] == told
+
+
 @pytest.mark.parametrize("word", ReplyStatus)
 def test_a_reply_is_what_the_sdk_would_have_built(word, twin):
     reply = Reply("takeoff", word, "no GPS", "", "MAV_RESULT_DENIED", ("Need 3D Fix",))

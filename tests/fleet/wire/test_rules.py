@@ -70,6 +70,9 @@ CONTRACT_IN = [
     "pong:response",
     "workflow-run:status",
     "edge_health",
+    "position",
+    "rotation",
+    "scale",
 ]
 
 

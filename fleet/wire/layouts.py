@@ -1,0 +1,99 @@
+"""The published layouts of a topic that has several, of which fleet.yaml chooses one.
+
+``joint/update`` is aggregated unless another is asked for: in the flat form every number at the top is taken
+for a joint, and in both others nothing tells which joints belong together. A depth image is an object unless
+it is asked for as the older string or list.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+from msgspec import UnsetType
+
+from fleet.errors import WireError
+from fleet.model.report import DepthReport, JointReport
+from fleet.wire.joints import NEVER_JOINTS
+from fleet.wire.rules import Layout
+from fleet.wire.topics import JOINT_UPDATE
+
+Body = dict[str, Any]
+_SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts"}
+
+
+class Sender(msgspec.Struct, frozen=True):
+    """Who says something to the cloud: what all its messages carry.
+
+    ``session_id`` is the edge's client id, ``sensor_id`` the sensor that measured it; left out when unset.
+    ``fields``: the same by their names. ``layout`` is how a payload is laid out whose topic has several,
+    empty for the first of them.
+    """
+
+    source_type: str
+    session_id: str | UnsetType
+    sensor_id: str | UnsetType
+    fields: Mapping[str, str]
+    layout: Layout = ""
+
+
+def joint_messages(report: JointReport, by: Sender) -> list[tuple[str, Body]]:
+    """Return the messages of joints in the layout of ``by``; the older topic is always aggregated.
+
+    Raises WireError for a joint that the flat form cannot tell from other fields.
+    """
+    tags = msgspec.to_builtins(report.tags) if report.tags is not None else {}
+    common = {**by.fields, "timestamp": report.stamp, **tags}
+    whole = {**common, **_aggregated(report)}
+    own = _JOINTS.get(by.layout)
+    laid = [{**common, **each} for each in own(report)] if own else [whole]
+    return [*((JOINT_UPDATE, each) for each in laid), ("joint_states", whole)]
+
+
+def depth_data(report: DepthReport, layout: Layout) -> Body:
+    """Return what a depth message has beside its type: the image as bytes (base64 in JSON), or a list.
+
+    Raises WireError for a list of anything but uint16.
+    """
+    size: Body = {"width": report.width, "height": report.height, "dtype": report.dtype}
+    if layout == "string":
+        return {"data": report.image, **size}
+    if layout == "list":
+        if report.dtype != "uint16":
+            raise WireError(f"a list holds uint16, not {report.dtype}", where="depth")
+        return {"data": struct.unpack(f"<{report.width * report.height}H", report.image), **size}
+    return {"data": {"depth_binary": report.image, **size}}
+
+
+def _aggregated(report: JointReport) -> Body:
+    """Return all joints by what is measured."""
+    sets = {"positions": report.positions, "velocities": report.velocities, "efforts": report.efforts}
+    return {name: values for name, values in sets.items() if values}
+
+
+def _flat(report: JointReport) -> list[Body]:
+    """Return the positions at the top of one message; velocities and efforts have no place there."""
+    if taken := NEVER_JOINTS & report.positions.keys():
+        raise WireError(f"no joint of the flat form can be called {min(taken)!a}", where=JOINT_UPDATE)
+    return [dict(report.positions)]
+
+
+def _single(report: JointReport) -> list[Body]:
+    """Return a message for each joint."""
+    sets = {field: getattr(report, name) for field, name in _SINGLE.items()}
+    return [
+        {
+            "type": "joint_state",
+            "joint_name": joint,
+            "joint_state": {field: values[joint] for field, values in sets.items() if joint in values},
+        }
+        for joint in report.positions
+    ]
+
+
+_JOINTS: Mapping[str, Callable[[JointReport], list[Body]]] = MappingProxyType(
+    {"flat": _flat, "single": _single}
+)

@@ -1,0 +1,100 @@
+"""Reports that programs write to the bus as they would publish them on MQTT: telemetry, metrics, log lines.
+
+What such a program says is open: fields that this project does not know pass beside those that it knows. The
+fields of the report itself (``fields``, ``more``, ``about``) are read too, and are what an edge writes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+
+from fleet.decoding import json_decoder
+from fleet.errors import WireError
+from fleet.model.report import LogReport, MetricsReport, Report, TelemetryReport
+from fleet.wire.envelope import stamp_of
+from fleet.wire.samples import json_payload, stamp_of_header
+from fleet.wire.strict import child, text
+
+LEVELS = frozenset({"DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"})
+ENVELOPE = frozenset({"ts", "timestamp", "type", "source_type", "session_id", "twin_uuid"})
+"""What every message may carry, of which the bridge makes its own."""
+_DECODER: msgspec.json.Decoder[dict[str, Any]] = json_decoder(dict[str, Any])
+
+
+def stamp_in(message: Mapping[str, Any], sample: bytes) -> float:
+    """Return when a message on the bus was made, Unix seconds: by its own stamp, else its sample's header.
+
+    Raises WireError when nothing says so.
+    """
+    stamp = stamp_of(message)
+    stamp = stamp_of_header(sample) if stamp is None else stamp
+    if stamp is None or not math.isfinite(stamp):
+        raise WireError("is missing, and so is the sample's header", where="timestamp")
+    return stamp
+
+
+def object_in(sample: bytes, where: str) -> dict[str, Any]:
+    """Return the JSON object in a sample; raises WireError for anything else."""
+    try:
+        return _DECODER.decode(json_payload(sample))
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise WireError(str(error), where=where) from None
+
+
+def decode_published(channel: str, sample: bytes) -> Report:
+    """Return the report in a sample of one of ``PUBLISHED``; raises WireError for what is none."""
+    message = object_in(sample, channel)
+    return PUBLISHED[channel](message, stamp_in(message, sample))
+
+
+def _telemetry(message: Mapping[str, Any], stamp: float) -> TelemetryReport:
+    """Read one message of telemetry: its type, and whatever stands beside it."""
+    given = {name: value for name, value in message.items() if name not in ("ts", "type", "fields")}
+    return TelemetryReport(stamp, text(message, "type"), {**given, **_part(message, "fields")})
+
+
+def _metrics(message: Mapping[str, Any], stamp: float) -> MetricsReport:
+    """Read categories: at the top, as some write them, or in ``metrics``."""
+    own = ENVELOPE | {"metrics", "more"}
+    told = {name: value for name, value in message.items() if name not in own}
+    told = {**told, **_part(message, "more"), **_part(message, "metrics")}
+    taken: dict[str, Any] = {"errors": None}
+    for name in ("power", "navigation"):
+        if isinstance(told.get(name), dict):
+            taken[name] = told.pop(name)
+    if _are_objects(told.get("errors")):
+        taken["errors"] = tuple(told.pop("errors"))
+    elif told.get("errors", 0) is None:
+        del told["errors"]
+    return MetricsReport(stamp, **taken, more=told)
+
+
+def _log(message: Mapping[str, Any], stamp: float) -> LogReport:
+    """Read a log line, and whatever is told of who says it."""
+    level = text(message, "level").upper()
+    if level not in LEVELS:
+        raise WireError(f"one of {', '.join(sorted(LEVELS))} is needed, not {level[:40]!a}", where="level")
+    own = ENVELOPE | {"message", "level", "about"}
+    about = {name: value for name, value in message.items() if name not in own}
+    return LogReport(stamp, level, text(message, "message"), {**about, **_part(message, "about")})
+
+
+def _part(message: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return the members of an object, none when it is not there; raises WireError for anything else."""
+    return child(message, name) if message.get(name) is not None else {}
+
+
+def _are_objects(value: object) -> bool:
+    """Return True for a list of nothing but objects."""
+    return isinstance(value, list) and all(isinstance(each, dict) for each in value)
+
+
+PUBLISHED: Mapping[str, Callable[[Mapping[str, Any], float], Report]] = MappingProxyType(
+    {TelemetryReport.channel: _telemetry, MetricsReport.channel: _metrics, LogReport.channel: _log}
+)
+"""By channel, what reads a message of it."""
