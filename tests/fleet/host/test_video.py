@@ -1,0 +1,108 @@
+"""Commands for video are passed on to who sends it: an edge, and programs on its bus."""
+
+import asyncio
+import json
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.host.ticket import Ticket
+from fleet.host.video import ANSWER_WITHIN, VideoRelay
+from fleet.model.command import Command, Reply, ReplyStatus
+from fleet.testing.clock import ManualClock
+
+
+class FakeLane:
+    """A lane whose programs answer when the test says so."""
+
+    def ask_later(self, key, payload, *, timeout, on_answer, on_end):
+        self.asked = (key, json.loads(payload), timeout)
+        self.answer, self.end = on_answer, on_end
+
+
+@pytest.fixture
+def lane():
+    return FakeLane()
+
+
+@pytest.fixture
+async def ask(lane, asks):
+    """Ask a relay; returns the replies, the clock, and what has the loop catch up."""
+    clock, replies = ManualClock(), []
+    relay = VideoRelay("rex", "fleet/yard-1/robots/rex/video", lane, asyncio.get_running_loop(), clock)
+    relay.take(Command("start_video", {"recording": False}), Ticket("start_video", replies.append))
+    return replies, clock, asks.settle
+
+
+async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answer(lane, ask):
+    replies, _, settle = ask
+    assert lane.asked[:2] == (
+        "fleet/yard-1/robots/rex/video",
+        {"command": "start_video", "data": {"recording": False}},
+    )
+    assert lane.asked[2] < 5  # what the SDK waits for an answer
+    lane.answer(b'{"ok": true}')
+    lane.end()
+    await settle()
+    assert [reply.status for reply in replies] == [ReplyStatus.ACCEPTED]
+
+
+async def test_of_several_programs_one_that_does_it_is_enough(lane, ask):
+    replies, _, settle = ask
+    lane.answer(b'{"ok": false, "reason": "another sensor"}')
+    lane.answer(b'{"ok": true}')
+    lane.end()
+    await settle()
+    assert [reply.ok for reply in replies] == [True]
+
+
+@pytest.mark.parametrize(
+    ("answer", "waited", "told"),
+    [
+        (b'{"ok": false, "reason": "no camera"}', 0.1, (ReplyStatus.DENIED, "no camera")),
+        (b"what?", 0.1, (ReplyStatus.DENIED, "cannot be read")),
+        (None, 0.1, (ReplyStatus.REJECTED, "no program on the bus sends video of rex")),
+        (None, ANSWER_WITHIN, (ReplyStatus.TIMEOUT, "does not answer")),
+    ],
+)
+async def test_a_command_that_nobody_carries_out_says_why(lane, ask, answer, waited, told):
+    replies, clock, settle = ask
+    if answer is not None:
+        lane.answer(answer)
+    clock.advance(waited)
+    lane.end()
+    await settle()
+    (reply,) = replies
+    assert (reply.status, told[1] in reply.reason) == (told[0], True)
+
+
+def command(lane, yard, name):
+    """Ask the robot rex on the bus."""
+    payload = json.dumps({"command": name}).encode()
+    answers = lane.ask(keys.command(yard.id, "rex"), payload, timeout=20)
+    return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
+
+
+@pytest.mark.parametrize("worker", ["main", "yard"])
+async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(yard, run_edge, asks, worker):
+    place = yard(rex={"worker": worker})
+    edge = place.edge()
+    heard = []
+
+    def answer(question):
+        heard.append(json.loads(question.payload)["command"])
+        question.reply(b'{"ok": true}')
+        question.close()
+
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        lane = await asyncio.to_thread(place.lane)
+        (nobody,) = await asyncio.to_thread(command, lane, place, "start_video")
+        assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
+        edge.bus.control.answer(keys.video(place.id, "rex"), answer)
+        for name in ("start_video", "stop_video"):
+            (reply,) = await asyncio.to_thread(command, lane, place, name)
+            assert reply.ok
+        await asyncio.to_thread(lane.close)
+    assert heard == ["start_video", "stop_video"]
