@@ -10,9 +10,10 @@ import contextlib
 from playwright.sync_api import sync_playwright
 
 # Without these it asks its maker's servers for updates and lists at every start. All pages are ours, so none
-# needs a sandbox, which a container often has not to give.
+# needs a sandbox, which a container often has not to give, nor much shared memory.
 ARGUMENTS = (
     "--no-sandbox",
+    "--disable-dev-shm-usage",
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",

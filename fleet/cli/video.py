@@ -22,6 +22,7 @@ from fleet.model.state import RobotState
 
 EXTRA = "fleet video needs its extra: pip install 'zenoh-fleet[video]' (here: uv sync --extra video)"
 SENSOR = re.compile(r"[a-z][a-z0-9_]{0,62}")
+ICE_URL = re.compile(r"(stun|turns?):[^\s:?]+(:\d{1,5})?(\?transport=(udp|tcp))?")
 CAMERA = re.compile(r"(file:/|https?://|v4l2:/)\S+")
 
 
@@ -37,6 +38,16 @@ def _camera(_context: click.Context, _option: click.Parameter, value: str | None
     if value is not None and not CAMERA.fullmatch(value):
         raise click.BadParameter(f"{value!r}: http(s)://..., file:/... or v4l2:/dev/videoN is needed")
     return value
+
+
+def _servers(_context: click.Context, _option: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
+    """Check the addresses of servers."""
+    for value in values:
+        if not ICE_URL.fullmatch(value):
+            raise click.BadParameter(
+                f"{value!r}: stun:HOST:PORT, turn:HOST:PORT or turns:HOST:PORT is needed"
+            )
+    return values
 
 
 @click.command()
@@ -59,6 +70,7 @@ def _camera(_context: click.Context, _option: click.Parameter, value: str | None
     "--ice-server",
     "ice_urls",
     multiple=True,
+    callback=_servers,
     metavar="URL",
     help="stun:HOST:PORT, turn:... or turns:...; left out, only the addresses of this computer.",
 )

@@ -5,17 +5,13 @@ import os
 import signal
 import time
 import uuid
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import pytest
 
 from fleet.testing.waiting import wait_until
 
 PLUGINS = Path(__file__).parents[2] / "fleet" / "testing" / "plugins"
-RED, BLUE = (76, 85, 255), (29, 255, 107)  # Y, Cb and Cr
-WIDTH, HEIGHT = 320, 240
 
 WATCH = """async offer => {
     window.candidates = [];
@@ -37,40 +33,14 @@ MIDDLE = """() => {
 }"""
 
 
-def jpeg(colour):
-    """Return a picture of one colour."""
-    encoder = av.VideoCodecContext.create("mjpeg", "w")
-    encoder.width, encoder.height, encoder.pix_fmt, encoder.time_base = (
-        WIDTH,
-        HEIGHT,
-        "yuvj420p",
-        Fraction(1, 10),
-    )
-    frame = av.VideoFrame(WIDTH, HEIGHT, "yuvj420p")
-    for plane, value in zip(frame.planes, colour, strict=True):
-        plane.update(bytes([value]) * plane.buffer_size)
-    return b"".join(bytes(packet) for packet in [*encoder.encode(frame), *encoder.encode(None)])
-
-
-class Camera:
-    """A file that another program writes its newest picture to."""
-
-    def __init__(self, path):
-        self.path = path
-        self.source = f"file:{path}"
-
-    def show(self, colour):
-        """Show a colour from now on."""
-        new = self.path.with_suffix(".new")
-        new.write_bytes(jpeg(colour))
-        new.replace(self.path)
+@pytest.fixture
+def pictures(module_at):
+    return module_at("pictures.py")
 
 
 @pytest.fixture
-def camera(tmp_path):
-    camera = Camera(tmp_path / "camera.jpg")
-    camera.show(RED)
-    return camera
+def camera(pictures, tmp_path):
+    return pictures.CameraFile(tmp_path / "camera.jpg")
 
 
 class Site:
@@ -139,7 +109,7 @@ def site(fleet, ears, foreign_broker, tmp_path):
     return Site(fleet, ears, foreign_broker, tmp_path)
 
 
-def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, camera, page):
+def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, camera, page, pictures):
     site.send_video(camera)
     assert (site.ask("start_video")["status"], site.streams()) == ("ok", {})
     offer = site.show(page)
@@ -147,9 +117,9 @@ def test_a_camera_is_seen_in_a_browser_from_start_video_to_stop_video(site, came
 
     page.wait_for_function("video.videoWidth > 0 && video.currentTime > 0", timeout=60_000)
     seen = wait_until("red", lambda: (now := page.evaluate(MIDDLE))["red"] > 200 and now)
-    assert (seen["width"], seen["height"]) == (WIDTH, HEIGHT)
+    assert (seen["width"], seen["height"]) == (pictures.WIDTH, pictures.HEIGHT)
     assert seen["blue"] < 60
-    camera.show(BLUE)  # the page shows what the camera shows now
+    camera.show(pictures.BLUE)  # the page shows what the camera shows now
     wait_until("blue", lambda: (now := page.evaluate(MIDDLE))["blue"] > 200 and now["red"] < 60)
 
     stream = wait_until("the stream is healthy", lambda: site.streams().get("camera", {}))
@@ -194,6 +164,6 @@ def test_the_streams_of_a_program_that_is_killed_vanish(site, camera):
 
 
 def test_a_camera_that_gives_no_picture_is_told(site, camera):
-    camera.path.unlink()
+    camera.breaks()
     site.send_video(camera)
     assert "No such file" in site.ask("start_video")["reason"]

@@ -115,7 +115,8 @@ class PlayedEdge:
 
     def also_speaks(self, name, **fields):
         """Tell a robot's state."""
-        state = RobotState(name, "", "toy", self.edge, fields.pop("stamp", 1.0), **fields)
+        twin, stamp = fields.pop("twin", ""), fields.pop("stamp", 1.0)
+        state = RobotState(name, twin, "toy", self.edge, stamp, **fields)
         self._control.answer(keys.state(self.edge, name), self._teller(msgspec.json.encode(state)))
 
     def garbles(self, name):
