@@ -7,6 +7,7 @@ import time
 import uuid
 from pathlib import Path
 
+import psutil
 import pytest
 
 from fleet.testing.waiting import wait_until
@@ -167,3 +168,15 @@ def test_a_camera_that_gives_no_picture_is_told(site, camera):
     camera.breaks()
     site.send_video(camera)
     assert "No such file" in site.ask("start_video")["reason"]
+
+
+def test_a_program_goes_on_with_an_edge_that_was_killed_and_started_anew(site, camera):
+    site.send_video(camera)
+    (edge,) = [
+        child for child in psutil.Process(site.edge.process.pid).children() if "run-edge" in child.cmdline()
+    ]
+    session = site.cloud.of("edge_health")[-1]["session_id"]
+    edge.kill()
+    wait_until("a new edge", lambda: site.cloud.of("edge_health")[-1]["session_id"] != session)
+    wait_until("a program is there again", lambda: site.ask("start_video")["status"] == "ok")
+    assert site.cloud.of("webrtc-offer")

@@ -77,6 +77,48 @@ async def test_a_command_that_nobody_carries_out_says_why(lane, ask, answer, wai
     assert (reply.status, told[1] in reply.reason) == (told[0], True)
 
 
+@pytest.fixture
+def passed_on(make_bench):
+    """Make a desk that passes commands for video on; returns it and what it passed."""
+
+    def passed_on(**config):
+        bench, passed = make_bench(**config), []
+        bench.desk.own["start_video"] = lambda ask, ticket: (passed.append(ask), ticket.done())
+        return bench, passed
+
+    return passed_on
+
+
+async def test_who_may_start_video_is_said_by_the_robots_policy(passed_on, asks):
+    for config, source, obeyed in (
+        ({}, "tele", True),
+        ({}, "edit", False),
+        ({"accepts": {"command": ["edit"]}}, "tele", False),
+        ({"link": "sim:puppet"}, "tele", False),
+        ({"link": "sim:puppet", "accepts": {"command": ["tele"]}}, "tele", True),
+    ):
+        bench, passed = passed_on(**config)
+        (reply,) = bench.ask(asks.command("start_video", source))
+        assert (reply.ok, bool(passed)) == (obeyed, obeyed), (config, source)
+
+
+async def test_video_is_started_whatever_the_robot_itself_does(passed_on, asks):
+    bench, passed = passed_on()
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    bench.ask(asks.command("start_video"))
+    bench.desk.lost("unplugged")
+    bench.ask(asks.command("start_video"))
+    assert len(passed) == 2
+    assert bench.desk.latched
+
+
+async def test_a_command_for_video_that_comes_again_is_passed_on_once(passed_on, asks):
+    bench, passed = passed_on()
+    answers = [bench.ask(asks.command("start_video", id="same"))[0].ok for _ in range(2)]
+    assert (answers, len(passed)) == ([True, True], 1)
+
+
 def command(lane, yard, name):
     """Ask the robot rex on the bus."""
     payload = json.dumps({"command": name}).encode()
