@@ -127,6 +127,14 @@ def program():
 
 
 @pytest.fixture
+def page(program):
+    """Open a page in a real browser; an error in its console, or one that is not caught, fails the test."""
+    browser = program("chromium")
+    with _load(Path(__file__).with_name("browser.py")).open_page(browser) as page:
+        yield page
+
+
+@pytest.fixture
 def run_mosquitto(tmp_path, program):
     """Start Mosquitto with more lines of configuration, until the test ends."""
     path = program("mosquitto")

@@ -29,15 +29,24 @@ class Program(NamedTuple):
     """One program: ``package`` of Debian and Ubuntu, ``path`` inside it, ``check``: an argument that ends it.
 
     ``files`` are environment variables that name files of the package where it would look in the system.
+    ``others`` are names of programs that do as well, where they are on PATH.
     """
 
     package: str
     path: str
     check: str
     files: Mapping[str, str] = {}
+    others: tuple[str, ...] = ()
 
 
 WANTED: Mapping[str, Program] = {
+    "chromium": Program(
+        "chromium-headless-shell",  # a third smaller than the whole browser, which needs GTK besides
+        "usr/lib/chromium/chromium-headless-shell",
+        "--version",
+        {"FONTCONFIG_PATH": "etc/fonts", "XDG_DATA_HOME": "usr/share"},
+        ("chromium-headless-shell", "google-chrome"),
+    ),
     "mosquitto": Program("mosquitto", "usr/sbin/mosquitto", "-h"),
     "mosquitto_pub": Program("mosquitto-clients", "usr/bin/mosquitto_pub", "--help"),
     "openssl": Program("openssl", "usr/bin/openssl", "version", {"OPENSSL_CONF": "etc/ssl/openssl.cnf"}),
@@ -50,8 +59,9 @@ class Unavailable(Exception):
 
 def find(name: str) -> str | None:
     """Return the path of a program of ``WANTED``: the system's, else the fetched one, else None."""
-    places = [*os.environ.get("PATH", "").split(os.pathsep), *_SYSTEM, str(FOLDER / "bin")]
-    return shutil.which(name, path=os.pathsep.join(places))
+    places = os.pathsep.join([*os.environ.get("PATH", "").split(os.pathsep), *_SYSTEM, str(FOLDER / "bin")])
+    others = WANTED[name].others if name in WANTED else ()
+    return next(filter(None, (shutil.which(each, path=places) for each in (name, *others))), None)
 
 
 def fetch(say: Callable[[str], None]) -> str:
@@ -160,7 +170,8 @@ def _write_script(name: str, root: Path) -> None:
     """Write the script that starts an unpacked program; raises Unavailable when it does not run."""
     script = FOLDER / "bin" / name
     libraries = sorted({str(path.parent) for path in root.rglob("*.so*")})
-    values = {key: str(root / path) for key, path in WANTED[name].files.items()}
+    # What the system has is not unpacked, and found where it is.
+    values = {key: str(root / path) for key, path in WANTED[name].files.items() if (root / path).exists()}
     values["LD_LIBRARY_PATH"] = os.pathsep.join(libraries)
     lines = [f"export {key}={shlex.quote(value)}" for key, value in values.items()]
     lines.append(f'exec {shlex.quote(str(root / WANTED[name].path))} "$@"')

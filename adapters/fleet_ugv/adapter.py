@@ -17,7 +17,6 @@ from fleet import (
     Range,
     Refused,
     Robot,
-    Unsupported,
     Velocity,
     command,
     open_link,
@@ -251,11 +250,6 @@ class UgvAdapter(Adapter[UgvConfig]):
         """Publish a picture of the configured camera."""
         _, robot = self._observed()
         robot.report(await photograph(self.config.camera, robot.clock))
-
-    @command("start_video", "stop_video", moves=False, safe=True, timeout=2.0)
-    async def video(self) -> None:
-        """Refuse: video does not go through this program."""
-        raise Unsupported("video is not sent by fleet", hint="take_photo sends single pictures")
 
 
 def _toggled(level: int) -> int:

@@ -15,6 +15,7 @@ from fleet.wire.joints import JOINT_TARGETS
 from fleet.wire.replies import command_response, legacy_status
 from fleet.wire.rules import Kind
 from fleet.wire.topics import Topics
+from fleet.wire.video import VIDEO_TYPES, video_status
 
 STREAMED = VELOCITY_WORDS | {"motion", "joints", JOINT_TARGETS}
 """Commands that come many times a second: their success is not worth a status message each."""
@@ -87,19 +88,36 @@ class Answers:
     def to(self, port: Port, message: Message, kind: Kind, *, once: bool = False) -> Answering:
         """Return what answers a message: a response to who asked for one, else a status.
 
-        How a command ended that was accepted before is told by a status, to all who hear of the twin.
-        ``once``: it is no part of a stream, whatever its verb is.
+        How a command ended that was accepted before is told by a status, to all who hear of the twin. What
+        came of ``start_video`` and ``stop_video`` is told on their own topics besides, where the frontend
+        waits for it. ``once``: it is no part of a stream, whatever its verb is.
         """
+        receipt, end = self._tellers(port, message, kind, once)
+        if kind == "command":
+            return Answering(
+                partial(self._tell_with_video, port, receipt), partial(self._tell_with_video, port, end)
+            )
+        return Answering(receipt, end)
+
+    def _tellers(self, port: Port, message: Message, kind: Kind, once: bool) -> tuple[Tell, Tell]:  # noqa: FBT001 - by position
+        """Return what tells the receipt, and the end."""
         inbox, status = message.response_topic, _no_answer
         if kind in TOLD_BY_STATUS and port.legacy_status:
             status = partial(self._tell_status, port, _text(message.correlation), once)
         if inbox is None:
-            return Answering(status, status)
+            return status, status
         if not self._topics.is_own_inbox(inbox, port.twin):
             line = "%s: no reply to %.120r: it is not a reply inbox of this twin"
             self._refusals.add("foreign inbox", line, port.name, inbox)
-            return Answering(_no_answer, status)
-        return Answering(self._responder(port, inbox, message.correlation), status)
+            return _no_answer, status
+        return self._responder(port, inbox, message.correlation), status
+
+    def _tell_with_video(self, port: Port, tell: Tell, reply: Reply) -> None:
+        """Tell who asked and, once it is known what came of a command for video, who waits for that."""
+        tell(reply)
+        if reply.command in VIDEO_TYPES and (reply.done is not None or not reply.ok):
+            payload = video_status(reply, stamp=self._clock.time(), source_type=port.source_type)
+            self._send(self._topics.twin(port.twin, f"{reply.command}/status"), payload)
 
     def _responder(self, port: Port, inbox: str, correlation: bytes | None) -> Tell:
         """Return what sends the one ``twin.command_response.v1``."""

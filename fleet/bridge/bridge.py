@@ -14,6 +14,7 @@ from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
 from fleet.bridge.roundtrip import RoundTrip
 from fleet.bridge.slot import TwinInfo
+from fleet.bridge.streams import Streams
 from fleet.bridge.uplink import Uplink
 from fleet.bridge.voice import Voice
 from fleet.clock import Clock
@@ -53,7 +54,7 @@ class Bridge:
     ``alive`` tells whether a robot answers. ``put`` publishes on the bus. ``claimed`` hears twin and edge
     when the cloud shows another edge that has the twin, with an empty name when it has let go. ``spool``
     keeps what is durable; it is closed with the bridge.
-    ``voice`` says what the edge says itself.
+    ``voice`` says what the edge says itself, ``streams`` are what programs on the bus send by themselves.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Bridge:
         self.refusals = Tally(log, clock)
         self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
         self._held: dict[str, str] = {}
+        self.streams = Streams(ports, self.refusals, clock)
         self._rivals = Rivals(
             edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
         )
@@ -158,7 +160,7 @@ class Bridge:
         if self._pings:
             self.round_trip.ask()
         for port in self._served():
-            self.voice.beat(port, extra)
+            self.voice.beat(port, extra, self.streams.of(port.twin))
         if self.client.state is CloudState.CONNECTED:
             for gap in self.client.spool.take_gaps():
                 self._tell_gap(gap)

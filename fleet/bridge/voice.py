@@ -56,8 +56,8 @@ class Voice:
         }
         self.tell(port, "gap", fields)
 
-    def beat(self, port: Port, extra: Mapping[str, Any]) -> None:
-        """Queue the heartbeat of a twin; ``extra``: figures of the host."""
+    def beat(self, port: Port, extra: Mapping[str, Any], streams: Mapping[str, Mapping[str, Any]]) -> None:
+        """Queue the heartbeat of a twin; ``extra``: figures of the host, ``streams``: the bus's programs'."""
         payload = edge_health(
             twin=port.twin,
             edge_id=self._edge,
@@ -66,6 +66,7 @@ class Voice:
             source_type=port.source_type,
             session=self._session,
             extra=extra,
+            streams=streams,
         )
         self.said.add(Traffic.LATEST)
         self._publish(self._topics.twin(port.twin, "edge_health"), payload, later=True)

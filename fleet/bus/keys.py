@@ -10,6 +10,7 @@ key                                    what
 ``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge has the twin, since (Unix ms)
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
+``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
 ``fleet/{edge}/robots/{robot}/state``  a robot's state: publication, and ask for the last
 ``fleet/{edge}/held``                 publication: which robots of its workers stop inputs hold, and why
 ``fleet/{edge}/places/{process}``      publication: where the robots of a process are, and where they go
@@ -45,6 +46,11 @@ def claims() -> str:
 def command(edge_id: str, name: str) -> str:
     """Return the key on which a robot is asked; ``*`` addresses many."""
     return f"fleet/{edge_id}/robots/{name}/command"
+
+
+def video(edge_id: str, name: str) -> str:
+    """Return the key on which the program that sends a robot's video is asked to start and stop it."""
+    return f"fleet/{edge_id}/robots/{name}/video"
 
 
 def holders(edge_id: str) -> str:

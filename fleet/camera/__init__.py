@@ -1,1 +1,1 @@
-"""Single pictures for ``take_photo``, whatever the robot."""
+"""Pictures of a camera: single ones for ``take_photo``, one after the other for video."""

@@ -6,6 +6,8 @@ import asyncio
 import http.client
 import urllib.error
 import urllib.request
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -53,9 +55,14 @@ async def take_picture(source: str) -> Picture:
     Raises Refused with the reason, TimedOut when the camera does not answer.
     """
     kind, _, rest = source.partition(":")
+    return await taken(partial(_SOURCES[kind], rest, source), source)
+
+
+async def taken(read: Callable[[], bytes], source: str) -> Picture:
+    """Return the picture that ``read`` reads, in a thread; raises like ``take_picture``."""
     try:
         async with asyncio.timeout(TIMEOUT + 1.0):
-            data = await asyncio.to_thread(_SOURCES[kind], rest, source)
+            data = await asyncio.to_thread(read)
     except TimeoutError:
         raise TimedOut(f"{source} does not answer") from None
     except (OSError, urllib.error.URLError, http.client.HTTPException) as error:

@@ -1,12 +1,15 @@
-"""One JPEG frame of a V4L2 device (Linux, 64 bit), by the kernel's own calls."""
+"""JPEG frames of a V4L2 device (Linux, 64 bit), by the kernel's own calls."""
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
+import itertools
 import mmap
 import os
 import select
 import struct
+from collections.abc import Generator
 
 CAPTURE, MMAP, MJPEG = 1, 1, int.from_bytes(b"MJPG", "little")
 S_FMT, REQBUFS, QUERYBUF, QBUF, DQBUF = 0xC0D05605, 0xC0145608, 0xC0585609, 0xC058560F, 0xC0585611
@@ -20,6 +23,12 @@ _USED, _PLACE, _LENGTH = 8, 64, 72  # offsets in struct v4l2_buffer
 
 def capture(path: str, timeout: float) -> bytes:
     """Return one frame; blocks for at most ``timeout`` s a frame. Raises OSError, also for another format."""
+    with contextlib.closing(frames(path, timeout)) as coming:
+        return next(itertools.islice(coming, WARM_UP - 1, None))
+
+
+def frames(path: str, timeout: float) -> Generator[bytes]:
+    """Yield frame after frame until closed; the device is open meanwhile. Blocks and raises as above."""
     device = os.open(path, os.O_RDWR | os.O_NONBLOCK)
     try:
         _set_format(device)
@@ -28,7 +37,7 @@ def capture(path: str, timeout: float) -> bytes:
         fcntl.ioctl(device, QUERYBUF, place)
         offset, length = _number(place, _PLACE), _number(place, _LENGTH)
         with mmap.mmap(device, length, offset=offset) as memory:
-            return _stream(device, memory, timeout)
+            yield from _stream(device, memory, timeout)
     finally:
         os.close(device)
 
@@ -42,20 +51,20 @@ def _set_format(device: int) -> None:
         raise OSError("the camera gives no JPEG; use a snapshot URL or a file")
 
 
-def _stream(device: int, memory: mmap.mmap, timeout: float) -> bytes:
-    """Return the first frame after the warm-up."""
+def _stream(device: int, memory: mmap.mmap, timeout: float) -> Generator[bytes]:
+    """Yield frames; a frame is filled while the one before is used."""
     fcntl.ioctl(device, QBUF, _buffer())
     fcntl.ioctl(device, STREAMON, struct.pack("=i", CAPTURE))
     try:
-        for _ in range(WARM_UP):
+        while True:
             _wait(device, timeout)
             taken = _buffer()
             fcntl.ioctl(device, DQBUF, taken)
             frame = memory[: _number(taken, _USED)]
             fcntl.ioctl(device, QBUF, _buffer())
+            yield frame
     finally:
         fcntl.ioctl(device, STREAMOFF, struct.pack("=i", CAPTURE))
-    return frame
 
 
 def _wait(device: int, timeout: float) -> None:

@@ -59,8 +59,7 @@ class Desk:
         journal: RobotJournal,
         clock: Clock,
     ) -> None:
-        self.name = config.name
-        self.last = Last()
+        self.name, self.last = config.name, Last()
         self._can, self.moves = capabilities, capabilities.moves
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.teller = Teller(self.name, publish, clock, in_motion=lambda: self.in_motion)
@@ -82,10 +81,11 @@ class Desk:
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
         self.senders, self.latch = self._admission.offsets, self._admission.latch  # the latch: any thread
         self._repeats = journal.repeats(clock.monotonic())
-        self._own: dict[str, Callable[[Command], Any]] = {
-            RELEASE: lambda _: self.latch.release(),
-            RESTART: lambda _: restart(),
-            **dict.fromkeys(SETTINGS if capabilities.drives else (), self.speeds.store),
+        settings = SETTINGS if capabilities.drives else ()
+        self.own: dict[str, Callable[[Command, Ticket], None]] = {  # what the host does itself, and answers
+            RELEASE: lambda _, ticket: ticket.do(self.latch.release),
+            RESTART: lambda _, ticket: ticket.do(restart),
+            **dict.fromkeys(settings, lambda ask, ticket: ticket.done(self.speeds.store(ask))),
         }
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
@@ -222,7 +222,7 @@ class Desk:
         if ask.name in STOP_WORDS:
             self._stop(ask, ticket)
             return
-        own = self._own.get(ask.name)
+        own = self.own.get(ask.name)
         spec = None if own else self._can.commands.get(ask.name)
         if own is None and spec is None:
             ticket.reject(f"{self.name} has no {ask.name!r}", hint=self._can.hint(ask.name))
@@ -238,7 +238,7 @@ class Desk:
         elif own is not None:
             self.teller.log.warning("%s by %s", ask.name, ask.origin.session or ask.origin.way)
             self._journal.note(ask.id, ask.name)
-            ticket.done(own(ask))
+            own(ask, ticket)
         elif spec is not None:
             self._execute(spec, ask, ticket)
         self.last.follow(ask.name, ticket)

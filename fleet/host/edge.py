@@ -295,6 +295,7 @@ class Edge:
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
+            self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         health = self.bus.control.publisher(keys.health(edge))
 

@@ -147,6 +147,10 @@ class LocalRobot:
             told=self.happenings.level_is,
         )
 
+    def takes(self, name: str) -> bool:
+        """Return True for a command that the adapter declares."""
+        return name in self._can.commands
+
     def share_space(self, traffic: Traffic) -> None:
         """Be one of the robots of the edge that are kept apart from each other."""
         guard = self.desk.guard

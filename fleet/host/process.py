@@ -29,6 +29,7 @@ from fleet.host.outbox import Outbox
 from fleet.host.settings import MAIN
 from fleet.host.shared import Shared
 from fleet.host.traffic import TELL, Traffic
+from fleet.host.video import relay_video
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
@@ -300,6 +301,7 @@ class RobotProcess:
     def _declare(self, robot: LocalRobot) -> None:
         """Show the robot on the bus and take what is asked of it there."""
         control = self.bus.control
+        relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock)
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
         control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))

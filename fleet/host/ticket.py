@@ -65,6 +65,10 @@ class Ticket:
         """
         self._end(Reply(self.command, ReplyStatus.ACCEPTED, done=True, data=data))
 
+    def do(self, work: Callable[[], Any]) -> None:
+        """Do it, and say that it was done, with what came of it."""
+        self.done(work())
+
     def reject(self, reason: str, *, hint: str = "") -> None:
         """Say that the host refused it."""
         self._fail(Reply(self.command, ReplyStatus.REJECTED, reason, hint))

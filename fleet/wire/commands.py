@@ -33,6 +33,7 @@ from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
 from fleet.wire.velocity import read_velocity_contract
+from fleet.wire.video import VIDEO_TYPES
 
 VELOCITY_FIELDS = ("linear_x", "linear_y", "linear_z", "angular_z")
 _VELOCITY = frozenset(VELOCITY_FIELDS)
@@ -303,6 +304,20 @@ def _setting(envelope: _Envelope, _defaults: Defaults) -> Command:
     return envelope.command(envelope.name, {field: abs(number(envelope.data, field, "data"))})
 
 
+def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
+    """Read a start or a stop of video: who gives no source type in the cloud is an operator (contract 2.2).
+
+    Older senders put ``recording`` and ``sensor_id`` beside ``data``.
+    """
+    beside: dict[str, Any] = {
+        name: envelope.message[name] for name in ("recording", "sensor_id") if name in envelope.message
+    }
+    asked = envelope.command(envelope.name, {**beside, **envelope.data})
+    if asked.origin.way is not Way.CLOUD or asked.origin.source_type is not None:
+        return asked
+    return msgspec.structs.replace(asked, origin=msgspec.structs.replace(asked.origin, source_type="tele"))
+
+
 def _estop(envelope: _Envelope, _defaults: Defaults) -> Command:
     """Read the emergency switch of ground robots."""
     if releases("estop", envelope.data):
@@ -317,8 +332,9 @@ _MEANINGS: Mapping[str, Callable[[_Envelope, Defaults], Command | Setpoint]] = M
         "velocity_command": _velocity_contract,
         "locomotion_velocity": _velocity_contract,
         **dict.fromkeys(SETTINGS, _setting),
+        **dict.fromkeys(VIDEO_TYPES, _video),
         "estop": _estop,
     }
 )
-VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop", *SETTINGS}
+VELOCITY_WORDS = frozenset(_MEANINGS) - {"estop", *SETTINGS, *VIDEO_TYPES}
 """Commands that ask for a velocity, many times a second, and not for something discrete."""

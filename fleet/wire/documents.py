@@ -30,20 +30,25 @@ UPDATE_TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,63}")
 class Shape(msgspec.Struct, frozen=True):
     """What a document must hold: its type, ``says`` (empty: any), and fields with what they may be.
 
-    ``tagged``: it gets source type and session like a report.
+    ``one_of`` are fields of which one must be there. ``tagged``: it gets source type and session like a
+    report. ``aimed``: it has no ``target`` of its own, and goes out with the cloud's, so that we know it when
+    the broker brings it back to us.
     """
 
     says: str = ""
     needs: Mapping[str, tuple[type, ...]] = MappingProxyType({})
+    one_of: Mapping[str, tuple[type, ...]] = MappingProxyType({})
     tagged: bool = True
+    aimed: bool = False
 
 
+_CANDIDATE = "webrtc-candidate"
 _SDP = MappingProxyType({"target": (str,), "sdp": (str,)})
 SHAPES: Mapping[str, Shape] = MappingProxyType(
     {
         "webrtc-offer": Shape("offer", _SDP, tagged=False),
         "webrtc-answer": Shape("answer", _SDP, tagged=False),
-        "webrtc-candidate": Shape(
+        _CANDIDATE: Shape(
             "candidate", MappingProxyType({"target": (str,), "candidate": (dict, str)}), tagged=False
         ),
         "event": Shape(needs=MappingProxyType({"event_type": (str,)})),
@@ -53,6 +58,13 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
     }
 )
 """By leaf; what is not here only has to be a JSON object."""
+_RAW_CANDIDATE = Shape(
+    needs=MappingProxyType({"candidate": (str,)}),
+    one_of=MappingProxyType({"sdpMid": (str,), "sdpMLineIndex": (int,)}),
+    tagged=False,
+    aimed=True,
+)
+"""What a browser's ``RTCIceCandidate.toJSON()`` gives, without the usual message around it."""
 
 
 EDITED = frozenset({"position", "rotation", "scale"})
@@ -74,6 +86,7 @@ class _Aimed(msgspec.Struct):
 _TARGET: msgspec.json.Decoder[_Aimed] = json_decoder(_Aimed)
 _SENDER: msgspec.json.Decoder[_Tagged] = json_decoder(_Tagged)
 _OPEN = Shape()
+_CLOUD = "backend"
 
 
 def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) -> bytes:
@@ -87,6 +100,8 @@ def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) ->
     message.pop("ts", None)
     if leaf.startswith("environment:"):
         message = {"type": leaf.partition(":")[2], **message}
+    if shape.aimed:
+        message["target"] = _CLOUD
     if shape.tagged:
         message |= {"source_type": source_type} | ({"session_id": session} if session else {})
     return encode_finite(message)
@@ -117,7 +132,7 @@ def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
     if not leaf.startswith("webrtc-") or b'"backend"' not in payload:
         return False
     try:
-        return _TARGET.decode(payload).target == "backend"
+        return _TARGET.decode(payload).target == _CLOUD
     except (ValueError, RecursionError):  # ``document_in`` says what is wrong with it
         return False
 
@@ -145,7 +160,8 @@ def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
     namespace, _, update = leaf.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
         raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")
-    shape = SHAPES.get(leaf, _OPEN)
+    raw = leaf == _CANDIDATE and "type" not in message
+    shape = _RAW_CANDIDATE if raw else SHAPES.get(leaf, _OPEN)
     if shape.says and message.get("type") != shape.says:
         raise WireError(f"{shape.says!a} is needed, this is {str(message.get('type'))[:40]!a}", where="type")
     for name, types in shape.needs.items():
@@ -153,4 +169,6 @@ def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
             raise WireError("is missing", where=path(leaf, name))
         if not isinstance(message[name], types):
             raise WireError(f"this is {kind(message[name])}", where=path(leaf, name))
+    if shape.one_of and not any(isinstance(message.get(name), of) for name, of in shape.one_of.items()):
+        raise WireError(f"needs {' or '.join(shape.one_of)}", where=leaf)
     return shape

@@ -18,21 +18,24 @@ def edge_health(
     source_type: str,
     session: str,
     extra: Mapping[str, Any],
+    streams: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> bytes:
     """Return the heartbeat of one twin, with the fields and the order of the SDK.
 
     ``uptime`` in seconds, ``stamp`` Unix seconds, ``session`` left out when empty. ``extra`` holds figures of
     the host (``host_memory_percent``, ``cpu_temp_c``, ...); it replaces none of the other fields, and what
-    is unknown in it (None, NaN) is left out: a heartbeat must not fail for want of a thermometer.
+    is unknown in it (None, NaN) is left out: a heartbeat must not fail for want of a thermometer. ``streams``
+    are those of programs on the bus, by their ids.
     """
+    streams = streams or {}
     head: dict[str, Any] = {
         "type": "edge_health",
         "timestamp": stamp,
         "edge_id": edge_id,
         "uptime_seconds": round(uptime, 1),
-        "streams": {},
-        "stream_count": 0,
-        "healthy_streams": 0,
+        "streams": streams,
+        "stream_count": len(streams),
+        "healthy_streams": sum(stream["is_healthy"] for stream in streams.values()),
         "camera_config": None,
     }
     tail: dict[str, Any] = {"source_type": source_type, "twin_uuid": twin}

@@ -130,6 +130,8 @@ _BUS = Taker.RELAY
 _TABLE = (
     Rule(REPLY_INBOX, "", Traffic.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
     Rule("command", "", Traffic.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600),
+    Rule("start_video/status", "", Traffic.REPLY, 1, 0, 0, "what came of start_video", _SAID, 30),
+    Rule("stop_video/status", "", Traffic.REPLY, 1, 0, 0, "what came of stop_video", _SAID, 30),
     Rule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
     Rule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
     Rule("webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K),

@@ -15,8 +15,8 @@ case "$*" in
 esac"""
 DPKG = """
 mkdir -p "$3/usr/bin" "$3/usr/lib/here" "$3/etc" "$3/usr/share/python-wheels"
-touch "$3/usr/lib/here/libwater.so.1" "$3/usr/share/python-wheels/pip-1.0-py3-none-any.whl"
-printf '#!/bin/sh\\necho "$LD_LIBRARY_PATH $PUMP_CONF $*"\\n%s' "$PUMP_ENDS" > "$3/usr/bin/pump"
+touch "$3/usr/lib/here/libwater.so.1" "$3/etc/pump.conf" "$3/usr/share/python-wheels/pip-1.0-py3-none-any.whl"
+printf '#!/bin/sh\\necho "$LD_LIBRARY_PATH $PUMP_CONF$PUMP_FONTS $*"\\n%s' "$PUMP_ENDS" > "$3/usr/bin/pump"
 chmod +x "$3/usr/bin/pump\""""
 
 
@@ -33,8 +33,9 @@ def programs(tmp_path, monkeypatch, module_at):
     monkeypatch.setenv("PATH", str(system))
     monkeypatch.setattr(programs, "_SYSTEM", ())
     monkeypatch.setattr(programs, "FOLDER", tmp_path / ".venv-programs")
-    files = {"PUMP_CONF": "etc/pump.conf"}
-    monkeypatch.setattr(programs, "WANTED", {"pump": programs.Program("pump", "usr/bin/pump", "-h", files)})
+    files = {"PUMP_CONF": "etc/pump.conf", "PUMP_FONTS": "etc/fonts"}
+    pump = programs.Program("pump", "usr/bin/pump", "-h", files, ("water-pump",))
+    monkeypatch.setattr(programs, "WANTED", {"pump": pump})
     return programs
 
 
@@ -55,8 +56,9 @@ def test_what_is_there_is_not_fetched_again(programs):
     assert said == []
 
 
-def test_the_systems_own_program_comes_first(programs, tmp_path):
-    own = script(tmp_path / "system" / "pump", "exit 0")
+@pytest.mark.parametrize("name", ["pump", "water-pump"])
+def test_the_systems_own_program_or_another_that_does_as_well_is_used(programs, tmp_path, name):
+    own = script(tmp_path / "system" / name, "exit 0")
     said = []
     assert programs.fetch(said.append) == ""
     assert (said, programs.find("pump")) == ([], str(own))

@@ -311,12 +311,9 @@ async def test_a_photo_is_published_or_refused_with_the_reason(make_bench, tmp_p
     assert (bench.last(PhotoReport).width, bench.last(PhotoReport).height) == (2, 1)
 
 
-async def test_without_a_camera_there_are_no_pictures_and_there_is_never_a_video(bench):
+async def test_without_a_camera_there_are_no_pictures(bench):
     with pytest.raises(Unsupported, match="no camera"):
         await bench.do("take_photo")
-    for name in ("start_video", "stop_video"):
-        with pytest.raises(Unsupported, match="video"):
-            await bench.do(name)
 
 
 async def test_a_car_is_steered(make_bench):

@@ -99,6 +99,37 @@ def test_what_several_reads_bring_is_taken_in_order(bench, rex):
 
 
 @pytest.mark.parametrize(
+    ("name", "kind"), [("start_video", "video_started"), ("stop_video", "video_stopped")]
+)
+@pytest.mark.parametrize("properties", [{}, {"response_topic": INBOX}])
+def test_what_came_of_a_command_for_video_is_told_on_its_status_topic_besides(
+    bench, rex, name, kind, properties
+):
+    rex.answers = lambda *_: Reply(name, ReplyStatus.ACCEPTED, done=True)
+    bench.arrive(command(name, **properties))
+    (topic, _, _), (status_topic, status, _) = bench.sent
+    assert topic == properties.get("response_topic", f"{T}/command")
+    assert (status_topic, status.pop("timestamp")) == (f"{T}/{name}/status", bench.clock.time())
+    assert status == {"type": kind, "status": "ok", "source_type": "edge"}
+
+
+def test_video_is_told_when_it_is_known_what_came_of_it(bench, accepting):
+    bench.arrive(command("start_video"))
+    assert [topic for topic, _, _ in bench.sent] == [f"{T}/command"]  # a robot of its own has only taken it
+
+
+def test_video_that_is_refused_says_why_on_its_status_topic(bench, rex):
+    rex.answers = lambda *_: Reply("start_video", ReplyStatus.REJECTED, "nobody sends it")
+    bench.arrive(command("start_video"))
+    status = bench.sent[-1][1]
+    assert (status["type"], status["status"], status["reason"]) == (
+        "video_started",
+        "error",
+        "nobody sends it",
+    )
+
+
+@pytest.mark.parametrize(
     "topic",
     [
         f"cyberwave/twin/{STRANGER}/command",

@@ -32,6 +32,7 @@ from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, REPLY_INBOX, RULES, Form, Taker, rule_of
 from fleet.wire.topics import Topics
+from fleet.wire.video import VIDEO_TYPES
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 PLACE = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c50"
@@ -167,6 +168,9 @@ def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
     world.hear("command", {"command": "takeoff"})
     world.hear("command", {"command": "takeoff"}, response_topic=f"cyberwave/twin/{TWIN}/command/a/response")
     world.hear("mission/command", MESSAGES["mission/command"])
+    for name in VIDEO_TYPES:
+        rex.answers = lambda *_, name=name: Reply(name, ReplyStatus.ACCEPTED, done=True)
+        world.hear("command", {"type": name})
     said = {
         "command/+/response" if leaf == "command/a/response" else leaf: qos for leaf, qos in world.published
     }

@@ -117,7 +117,8 @@ class PlayedEdge:
 
     def also_speaks(self, name, **fields):
         """Tell a robot's state."""
-        state = RobotState(name, "", "toy", self.edge, fields.pop("stamp", 1.0), **fields)
+        twin, stamp = fields.pop("twin", ""), fields.pop("stamp", 1.0)
+        state = RobotState(name, twin, "toy", self.edge, stamp, **fields)
 
         def told():
             known = name in self._stands and "last_command" not in fields

@@ -44,6 +44,20 @@ def test_an_sdk_message_is_read_whole():
     assert command.id
 
 
+@pytest.mark.parametrize("name", ["start_video", "stop_video"])
+def test_who_asks_for_video_in_the_cloud_without_a_source_type_is_an_operator(name):
+    published = decode({"type": name, "timestamp": 5.0, "recording": False})
+    assert (published.name, published.origin.source_type, published.data) == (
+        name,
+        "tele",
+        {"recording": False},
+    )
+    assert decode({"command": name, "source_type": "edit", "data": {"x": 1}}).origin.source_type == "edit"
+    assert decode({"command": "land"}).origin.source_type is None
+    local = decode_command(json.dumps({"command": name}).encode(), way=Way.BUS, defaults=lambda _: DEFAULTS)
+    assert local.origin.source_type is None
+
+
 def test_an_older_sender_calls_the_command_type():
     assert decode({"type": "start_video"}).name == "start_video"
     assert decode({"type": "x", "command": "land"}).name == "land"

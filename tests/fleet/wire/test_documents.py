@@ -6,7 +6,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.wire.documents import SHAPES, document_in, document_out, is_state_of_another, word_of_update
+from fleet.wire.documents import (
+    SHAPES,
+    document_in,
+    document_out,
+    is_for_the_cloud,
+    is_state_of_another,
+    word_of_update,
+)
 from fleet.wire.samples import json_payload, json_sample, stamp_of_header
 from fleet.wire.topics import data_key
 
@@ -116,6 +123,44 @@ def test_what_lacks_a_field_that_its_readers_need_is_refused_both_ways(leaf, fie
             out(leaf, {**message, "ts": 1.0})
         with pytest.raises(WireError, match=field):
             document_in(leaf, json.dumps(message).encode(), size=1000, now=9.0)
+
+
+RAW = {"candidate": "candidate:1 1 udp 2 192.0.2.1 5000 typ host", "sdpMid": "0", "sdpMLineIndex": 0}
+"""What a browser gives for a candidate."""
+
+
+def test_a_browsers_own_candidate_crosses_inward_as_it_is():
+    sample = document_in("webrtc-candidate", json.dumps(RAW).encode(), size=1000, now=9.0)
+    assert json.loads(json_payload(sample)) == RAW
+
+
+def test_a_browsers_own_candidate_crosses_outward_and_is_known_when_the_broker_brings_it_back():
+    message = out("webrtc-candidate", {**RAW, "ts": 5.0})
+    assert message == {**RAW, "timestamp": 5.0, "target": "backend"}
+    assert is_for_the_cloud("webrtc-candidate", json.dumps(message).encode())
+    assert not is_for_the_cloud("webrtc-candidate", json.dumps(RAW).encode())
+
+
+@pytest.mark.parametrize("end", [{**RAW, "candidate": ""}, {"candidate": "", "sdpMLineIndex": 0}])
+def test_the_end_of_candidates_crosses(end):
+    assert out("webrtc-candidate", {**end, "ts": 5.0}).items() >= end.items()
+
+
+@pytest.mark.parametrize(
+    "lame",
+    [
+        {"candidate": RAW["candidate"]},
+        {**RAW, "candidate": None},
+        {"sdpMid": "0"},
+        {**RAW, "type": "x"},
+        {"candidate": "x", "sdpMid": 0, "sdpMLineIndex": "0"},
+    ],
+)
+def test_what_is_no_candidate_crosses_in_neither_direction(lame):
+    with pytest.raises(WireError):
+        out("webrtc-candidate", {**lame, "ts": 1.0})
+    with pytest.raises(WireError):
+        document_in("webrtc-candidate", json.dumps(lame).encode(), size=1000, now=9.0)
 
 
 @pytest.mark.parametrize("update", ["", "a/b", "+", "#", "a b", "9", "x" * 65, "\u00e9", "a\n"])

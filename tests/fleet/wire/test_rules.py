@@ -31,6 +31,8 @@ CONTRACT_OUT = [
     "joint:update",
     "joint_states",
     "navigate/status",
+    "start_video/status",
+    "stop_video/status",
     "command",
     "gps",
     "imu",

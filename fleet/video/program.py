@@ -1,0 +1,170 @@
+"""The program: joins the bus, sends video when it is asked to, and tells the edge of its stream."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import logging
+import os
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from aiortc import RTCIceServer
+
+from fleet.bus import keys
+from fleet.bus.lane import Lane, Question
+from fleet.bus.session import join
+from fleet.bus.settings import BusSettings
+from fleet.clock import Clock
+from fleet.errors import CommandError, WireError
+from fleet.video.sender import Sender
+from fleet.video.signals import answer_for, candidate_in
+from fleet.wire.encoding import encode_finite
+from fleet.wire.samples import json_sample
+from fleet.wire.streams import CHANNEL, LIFETIME
+from fleet.wire.topics import data_key
+from fleet.wire.video import VideoReply, VideoRequest, read_video_request
+
+log = logging.getLogger(__name__)
+
+TELL_EVERY = LIFETIME / 5  # s between signs of a stream
+
+
+class Source(msgspec.Struct, frozen=True):
+    """Whose pictures are sent: ``camera`` as in fleet.yaml, ``rate`` pictures a second at most."""
+
+    robot: str
+    twin: str
+    camera: str
+    sensor: str
+    rate: float
+    ice_servers: Sequence[RTCIceServer] = ()
+
+
+async def send_video(
+    source: Source, settings: BusSettings, directory: Path, ended: asyncio.Event, clock: Clock
+) -> None:
+    """Serve one camera of one robot until ``ended``; raises BusError when no edge lets us in."""
+    bus = await asyncio.to_thread(join, settings, directory)
+    program = _Program(source, bus.reports, clock)
+    try:
+        program.declare(keys.video(settings.edge, source.robot))
+        log.info("video of %s waits for start_video", source.robot)
+        while not ended.is_set():
+            program.tell()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(ended.wait(), TELL_EVERY)
+    finally:
+        await program.close()
+        await asyncio.to_thread(bus.close)
+
+
+class _Program:
+    """What is said and heard on the bus."""
+
+    def __init__(self, source: Source, lane: Lane, clock: Clock) -> None:
+        self._lane = lane
+        self._clock = clock
+        self._loop = asyncio.get_running_loop()
+        self._count = itertools.count()
+        self._stream_key = data_key(source.twin, CHANNEL, source.sensor)
+        self._twin = source.twin
+        self._told = False
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._sender = Sender(
+            source.camera,
+            sensor=source.sensor,
+            session=f"video_{source.robot}_{os.getpid()}",
+            rate=source.rate,
+            ice_servers=source.ice_servers,
+            offer=self._offer,
+            clock=clock,
+        )
+
+    def declare(self, key: str) -> None:
+        """Take what is asked on ``key``, and what the peer answers."""
+        self._lane.answer(key, self._on_loop(self._asked))
+        self._lane.subscribe(data_key(self._twin, "cloud/webrtc_answer"), self._on_loop(self._answered))
+        self._lane.subscribe(data_key(self._twin, "cloud/webrtc_candidate"), self._on_loop(self._candidate))
+
+    def tell(self) -> None:
+        """Tell the edge how the stream is, and once that it is over."""
+        told = self._sender.told()
+        if told is not None:
+            self._put(self._stream_key, told)
+        elif self._told:
+            self._lane.put(self._stream_key, b"")
+        self._told = told is not None
+
+    async def close(self) -> None:
+        """End the stream and say so."""
+        await self._sender.stop()
+        self.tell()
+
+    def _on_loop(self, take: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+        """Return what has the loop take something; on Zenoh's threads."""
+
+        def begin(*arguments: Any) -> None:
+            task = self._loop.create_task(take(*arguments))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+        def arrived(*arguments: Any) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(begin, *arguments)
+
+        return arrived
+
+    async def _asked(self, question: Question) -> None:
+        """Start or stop, and answer."""
+        try:
+            request = read_video_request(question.payload)
+            await self._do(request)
+        except (CommandError, WireError) as error:
+            reply = VideoReply(ok=False, reason=str(error))
+        except Exception as error:
+            log.exception("a request for video failed")
+            reply = VideoReply(ok=False, reason=f"the video program failed: {error!r}")
+        else:
+            log.info("%s: done", request.command)
+            reply = VideoReply(ok=True)
+        question.reply(msgspec.json.encode(reply))
+        question.close()
+
+    async def _do(self, request: VideoRequest) -> None:
+        """Do what is asked; raises CommandError."""
+        if not request.is_for(self._sender.sensor):
+            raise WireError(f"{self._sender.sensor!r} is the sensor that is sent here", where="sensor")
+        if request.command == "start_video":
+            await self._sender.start(recording=request.recording)
+        else:
+            await self._sender.stop()
+        self.tell()
+
+    async def _answered(self, _key: str, sample: bytes) -> None:
+        """Take an answer."""
+        try:
+            sdp = answer_for(sample, self._sender.sensor)
+            if sdp is not None:
+                await self._sender.answered(sdp)
+        except WireError as error:
+            log.warning("an answer was refused: %s", error)
+
+    async def _candidate(self, _key: str, sample: bytes) -> None:
+        """Take a candidate."""
+        try:
+            await self._sender.add(candidate_in(sample))
+        except WireError as error:
+            log.warning("a candidate was refused: %s", error)
+
+    def _offer(self, message: dict[str, Any]) -> None:
+        """Publish an offer."""
+        self._put(data_key(self._twin, "webrtc_offer"), message)
+
+    def _put(self, key: str, message: dict[str, Any]) -> None:
+        """Publish a document."""
+        payload, stamp = encode_finite(message), self._clock.time()
+        self._lane.put(key, json_sample(payload, stamp=stamp, sequence=next(self._count)))

@@ -1,0 +1,152 @@
+"""One camera's stream: begun by ``start_video``, ended by ``stop_video`` or by itself."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from aiortc import RTCIceServer
+
+from fleet.camera.camera import Camera
+from fleet.camera.picture import Picture
+from fleet.clock import Clock
+from fleet.errors import TimedOut
+from fleet.video.peer import Peer
+from fleet.video.signals import Candidate, Stream, offer_message
+from fleet.video.track import CameraTrack
+
+log = logging.getLogger(__name__)
+
+FIRST_PICTURE = 3.0  # s that a camera has for it; the edge waits 4 s for our answer
+
+
+class Sender:
+    """Sends one camera's pictures to one peer; ``offer`` publishes an offer. On the loop only.
+
+    ``session`` names this program, ``rate`` is pictures a second at most.
+    """
+
+    def __init__(
+        self,
+        camera: str,
+        *,
+        sensor: str,
+        session: str,
+        rate: float,
+        ice_servers: Sequence[RTCIceServer],
+        offer: Callable[[dict[str, Any]], None],
+        clock: Clock,
+    ) -> None:
+        self.sensor = sensor
+        self._camera = Camera(camera)
+        self._session = session
+        self._rate = rate
+        self._ice_servers = ice_servers
+        self._offer = offer
+        self._clock = clock
+        self._changing = asyncio.Lock()
+        self._peer: Peer | None = None
+        self._ends: set[asyncio.Task[None]] = set()
+        self._config: dict[str, Any] = {}
+        self._starts = 0
+        self._began = 0.0
+        self._counted = (0, 0.0)  # frames, and when they were counted
+
+    async def start(self, *, recording: bool) -> None:
+        """Offer the stream, unless it is connected; raises CommandError when the camera gives nothing.
+
+        One that still waits for its answer is offered anew: the last offer may have been lost.
+        """
+        async with self._changing:
+            if self._peer is not None and self._peer.connected:
+                return
+            await self._close()
+            picture = await self._first_picture()
+            self._starts += 1
+            self._began = self._clock.monotonic()
+            self._counted = (0, self._began)
+            self._config = {
+                "kind": "camera",
+                "source": self._camera.source.partition(":")[0],  # of a URL no more: it may have a password
+                "resolution": f"{picture.width}x{picture.height}",
+                "fps": self._rate,
+            }
+            track = CameraTrack(self._camera, self._rate, self._clock)
+            self._peer = Peer(track, self._ice_servers, self._ended)
+            sdp = await self._peer.offer()
+            self._offer(
+                offer_message(
+                    sdp,
+                    Stream(self.sensor, track.id, f"{self._session}_{self.sensor}"),
+                    recording=recording,
+                    attributes={"width": picture.width, "height": picture.height, "fps": self._rate},
+                    stamp=self._clock.time(),
+                )
+            )
+
+    async def stop(self) -> None:
+        """End the stream, if there is one, and let go of the camera."""
+        async with self._changing:
+            await self._close()
+
+    async def answered(self, sdp: str) -> None:
+        """Take the answer to the offer; raises WireError."""
+        if self._peer is not None:
+            await self._peer.answered(sdp)
+
+    async def add(self, candidate: Candidate) -> None:
+        """Take a candidate of the peer; raises WireError."""
+        if self._peer is not None:
+            await self._peer.add(candidate)
+
+    def told(self) -> dict[str, Any] | None:
+        """Return the stream as programs tell it on the bus (``fleet.wire.streams``), None when there is none.
+
+        ``fps`` counts since the last call.
+        """
+        peer = self._peer
+        if peer is None:
+            return None
+        now, frames = self._clock.monotonic(), peer.track.frames
+        (before, at), self._counted = self._counted, (frames, now)
+        return {
+            "camera_id": self.sensor,
+            "connection_state": "connected" if peer.connected else "connecting",
+            "ice_connection_state": peer.ice_state,
+            "frames_sent": frames,
+            "last_frame_ts": peer.track.last_frame,
+            "fps": (frames - before) / (now - at) if now > at else 0.0,
+            "uptime_seconds": now - self._began,
+            "restart_count": self._starts - 1,
+            "stream_config": self._config,
+        }
+
+    async def _first_picture(self) -> Picture:
+        """Return a picture: there is nothing to offer of a camera that gives none."""
+        try:
+            async with asyncio.timeout(FIRST_PICTURE):
+                return await self._camera.picture()
+        except TimeoutError:
+            raise TimedOut(f"{self._camera.source} gives no picture within {FIRST_PICTURE:g} s") from None
+
+    async def _close(self) -> None:
+        """Close what there is."""
+        peer, self._peer = self._peer, None
+        if peer is not None:
+            await peer.close()
+            await self._camera.close()
+
+    def _ended(self, why: str) -> None:
+        """Clear away a stream that ended by itself."""
+        log.warning("video of %s ended: %s", self.sensor, why)
+        task = asyncio.get_running_loop().create_task(self._clear(self._peer))
+        self._ends.add(task)
+        task.add_done_callback(self._ends.discard)
+
+    async def _clear(self, peer: Peer | None) -> None:
+        """Close a peer, unless there is another by now."""
+        async with self._changing:
+            if peer is self._peer:
+                await self._close()

@@ -1,0 +1,136 @@
+"""The program's side of the bus: what it is asked and told there, and what it tells."""
+
+import asyncio
+import json
+
+import pytest
+
+from fleet.clock import SystemClock
+from fleet.video.program import Source, _Program
+from fleet.wire.samples import json_payload
+from fleet.wire.streams import Stream, read_stream
+
+TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
+STREAM = f"cw/{TWIN}/data/streams/front"
+
+
+class FakeLane:
+    """A lane of the bus in memory."""
+
+    def __init__(self):
+        self.calls = {}
+        self.put_samples = []
+
+    def answer(self, key, call):
+        self.calls[key] = call
+
+    def subscribe(self, key, call):
+        self.calls[key] = call
+
+    def put(self, key, sample):
+        self.put_samples.append((key, sample))
+
+    def streams(self):
+        return [sample and read_stream(sample) for key, sample in self.put_samples if key == STREAM]
+
+    def offers(self):
+        return [json.loads(json_payload(s)) for key, s in self.put_samples if key.endswith("webrtc_offer")]
+
+
+class FakeQuestion:
+    """A question whose answer is awaited."""
+
+    def __init__(self, payload):
+        self.payload = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
+        self.answers = []
+        self.closed = asyncio.Event()
+
+    def reply(self, payload):
+        self.answers.append(json.loads(payload))
+
+    def close(self):
+        self.closed.set()
+
+
+@pytest.fixture
+def camera(module_at, tmp_path):
+    return module_at("pictures.py").CameraFile(tmp_path / "camera.jpg")
+
+
+@pytest.fixture
+async def ask(camera):
+    """Run the program on a lane in memory; returns what asks it and the lane."""
+    lane = FakeLane()
+    program = _Program(Source("rex", TWIN, camera.source, "front", 10.0), lane, SystemClock())
+    program.declare("ask")
+
+    async def ask(payload):
+        question = FakeQuestion(payload)
+        lane.calls["ask"](question)
+        await asyncio.wait_for(question.closed.wait(), 30)
+        (answer,) = question.answers
+        return answer
+
+    ask.lane, ask.program = lane, program
+    yield ask
+    await program.close()
+
+
+async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is_over(ask):
+    assert await ask({"command": "start_video", "data": {"recording": False}}) == {"ok": True}
+    (offer,) = ask.lane.offers()
+    assert (offer["sensor"], offer["recording"]) == ("front", False)
+    (told,) = ask.lane.streams()
+    assert isinstance(told, Stream)
+    assert (told.connection_state, told.camera_id) == ("connecting", "front")
+    assert await ask({"command": "stop_video"}) == {"ok": True}
+    assert ask.lane.streams()[-1] == b""
+    ask.program.tell()
+    assert len(ask.lane.streams()) == 2  # said once
+
+
+async def test_a_stop_without_a_stream_is_no_mistake(ask):
+    assert await ask({"command": "stop_video"}) == {"ok": True}
+    assert ask.lane.streams() == []
+
+
+async def test_a_camera_that_fails_is_told_to_who_asked(ask, camera):
+    camera.breaks()
+    answer = await ask({"command": "start_video"})
+    assert (answer["ok"], "No such file" in answer["reason"]) == (False, True)
+
+
+async def test_a_command_for_another_sensor_is_refused_with_ours(ask):
+    answer = await ask({"command": "start_video", "data": {"sensor": "rear"}})
+    assert (answer["ok"], "'front'" in answer["reason"]) == (False, True)
+    assert ask.lane.offers() == []
+
+
+@pytest.mark.parametrize("payload", [b"", b"nonsense", {"command": "arm"}])
+async def test_what_is_no_request_is_refused(ask, payload):
+    assert (await ask(payload))["ok"] is False
+
+
+async def test_a_failure_of_our_own_is_told_and_the_next_one_is_served(ask, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(ask.program._sender, "start", lambda **_: 1 / 0)
+        answer = await ask({"command": "start_video"})
+    assert (answer["ok"], "ZeroDivisionError" in answer["reason"]) == (False, True)
+    assert await ask({"command": "start_video"}) == {"ok": True}
+
+
+@pytest.mark.parametrize(
+    ("leaf", "sample"),
+    [
+        ("webrtc_answer", b"nonsense"),
+        ("webrtc_answer", b'{"type": "answer", "target": "edge", "sdp": "m=video nonsense"}'),
+        ("webrtc_candidate", b"nonsense"),
+    ],
+)
+async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, caplog, leaf, sample):
+    await ask({"command": "start_video"})
+    ask.lane.calls[f"cw/{TWIN}/data/cloud/{leaf}"]("key", sample)
+    async with asyncio.timeout(30):
+        while "was refused" not in caplog.text:  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.01)
+    assert ask.program._sender.told()["connection_state"] == "connecting"
