@@ -72,6 +72,7 @@ class Bridge:
         self._topics = topics
         self._ports = ports
         self._alive = alive
+        self._clock = clock
         session = settings.client_id or client_id("fleet", simulated=False)
         self.refusals = Tally(log, clock)
         self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
@@ -157,7 +158,7 @@ class Bridge:
         for port in self._served():
             self.voice.beat(port, extra)
         if self.client.state is CloudState.CONNECTED:
-            for gap in self.client.spool.take_gaps():
+            for gap in (*self.client.spool.take_gaps(), *self.uplink.events.take_cuts(self._clock.time())):
                 self._tell_gap(gap)
         self.client.flush_queued()
 
