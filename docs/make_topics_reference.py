@@ -83,6 +83,13 @@ What is unknown is left out, and a number that is not finite is never sent. An e
 exact identity rotation are moved by 1e-9, because the SDK's readers take them for "not given".
 """
 
+HEALTH = """\
+`T edge_health` also has the robot's own `health` (ok, degraded, offline, fault) and `cause`. Of the edge
+itself `{prefix}edges/{edge}/health`, beside the topic of its commands in Cyberwave's contract, has the
+roll-up each 5 s (QoS 0): `{type: "edge_state", edge_id, health, cause, robots, unwell, timestamp, ...}`, with
+how many `robots` are how, and `unwell` with name, twin, health and cause of up to 50 that are not well.
+"""
+
 EVENTS = """\
 Events of the fleet on `T event` have the SDK's form, `{event_type, source: "fleet", data, timestamp}`; `data`
 has `text`, `severity` (info, warning, error, critical) and the details, and where a command led to it also
@@ -322,6 +329,7 @@ def render() -> str:
         "",
         CLASSES,
         PAYLOADS,
+        HEALTH,
         "### Events\n",
         EVENTS.rstrip(),
         *events(),

@@ -20,6 +20,7 @@ from fleet.clock import Clock
 from fleet.cloud.client import CloudClient, Way
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
+from fleet.model.state import EdgeState, RobotState
 from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
 from fleet.tally import Tally
@@ -150,13 +151,23 @@ class Bridge:
             log.info("%s: its twin is ours again", self._ports[twin].name)
         self.uplink.held = self.downlink.held = frozenset(self._held)
 
-    def beat(self, extra: Mapping[str, Any]) -> None:
-        """Publish the heartbeat of every twin; ``extra``: host figures."""
+    def beat(
+        self, extra: Mapping[str, Any], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
+    ) -> None:
+        """Publish the heartbeat of every twin, with how its robot is, and the edge's own.
+
+        ``extra``: host figures.
+        """
+        states = {state.twin: state for state in robots}
         self._rivals.look()
         if self._pings:
             self.round_trip.ask()
         for port in self._served():
-            self.voice.beat(port, extra)
+            state = states.get(port.twin)
+            how = {"health": state.health, "cause": state.cause} if state else {}
+            self.voice.beat(port, {**extra, **how})
+        if edge is not None:
+            self.voice.beat_edge(edge, states.values())
         if self.client.state is CloudState.CONNECTED:
             for gap in (*self.client.spool.take_gaps(), *self.uplink.events.take_cuts(self._clock.time())):
                 self._tell_gap(gap)

@@ -322,7 +322,7 @@ class Edge:
         self.bus.control.put(keys.holders(self._config.edge.id), msgspec.json.encode(self._cloud_holders))
 
     def _beat(self) -> None:
-        """Publish every twin's heartbeat."""
+        """Publish every twin's heartbeat, and the edge's own."""
         assert self.bridge is not None
         load = read_load()
         figures: Mapping[str, float | None] = {
@@ -330,7 +330,8 @@ class Edge:
             "host_memory_available_mb": load.memory_available_mb,
             "cpu_temp_c": load.cpu_temperature,
         }
-        self.bridge.beat({name: value for name, value in figures.items() if value is not None})
+        known = {name: value for name, value in figures.items() if value is not None}
+        self.bridge.beat(known, self.state(), self.states())
 
     def _asked_health(self, question: Question) -> None:
         """Answer with the edge's state; on the bus's thread."""
