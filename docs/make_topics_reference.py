@@ -140,10 +140,12 @@ A twin has one edge. An edge that sees another one that had it first, by the tok
 the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed
 all the same.
 
-An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
-`T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their
-`T edge_health`, which comes for every twin each 5 s: none for 16 s means that no edge serves it. When the
-edge is connected again it says `connected` for each twin that answers.
+An edge that dies: an MQTT connection has one will, so the broker says `disconnected` at once, on
+`T telemetry`, for the first twin of fleet.yaml alone. For all twins the edge's supervisor has it said, within
+a second, unless the next edge is there before. A computer that dies takes the supervisor along: then the
+others' `T edge_health` tells, which comes each 5 s; none for 16 s means that no edge serves the twin. When
+the edge is connected again it says `connected` for each twin that answers, and `disconnected`, once after its
+start, for those that do not.
 """
 
 ENVELOPE = """\

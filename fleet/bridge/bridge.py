@@ -10,6 +10,7 @@ import msgspec
 
 from fleet.bridge.answers import Port
 from fleet.bridge.downlink import Downlink
+from fleet.bridge.farewell import LastWords
 from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
 from fleet.bridge.roundtrip import RoundTrip
@@ -74,7 +75,8 @@ class Bridge:
         self._ports = ports
         self._alive = alive
         self._clock = clock
-        session = settings.client_id or client_id("fleet", simulated=False)
+        self._settings = settings
+        self.session = session = settings.client_id or client_id("fleet", simulated=False)
         self.refusals = Tally(log, clock)
         self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
         self._held: dict[str, str] = {}
@@ -138,10 +140,15 @@ class Bridge:
         yield from self.uplink.turn()
         self.client.flush_queued()
 
-    def hold(self, twin: str, holder: str) -> None:
-        """Leave a twin to another edge, or take it back when ``holder`` is empty."""
+    def last_words(self) -> LastWords:
+        """Return what the cloud is to be told when this process dies."""
+        topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
+        return LastWords(self._settings, self.session, topics)
+
+    def hold(self, twin: str, holder: str) -> bool:
+        """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
         if holder == self._held.get(twin, ""):
-            return
+            return False
         if holder:
             self._held[twin] = holder
             line = "%s: edge %s has its twin: nothing crosses for it here"
@@ -150,6 +157,7 @@ class Bridge:
             del self._held[twin]
             log.info("%s: its twin is ours again", self._ports[twin].name)
         self.uplink.held = self.downlink.held = frozenset(self._held)
+        return True
 
     def beat(
         self, extra: Mapping[str, Any], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
@@ -237,19 +245,25 @@ class Bridge:
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
             self._say_newest()
-            if self.client.stats.connects > 1:
-                self._say_connected()
+            self._say_who_is_connected()
 
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""
         self.uplink.say_newest()
         self.client.flush_queued()
 
-    def _say_connected(self) -> None:
-        """Take back the will: the broker may have told everybody that we vanished."""
+    def _say_who_is_connected(self) -> None:
+        """Take back the will: the broker may have told everybody that we vanished.
+
+        What an edge before this one said last may be that a robot is connected which does not answer now.
+        """
+        first = self.client.stats.connects == 1
         for port in self._served():
-            if self._alive(port.name):
+            alive = self._alive(port.name)
+            if alive and not first:
                 self.voice.tell(port, "connected", {})
+            elif first and not alive:
+                self.voice.tell(port, "disconnected", {"reason": "it does not answer yet: the edge begins"})
         self.client.flush_queued()
 
 
