@@ -133,6 +133,7 @@ class Edge:
                 soon=self._soon,
                 arrival=self.process.watchdog.arrival,
                 worker=worker_of(robot, plugin),
+                publish=self.process.outbox.sender(str(robot.twin)),
             )
             for robot, plugin in loaded.robots
             if worker_of(robot, plugin)
@@ -158,7 +159,7 @@ class Edge:
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
-        stop_logs = publish_robot_logs(self.process)
+        stop_logs = publish_robot_logs(self.process, self.remote)
         workers: list[asyncio.Task[None]] = []
         try:
             self._serve_metrics()
