@@ -10,7 +10,9 @@ import pathlib
 import re
 from collections.abc import Iterable, Iterator
 
+from fleet.bridge.events import A_MINUTE, LOOP, OTHERWISE
 from fleet.bus import keys
+from fleet.model.event import EventKind
 from fleet.topic_rules import topic_name
 from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
@@ -106,6 +108,42 @@ What is unknown is left out, and a number that is not finite is never sent. An e
 exact identity rotation are moved by 1e-9, because the SDK's readers take them for "not given".
 """
 
+HEALTH = """\
+`T edge_health` also has the robot's own `health` (ok, degraded, offline, fault) and `cause`. Of the edge
+itself `{prefix}edges/{edge}/health`, beside the topic of its commands in Cyberwave's contract, has the
+roll-up each 5 s (QoS 0): `{type: "edge_state", edge_id, health, cause, robots, unwell, timestamp, ...}`, with
+how many `robots` are how, and `unwell` with name, twin, health and cause of up to 50 that are not well.
+"""
+
+EVENTS = """\
+Events of the fleet on `T event` have the SDK's form, `{event_type, source: "fleet", data, timestamp}`; `data`
+has `text`, `severity` (info, warning, error, critical) and the details, and where a command led to it also
+`command`, `request` (its id) and `asker` (`way`, `name`, `source_type`).
+
+| event_type | what | at most a minute |
+|---|---|---|
+"""
+
+EVENT_BOUNDS = f"""
+The bounds are of one robot. A loop (an event starts a workflow, whose command leads to the event again) is
+cut: once more than {LOOP} requests from the cloud have led to events of one kind of a robot within a minute,
+no more of that kind that such a request led to are told until a minute has passed in which that was not so.
+What was cut is told as `gap` on `T telemetry`, with the reason `rate` or `loop` and the number, a minute
+after the first of it.
+"""
+
+WHAT_HAPPENED = {
+    EventKind.EMERGENCY_STOP: "the emergency stop was set",
+    EventKind.AUTHORITY_LOST: "somebody else (a pilot, a remote control) took the robot",
+    EventKind.HEALTH: "its health changed: `level`, `cause`",
+    EventKind.FOUND: "it answers: `level`, `cause`",
+    EventKind.LOST: "it does not answer any more: `level`, `cause`",
+    EventKind.FAILSAFE: "its autopilot's fail-safe began: `mode`, `status_texts`",
+    EventKind.FENCE: "it is where its fence forbids: `reason`",
+    EventKind.BATTERY: "its battery is low, and what `battery_policy` did about it: `percent`, `action`",
+    EventKind.SEPARATION: "it is slowed or held for another robot: `robot`, `distance_m`, `reason`",
+}
+
 REFUSED = """\
 A retained message is refused, and so is what is too large, cannot be read, or carries the edge's own
 `session_id` at its top. None of that holds for a stop
@@ -131,10 +169,12 @@ A twin has one edge. An edge that sees another one that had it first, by the tok
 the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed
 all the same.
 
-An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
-`T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their
-`T edge_health`, which comes for every twin each 5 s: none for 16 s means that no edge serves it. When the
-edge is connected again it says `connected` for each twin that answers.
+An edge that dies: an MQTT connection has one will, so the broker says `disconnected` at once, on
+`T telemetry`, for the first twin of fleet.yaml alone. For all twins the edge's supervisor has it said, within
+a second, unless the next edge is there before. A computer that dies takes the supervisor along: then the
+others' `T edge_health` tells, which comes each 5 s; none for 16 s means that no edge serves the twin. When
+the edge is connected again it says `connected` for each twin that answers, and `disconnected`, once after its
+start, for those that do not.
 """
 
 ENVELOPE = """\
@@ -301,6 +341,12 @@ def channels() -> Iterator[str]:
     yield "| `cw/{twin}/data/commands/velocity` | `linear_x` to `angular_z`, signed | the robot: a setpoint |"
 
 
+def events() -> Iterator[str]:
+    """Yield the rows of the table of events."""
+    for kind, what in WHAT_HAPPENED.items():
+        yield f"| `{kind.value}` | {what} | {A_MINUTE.get(kind, OTHERWISE)} |"
+
+
 def fleet_keys() -> Iterator[str]:
     """Yield the table of the fleet's own keys, which is that of the module."""
     yield from ("| key | what |", "|---|---|")
@@ -333,6 +379,11 @@ def render() -> str:
         "",
         METRICS_TEXT,
         LAYOUTS_TEXT,
+        HEALTH,
+        "### Events\n",
+        EVENTS.rstrip(),
+        *events(),
+        EVENT_BOUNDS,
         RULES_TEXT,
         *profiles(),
         "",

@@ -10,6 +10,7 @@ import msgspec
 
 from fleet.bridge.answers import Port
 from fleet.bridge.downlink import Downlink
+from fleet.bridge.farewell import LastWords
 from fleet.bridge.relay import Put
 from fleet.bridge.rivals import Rivals
 from fleet.bridge.roundtrip import RoundTrip
@@ -21,6 +22,7 @@ from fleet.clock import Clock
 from fleet.cloud.client import CloudClient, Way
 from fleet.cloud.credentials import client_id
 from fleet.cloud.values import CloudSettings, CloudState, Message, Will
+from fleet.model.state import EdgeState, RobotState
 from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
 from fleet.tally import Tally
@@ -74,7 +76,9 @@ class Bridge:
         self._topics = topics
         self._ports = ports
         self._alive = alive
-        session = settings.client_id or client_id("fleet", simulated=False)
+        self._clock = clock
+        self._settings = settings
+        self.session = session = settings.client_id or client_id("fleet", simulated=False)
         self.refusals = Tally(log, clock)
         self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
         self._held: dict[str, str] = {}
@@ -141,10 +145,15 @@ class Bridge:
         yield from self.uplink.turn()
         self.client.flush_queued()
 
-    def hold(self, twin: str, holder: str) -> None:
-        """Leave a twin to another edge, or take it back when ``holder`` is empty."""
+    def last_words(self) -> LastWords:
+        """Return what the cloud is to be told when this process dies."""
+        topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
+        return LastWords(self._settings, self.session, topics)
+
+    def hold(self, twin: str, holder: str) -> bool:
+        """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
         if holder == self._held.get(twin, ""):
-            return
+            return False
         if holder:
             self._held[twin] = holder
             line = "%s: edge %s has its twin: nothing crosses for it here"
@@ -153,16 +162,27 @@ class Bridge:
             del self._held[twin]
             log.info("%s: its twin is ours again", self._ports[twin].name)
         self.uplink.held = self.downlink.held = frozenset(self._held)
+        return True
 
-    def beat(self, extra: Mapping[str, Any]) -> None:
-        """Publish the heartbeat of every twin; ``extra``: host figures."""
+    def beat(
+        self, extra: Mapping[str, Any], edge: EdgeState | None = None, robots: Iterable[RobotState] = ()
+    ) -> None:
+        """Publish the heartbeat of every twin, with how its robot is, and the edge's own.
+
+        ``extra``: host figures.
+        """
+        states = {state.twin: state for state in robots}
         self._rivals.look()
         if self._pings:
             self.round_trip.ask()
         for port in self._served():
-            self.voice.beat(port, extra, self.streams.of(port.twin))
+            state = states.get(port.twin)
+            how = {"health": state.health, "cause": state.cause} if state else {}
+            self.voice.beat(port, {**extra, **how}, self.streams.of(port.twin))
+        if edge is not None:
+            self.voice.beat_edge(edge, states.values())
         if self.client.state is CloudState.CONNECTED:
-            for gap in self.client.spool.take_gaps():
+            for gap in (*self.client.spool.take_gaps(), *self.uplink.events.take_cuts(self._clock.time())):
                 self._tell_gap(gap)
         self.client.flush_queued()
 
@@ -230,19 +250,25 @@ class Bridge:
         log.log(level, "cloud %s%s", state.value, f": {cause}" if cause else "")
         if state is CloudState.CONNECTED:
             self._say_newest()
-            if self.client.stats.connects > 1:
-                self._say_connected()
+            self._say_who_is_connected()
 
     def _say_newest(self) -> None:
         """Say how everything is now, before what waited meanwhile."""
         self.uplink.say_newest()
         self.client.flush_queued()
 
-    def _say_connected(self) -> None:
-        """Take back the will: the broker may have told everybody that we vanished."""
+    def _say_who_is_connected(self) -> None:
+        """Take back the will: the broker may have told everybody that we vanished.
+
+        What an edge before this one said last may be that a robot is connected which does not answer now.
+        """
+        first = self.client.stats.connects == 1
         for port in self._served():
-            if self._alive(port.name):
+            alive = self._alive(port.name)
+            if alive and not first:
                 self.voice.tell(port, "connected", {})
+            elif first and not alive:
+                self.voice.tell(port, "disconnected", {"reason": "it does not answer yet: the edge begins"})
         self.client.flush_queued()
 
 

@@ -13,16 +13,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
+from fleet.bridge.events import EventLimits
 from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo, is_left_out
 from fleet.clock import Clock
 from fleet.cloud.client import Way
 from fleet.errors import WireError
+from fleet.model.event import EventReport
 from fleet.model.report import Report
 from fleet.tally import Tally
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
-from fleet.wire.events import is_of_the_fleet
+from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet
 from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import Message, messages_of, to_mqtt
 from fleet.wire.rules import Rule, Traffic
@@ -96,6 +98,7 @@ class Uplink:
         self.held: frozenset[str] = frozenset()
         self.streaming: set[str] = set()  # twins of which a program on the bus has streams
         self.refusals = refusals
+        self.events = EventLimits()
         self.received = ClassCounts()
         self.sent = ClassCounts()
         self.conflated = ClassCounts()
@@ -156,6 +159,8 @@ class Uplink:
                 self._refuse(slot, error)
                 return
         self.received.counts[slot.traffic] += 1
+        if slot.durable and slot.channel == EventReport.channel and self._is_told(slot, sample):
+            return
         if slot.durable:
             if not slot.rate or slot.takes_event(self._clock.monotonic()):
                 self._send_walled(slot, sample)
@@ -175,6 +180,21 @@ class Uplink:
         if ends_every_stream(report) and slot.twin in self.streaming:
             raise WireError("a program here has streams of this twin, which it would close; name a sensor")
         return slot.part(part_of(report)), report
+
+    def _is_told(self, slot: Slot, sample: Report | bytes) -> bool:
+        """Tell an event of the fleet, unless it is cut; False for an event of another program."""
+        if isinstance(sample, bytes):
+            if not is_of_the_fleet(sample, slot.channel):
+                return False
+            try:
+                sample = decode_report(slot.channel, sample)
+            except WireError:  # told like any document that is not as it must be
+                return False
+        if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
+            topic = self._topics.twin(slot.twin, slot.rule.leaf)
+            if self.events.admits(topic, sample, self._clock.time()):
+                self._send_walled(slot, sample)
+        return True
 
     def turn(self) -> Iterator[None]:
         """Publish the state that is due, a few samples a step."""

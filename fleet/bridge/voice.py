@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from fleet.bridge.answers import Port
 from fleet.bridge.counters import ClassCounts
 from fleet.clock import Clock
 from fleet.model.report import TelemetryReport
+from fleet.model.state import EdgeState, RobotState
 from fleet.spool.losses import Gap
-from fleet.wire.health import edge_health
+from fleet.wire.health import edge_health, edge_state
 from fleet.wire.ping import ping, pong
 from fleet.wire.reports import sender, to_mqtt
 from fleet.wire.rules import Traffic, rule_of
@@ -56,8 +57,17 @@ class Voice:
         }
         self.tell(port, "gap", fields)
 
+    def beat_edge(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
+        """Queue the edge's own roll-up."""
+        self.said.add(Traffic.LATEST)
+        payload = edge_state(edge, robots, session=self._session)
+        self._publish(self._topics.edge(self._edge), payload, later=True)
+
     def beat(self, port: Port, extra: Mapping[str, Any], streams: Mapping[str, Mapping[str, Any]]) -> None:
-        """Queue the heartbeat of a twin; ``extra``: figures of the host, ``streams``: the bus's programs'."""
+        """Queue the heartbeat of a twin; ``extra``: figures of the host, and how the robot is.
+
+        ``streams`` are those of the bus's programs.
+        """
         payload = edge_health(
             twin=port.twin,
             edge_id=self._edge,

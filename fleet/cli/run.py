@@ -36,4 +36,5 @@ def run(out: Output, file: str, verbose: int) -> int:
     path = socket_of(runtime_dir(), os.getpid())
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link is one
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
-    return Supervisor(command, path=path, told=told_aside, clock=SystemClock()).run()
+    farewell = [sys.executable, "-P", "-m", "fleet.bridge.farewell"]
+    return Supervisor(command, path=path, told=told_aside, clock=SystemClock(), farewell=farewell).run()

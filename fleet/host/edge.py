@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
+from fleet.host.presence import Presence
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
@@ -102,8 +103,9 @@ class Edge:
                 if name not in config.remote_workers
             ]
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
-            if self.bridge is not None:
-                self.process.on_holder = self.bridge.hold
+            self._presence = Presence(self.bridge, self.process.supervised) if self.bridge else None
+            if self._presence is not None:
+                self.process.on_holder = self._presence.hold
             self.metrics = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
@@ -131,6 +133,7 @@ class Edge:
                 soon=self._soon,
                 arrival=self.process.watchdog.arrival,
                 worker=worker_of(robot, plugin),
+                publish=self.process.outbox.sender(str(robot.twin)),
             )
             for robot, plugin in loaded.robots
             if worker_of(robot, plugin)
@@ -156,7 +159,7 @@ class Edge:
 
     async def run(self, ended: asyncio.Event) -> None:
         """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
-        stop_logs = publish_robot_logs(self.process)
+        stop_logs = publish_robot_logs(self.process, self.remote)
         workers: list[asyncio.Task[None]] = []
         try:
             self._serve_metrics()
@@ -292,6 +295,8 @@ class Edge:
         edge = self._config.edge.id
         stop = take_stops(self.process, self.bus, self._groups, self.remote.values())
         self.process.follow_supervisor(stop, ended)
+        if self._presence is not None:
+            self._presence.leave_words()
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
@@ -326,15 +331,9 @@ class Edge:
         self.bus.control.put(keys.holders(self._config.edge.id), msgspec.json.encode(self._cloud_holders))
 
     def _beat(self) -> None:
-        """Publish every twin's heartbeat."""
-        assert self.bridge is not None
-        load = read_load()
-        figures: Mapping[str, float | None] = {
-            "host_memory_percent": load.memory_percent,
-            "host_memory_available_mb": load.memory_available_mb,
-            "cpu_temp_c": load.cpu_temperature,
-        }
-        self.bridge.beat({name: value for name, value in figures.items() if value is not None})
+        """Publish every twin's heartbeat, and the edge's own."""
+        assert self._presence is not None
+        self._presence.beat(self.state(), self.states())
 
     def _asked_health(self, question: Question) -> None:
         """Answer with the edge's state; on the bus's thread."""

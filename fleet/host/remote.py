@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable
 from functools import partial
@@ -19,14 +18,15 @@ from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.asks import Decoder, is_once, is_stop, told_flaw
 from fleet.host.local import patience, source_type
 from fleet.host.safety.speeds import Speeds
+from fleet.host.teller import robot_log
 from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
+from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.health import Level
+from fleet.model.report import Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
-
-log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
 SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
@@ -46,8 +46,11 @@ class RemoteRobot:
         soon: Callable[[Callable[[], None]], None],
         arrival: Callable[[], float],
         worker: str,
+        publish: Callable[[Report], None],
     ) -> None:
         self.name = config.name
+        self.publish = publish  # what this process has to say of it, beside its worker
+        self._log = robot_log(config.name)
         self.twin = str(config.twin)
         self.source_type = source_type(config)
         self.legacy_status = config.legacy_status
@@ -91,8 +94,8 @@ class RemoteRobot:
         """Put the stop on its lane; waits while that is full. Never raises."""
         try:
             self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
-        except Exception:
-            log.exception("%s: the emergency stop did not go out at once", self.name)
+        except Exception:  # noqa: BLE001 - told
+            self._log.exception("the emergency stop did not go out at once")
 
     def read(
         self,
@@ -137,7 +140,7 @@ class RemoteRobot:
 
     def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
         """Hand a stop to the worker whose message was refused, written as it should be."""
-        log.warning("%s: took a message that was refused for %s: %s", self.name, ask.name, ask.flaw)
+        self._log.warning("took a message that was refused for %s: %s", ask.name, ask.flaw)
         payload = msgspec.json.encode({"command": ask.name})
         told = told_flaw(answer, ask.flaw)
         self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, told)
@@ -182,10 +185,17 @@ class RemoteRobot:
         )
 
     def worker_is(self, cause: str) -> None:
-        """Note what is wrong with the worker; empty when it runs."""
+        """Note what is wrong with the worker, and tell it in its stead; empty when it runs."""
         self._cause = cause or "its worker is silent"
-        if cause:
-            self._heard = float("-inf")
+        if not cause:
+            return
+        if self.state().reachable:
+            self._log.warning("offline: %s", cause)
+            now, lost = self._clock.time(), {"level": Level.OFFLINE.word, "cause": cause}
+            text = f"{Level.OFFLINE.word}: {cause}"
+            self.publish(EventReport(now, EventKind.LOST, text, Severity.WARNING, data=lost))
+            self.publish(TelemetryReport(now, "disconnected", {"reason": cause}))
+        self._heard = float("-inf")
 
     def state(self) -> RobotState:
         """Return what the worker last said, or why it says nothing."""
@@ -206,10 +216,10 @@ class RemoteRobot:
         try:
             state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
-            log.warning("%s: a state that cannot be read: %s", self.name, error)
+            self._log.warning("a state that cannot be read: %s", error)
             return
         if state.health not in LEVELS:
-            log.warning("%s: a state with the unknown health %a", self.name, state.health[:40])
+            self._log.warning("a state with the unknown health %a", state.health[:40])
             return
         self._state = state
         self._unheard_stop &= not state.emergency_stop
@@ -223,5 +233,5 @@ class RemoteRobot:
     def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Set an emergency stop again in a worker that was started anew: only a release ends it."""
         if alive and (self._state.emergency_stop or self._unheard_stop):
-            log.warning("%s: its worker is back: the emergency stop is set again", self.name)
+            self._log.warning("its worker is back: the emergency stop is set again")
             self.emergency("set before its worker ended")

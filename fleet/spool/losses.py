@@ -18,6 +18,8 @@ class Reason(enum.StrEnum):
     ROOM = "room"  # pushed out by the bound on memory or disk
     REFUSED = "refused"  # the broker would not take it
     CORRUPT = "corrupt"  # the file could not be read
+    RATE = "rate"  # more of one kind than are told in a minute
+    LOOP = "loop"  # what the cloud asked led to it again and again
 
 
 class Gap(msgspec.Struct):

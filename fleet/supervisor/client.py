@@ -8,6 +8,7 @@ import itertools
 import logging
 import os
 import socket
+import tempfile
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -26,6 +27,7 @@ from fleet.supervisor.messages import (
     Hello,
     Keep,
     Kept,
+    Left,
     Message,
     Running,
     Stop,
@@ -44,11 +46,14 @@ BEAT = 0.25  # s between signs of life
 class Supervised:
     """This process's way to its supervisor. Without one (``sock`` None) nothing is kept and nothing comes.
 
+    ``folder`` is the runtime folder.
+
     ``keep`` and ``drop`` may be called from any thread and never wait.
     """
 
-    def __init__(self, sock: socket.socket | None = None) -> None:
+    def __init__(self, sock: socket.socket | None = None, folder: Path | None = None) -> None:
         self._sock = sock
+        self._folder = folder
         self._edge = ""
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Callable[[], None]] = {}
@@ -137,6 +142,18 @@ class Supervised:
             return False
         return True
 
+    def leave_farewell(self, words: bytes) -> None:
+        """Leave what the cloud is to be told when this process dies, in a file that has no name."""
+        if self._sock is None:
+            return
+        try:
+            with tempfile.TemporaryFile(dir=self._folder) as file:
+                file.write(words)
+                file.flush()
+                socket.send_fds(self._sock, [messages.encode(Left())], [file.fileno()])
+        except OSError as error:
+            log.error("the supervisor cannot tell the cloud when this process dies: %s", error)  # noqa: TRY400
+
     async def drop(self, robot: str) -> None:
         """Take a robot's halt back; returns when the supervisor has closed its link, to be opened again."""
         if self._sock is None:
@@ -203,6 +220,6 @@ def supervised(environ: Mapping[str, str] = os.environ) -> Supervised:
     if not path:
         return Supervised()
     try:
-        return Supervised(connected(Path(path), within=WELCOME_WITHIN))
+        return Supervised(connected(Path(path), within=WELCOME_WITHIN), Path(path).parent)
     except OSError as error:
         raise StateError(f"the supervisor is gone: {error.strerror or error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import socket
 import stat
@@ -70,6 +71,14 @@ class Halts:
         """Keep a robot's halt in place of an earlier one."""
         self.drop(robot)
         self._kept[robot] = halt
+
+    def take(self, robot: str, frames: tuple[bytes, ...], address: Address, descriptors: list[int]) -> None:
+        """Keep a robot's halt for the link that came with it, the last of ``descriptors``; raises OSError."""
+        if not descriptors:
+            raise OSError(errno.EBADF, f"the link of {robot} did not come with its halt")
+        halt = kept_halt(descriptors[-1], frames, address)
+        descriptors.pop()
+        self.keep(robot, halt)
 
     def drop(self, robot: str) -> None:
         """Forget a robot's halt; one that is not known is none."""

@@ -69,6 +69,10 @@ class Running(msgspec.Struct, tag="running", frozen=True):
     """The edge serves its robots; from now on its death is followed by a new start."""
 
 
+class Left(msgspec.Struct, tag="farewell", frozen=True):
+    """What the cloud is to be told when the edge dies; the descriptor of its file comes with the message."""
+
+
 class Ended(msgspec.Struct, tag="ended", frozen=True):
     """The edge ends because somebody asked it to."""
 
@@ -86,7 +90,7 @@ class Stopped(msgspec.Struct, tag="stopped", frozen=True):
     kept: bool = False
 
 
-Message = Hello | Stop | Welcome | Keep | Kept | Drop | Dropped | Running | Ended | Beat | Stopped
+Message = Hello | Stop | Welcome | Keep | Kept | Drop | Dropped | Running | Left | Ended | Beat | Stopped
 
 _decoder: msgspec.json.Decoder[Message] = json_decoder(Message)
 encode = msgspec.json.Encoder().encode

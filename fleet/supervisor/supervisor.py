@@ -6,7 +6,8 @@ It does little, on one thread, so that nothing of an adapter, the bus or the clo
 what happens                    what it does
 ==============================  ===========================================================================
 a process with robots dies      writes their halts to their links at once, and a few times more
-the edge dies                   that, ends its workers in order, and starts the edge again, at first at once
+the edge dies                   that, ends its workers in order, and starts the edge again, at first at once;
+                                has the cloud told that its twins are disconnected
 the edge is frozen              writes the halts, kills it, and goes on as above
 a stop comes while it is away   writes all halts; the next edge begins with that stop
 a signal asks for the end       passes it on; ends when the edge has ended, with its exit code
@@ -17,7 +18,6 @@ the supervisor itself dies      the edge and its workers end in order: they hear
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import selectors
 import signal
@@ -32,7 +32,8 @@ import msgspec
 from fleet.clock import Clock
 from fleet.link.backoff import backoff
 from fleet.supervisor import messages
-from fleet.supervisor.halts import Halts, kept_halt
+from fleet.supervisor.farewell import Farewell
+from fleet.supervisor.halts import Halts
 from fleet.supervisor.messages import (
     LONGEST,
     Beat,
@@ -42,6 +43,7 @@ from fleet.supervisor.messages import (
     Hello,
     Keep,
     Kept,
+    Left,
     Message,
     Running,
     Stop,
@@ -49,6 +51,7 @@ from fleet.supervisor.messages import (
     Welcome,
 )
 from fleet.supervisor.place import VARIABLE, listening
+from fleet.supervisor.told import reason_of
 
 LOOK = 0.02  # s between looks, at most
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
@@ -103,16 +106,23 @@ class _Dead(msgspec.Struct):
 class Supervisor:
     """Runs ``command``, an edge, until it ends because somebody asked it to.
 
-    ``told`` takes lines for people. A worker that was started by hand has a supervisor of its own, for which
-    it is what is called the edge here.
+    ``told`` takes lines for people; ``farewell`` is the command that tells the cloud of the edge's death. A
+    worker that was started by hand has a supervisor of its own, for which it is what is called the edge here.
     """
 
     def __init__(
-        self, command: Sequence[str], *, path: Path, told: Callable[[str], None], clock: Clock
+        self,
+        command: Sequence[str],
+        *,
+        path: Path,
+        told: Callable[[str], None],
+        clock: Clock,
+        farewell: Sequence[str] = (),
     ) -> None:
         self._command = tuple(command)
         self._path = path
         self._told = told
+        self._farewell = Farewell(farewell, told)
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._peers: list[_Peer] = []
@@ -127,6 +137,7 @@ class Supervisor:
         self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._ran = False  # the edge has served its robots: a death is not a mistake in fleet.yaml
         self._ending = False
+        self._in_order = False  # the edge has said that it ends
         self._signalled = 0  # the signal that asked for the end while there was no edge
 
     def run(self) -> int:
@@ -180,12 +191,14 @@ class Supervisor:
             return None
         while (edge := self._edge()) is not None:  # a child of its own may keep the connection open
             self._gone(edge)
+        if not self._in_order or code < 0:
+            self._farewell.tell()
         if self._ending or not self._ran:
             return code if code >= 0 else 128 - code
         if now - self._started > STABLE_AFTER:
             self._waits = backoff(first=FIRST_WAIT, longest=LONGEST_WAIT)
         self._child, self._start_at = None, now + next(self._waits)
-        self._told(f"the edge ended ({_reason(code)}); it is started again")
+        self._told(f"the edge ended ({reason_of(code)}); it is started again")
         return None
 
     def _start(self, now: float) -> None:
@@ -270,11 +283,7 @@ class Supervisor:
             case Hello():
                 self._hello(peer, message)
             case Keep():
-                if not descriptors:
-                    raise OSError(errno.EBADF, f"the link of {message.robot} did not come with its halt")
-                halt = kept_halt(descriptors[-1], message.frames, message.address)
-                descriptors.pop()
-                peer.halts.keep(message.robot, halt)
+                peer.halts.take(message.robot, message.frames, message.address, descriptors)
                 peer.send(Kept(message.number))
             case Drop():
                 peer.halts.drop(message.robot)
@@ -283,6 +292,9 @@ class Supervisor:
                 self._ran |= peer.is_edge
             case Ended():
                 self._ending |= peer.is_edge
+                self._in_order |= peer.is_edge
+            case Left() if peer.is_edge:
+                self._farewell.keep(descriptors)
             case Stop():
                 self._stop(peer, message)
             case Stopped():
@@ -297,6 +309,8 @@ class Supervisor:
         peer.name = f"worker {hello.worker}" if hello.worker else "the edge"
         peer.edge = self._edge_id = hello.edge
         peer.is_edge = self._child is not None and hello.process == self._child.pid
+        if peer.is_edge:
+            self._farewell.break_off()
         stops = tuple(self._stops) if peer.is_edge else ()
         if peer.send(Welcome(stops)) and peer.is_edge:
             self._stops.clear()
@@ -377,12 +391,3 @@ def _signals(take: Callable[[int], None]) -> Iterator[None]:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
-
-
-def _reason(code: int) -> str:
-    """Say how a process ended."""
-    if code >= 0:
-        return f"exit code {code}"
-    with contextlib.suppress(ValueError):
-        return f"killed by {signal.Signals(-code).name}"
-    return f"killed by signal {-code}"

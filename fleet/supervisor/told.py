@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import threading
 
@@ -21,3 +22,12 @@ def told_aside(line: str) -> None:
     thread = threading.Thread(target=tell, name="fleet-told", daemon=True)
     thread.start()
     thread.join(TOLD_WITHIN)
+
+
+def reason_of(code: int) -> str:
+    """Say how a process ended."""
+    if code >= 0:
+        return f"exit code {code}"
+    with contextlib.suppress(ValueError):
+        return f"killed by {signal.Signals(-code).name}"
+    return f"killed by signal {-code}"

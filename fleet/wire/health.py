@@ -1,12 +1,30 @@
-"""``T edge_health``: the heartbeat by which the cloud knows that an edge serves a twin."""
+"""``T edge_health``: the heartbeat by which the cloud knows that an edge serves a twin; and the edge's."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import msgspec
+
+from fleet.model.state import EdgeState, RobotState
 from fleet.wire.encoding import encode_finite
+
+MOST_UNWELL = 50
+"""Robots that an edge's roll-up names."""
+_ROLLED_UP = (
+    "version",
+    "bus",
+    "queued",
+    "spooled",
+    "refused",
+    "dropped",
+    "round_trip",
+    "load",
+    "memory_percent",
+    "threads",
+)
 
 
 def edge_health(
@@ -45,6 +63,35 @@ def edge_health(
     for reserved in head.keys() | tail.keys() | {"session_id"}:
         figures.pop(reserved, None)
     return encode_finite({**head, **figures, **tail})
+
+
+def edge_state(state: EdgeState, robots: Iterable[RobotState], *, session: str) -> bytes:
+    """Return an edge's own roll-up for ``edges/{edge}/health``: how it is, how many robots are how, and why.
+
+    ``robots``: those of the edge; of those that are not well the first ``MOST_UNWELL`` are named. The fields
+    beside are those that ``fleet/{edge}/health`` has on the bus.
+    """
+    said = msgspec.to_builtins(state)
+    figures = {name: said[name] for name in _ROLLED_UP if _is_known(said.get(name))}
+    unwell = [
+        {"name": robot.name, "twin_uuid": robot.twin, "health": robot.health, "cause": robot.cause}
+        for robot in robots
+        if robot.health != "ok"
+    ]
+    message: dict[str, Any] = {
+        "type": "edge_state",
+        "timestamp": state.stamp,
+        "edge_id": state.edge,
+        "uptime_seconds": round(state.uptime, 1),
+        "health": state.health,
+        "cause": state.cause,
+        "robots": state.robots,
+        "unwell": unwell[:MOST_UNWELL],
+        **figures,
+    }
+    if session:
+        message["session_id"] = session
+    return encode_finite(message)
 
 
 def _is_known(value: object) -> bool:

@@ -83,6 +83,10 @@ class Topics:
         """Return the topic on which the joints of a twin are told and commanded."""
         return self.twin(twin_uuid, JOINT_UPDATE)
 
+    def edge(self, edge_id: str) -> str:
+        """Return the topic on which an edge says how it is, beside that of its commands in the contract."""
+        return f"{self.prefix}edges/{edge_id}/health"
+
     def filter(self, leaf: str, twin_uuid: str | None = None) -> str:
         """Return what to subscribe to for a leaf of our own, of one twin or of whatever there is.
 

@@ -13,6 +13,7 @@ from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.report import TelemetryReport
+from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import of_a_twin, rulebook
@@ -133,6 +134,34 @@ def test_an_emergency_stop_is_made_while_the_loop_is_stuck(bridge, background_lo
     assert rex.received == []  # the orderly part is the loop's
     stopped.set()
     wait_until("the loop goes on with it", lambda: rex.received)
+
+
+def test_a_twins_heartbeat_carries_how_its_robot_is_and_the_edge_has_one_of_its_own(
+    bridge, background_loop, port
+):
+    heard = {}
+    ear = CloudClient(
+        settings(port, "ear"),
+        {"cyberwave/#": 1, "edges/#": 1},
+        on_message=lambda messages: heard.update((each.topic, json.loads(each.payload)) for each in messages),
+        on_read=lambda: None,
+        on_state=lambda *_: None,
+        clock=SystemClock(),
+    )
+    background_loop.call(ear.start)
+    wait_until("the ear is in", lambda: ear.state is CloudState.CONNECTED)
+    rex = RobotState("rex", TWIN, "toy", "yard-1", 1.0, "offline", "nothing heard for 3 s")
+    kestrel = RobotState("kestrel", OTHER, "toy", "yard-1", 1.0, "ok")
+    edge = EdgeState("yard-1", "0.1", 1.0, 9.0, "degraded", "rex offline", {"ok": 1, "offline": 1})
+    bridge.beat({}, edge, [rex, kestrel])
+    own = wait_until("the edge's own", lambda: heard.get("edges/yard-1/health"))
+    ear.close()
+    assert (own["health"], own["robots"]) == ("degraded", {"ok": 1, "offline": 1})
+    told = [heard[f"cyberwave/twin/{twin}/edge_health"] for twin in (TWIN, OTHER)]
+    assert [(each["health"], each["cause"]) for each in told] == [
+        ("offline", "nothing heard for 3 s"),
+        ("ok", ""),
+    ]
 
 
 def test_every_twin_has_a_heartbeat(bridge, listener):

@@ -807,3 +807,14 @@ def test_nothing_is_said_of_a_twin_that_another_edge_has(bench, pose):
     bench.uplink.held = frozenset()
     bench.run(2.0)
     assert bench.of("position")
+
+
+def test_of_a_flood_of_events_of_our_own_the_cloud_hears_a_few_and_of_what_is_asked_none(bench):
+    key = f"cw/{TWIN}/data/event"
+    for _ in range(50):
+        bench.cross({key: EventReport(4.0, EventKind.COMMAND, "drive")})
+        bench.cross({key: EventReport(4.0, EventKind.SEPARATION, "held")})
+    bench.cross({key: EventReport(4.0, EventKind.EMERGENCY_STOP, "stopped")})
+    assert [message["event_type"] for _, message in bench.of("event")] == ["separation"] * 6 + [
+        "emergency_stop"
+    ]

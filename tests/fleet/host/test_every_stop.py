@@ -121,6 +121,7 @@ class Rig:
                 soon=loop.call_soon_threadsafe,
                 arrival=self.clock.monotonic,
                 worker="w",
+                publish=lambda _report: None,
             )
         take_stops(self.process, SimpleNamespace(control=self.lane, reports=self.lane), {}, ())
         self.downlink = downlink.Downlink(

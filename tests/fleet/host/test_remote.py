@@ -26,6 +26,7 @@ class Bench:
         self.lane = Lane(LONELY)
         self.later = queue.Queue()
         self.stops = []
+        self.reports = []
         self.lane.subscribe(keys.stop("yard"), lambda _key, payload: self.stops.append(json.loads(payload)))
         self.robot = RemoteRobot(
             AdapterConfig(name="rex", twin=TWIN),
@@ -36,6 +37,7 @@ class Bench:
             soon=self.later.put,
             arrival=clock.monotonic,
             worker="w",
+            publish=self.reports.append,
         )
         self.lane.subscribe(
             keys.state("yard", "rex"), lambda _key, payload: self.robot.state_arrived(payload)
@@ -187,7 +189,7 @@ def test_a_stop_that_the_bus_refuses_is_told_and_the_worker_is_still_asked(bench
     bench.works(Reply("emergency_stop", ReplyStatus.ACCEPTED))
     monkeypatch.setattr(bench.lane, "put", refuse)
     assert bench.answered(bench.ask({"command": "emergency_stop"})).ok
-    wait_until("the log", lambda: "rex: the emergency stop did not go out at once" in caplog.text)
+    wait_until("the log", lambda: "the emergency stop did not go out at once" in caplog.text)
 
 
 @pytest.mark.parametrize(
@@ -242,6 +244,17 @@ def test_the_worker_s_word_counts_for_as_long_as_it_speaks(bench):
     state = bench.robot.state()
     assert (state.health, state.cause) == ("offline", "its worker is silent")
     assert state.stamp == bench.clock.time()
+
+
+def test_a_robot_whose_worker_died_is_told_as_lost_once_by_the_edge(bench, caplog):
+    bench.says(health="ok", reachable=True)
+    wait_until("its state is heard", lambda: bench.robot.state().reachable)
+    for _ in range(2):
+        bench.robot.worker_is("worker w: killed by SIGKILL")
+    lost, gone = bench.reports
+    assert (lost.kind, lost.text) == ("lost", "offline: worker w: killed by SIGKILL")
+    assert (gone.type, gone.fields) == ("disconnected", {"reason": "worker w: killed by SIGKILL"})
+    assert [record.name for record in caplog.records] == ["fleet.robot.rex"]
 
 
 def test_a_worker_that_ended_takes_its_word_with_it(bench):

@@ -3,7 +3,8 @@ from types import SimpleNamespace
 
 from cyberwave.edge.health import EdgeHealthCheck
 
-from fleet.wire.health import edge_health
+from fleet.model.state import EdgeState, RobotState
+from fleet.wire.health import MOST_UNWELL, edge_health, edge_state
 
 BASE = {
     "twin": "t",
@@ -51,3 +52,24 @@ def test_what_the_host_cannot_measure_is_left_out_and_stops_no_heartbeat():
 
 def test_an_empty_session_is_left_out():
     assert "session_id" not in json.loads(edge_health(**{**BASE, "session": ""}, extra={"session_id": "x"}))
+
+
+def test_an_edges_own_roll_up_counts_its_robots_and_names_those_that_are_not_well():
+    robots = [RobotState("max", "t1", "toy", "yard-1", 5.0, "ok")]
+    robots += [RobotState(f"rex-{n}", "t2", "toy", "yard-1", 5.0, "offline", "unplugged") for n in range(60)]
+    state = EdgeState("yard-1", "0.1", 5.0, 12.34, "degraded", "rex-0 offline: unplugged", load=0.5)
+    told = json.loads(edge_state(state, robots, session="s"))
+    assert (told["type"], told["edge_id"], told["timestamp"], told["session_id"]) == (
+        "edge_state",
+        "yard-1",
+        5.0,
+        "s",
+    )
+    assert (told["health"], told["cause"], told["load"]) == ("degraded", "rex-0 offline: unplugged", 0.5)
+    assert told["unwell"][0] == {
+        "name": "rex-0",
+        "twin_uuid": "t2",
+        "health": "offline",
+        "cause": "unplugged",
+    }
+    assert len(told["unwell"]) == MOST_UNWELL

@@ -1,0 +1,75 @@
+"""How many events of a robot the cloud is told, and where a loop through the cloud is cut.
+
+Pure but for its memory: the clock is passed in. An event may start a workflow, whose command may lead to the
+next event. So of each kind a robot tells at most ``A_MINUTE`` a minute, and no more at all of a kind to
+which more than ``LOOP`` requests from the cloud have led within a minute, until that was so no longer. What
+is cut is counted; the edge's own history has it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from fleet.model.command import Way
+from fleet.model.event import EventKind, EventReport
+from fleet.spool.losses import Gap, Reason
+
+WINDOW = 60.0  # s
+OTHERWISE = 6
+A_MINUTE: Mapping[EventKind, int] = MappingProxyType(
+    {EventKind.EMERGENCY_STOP: 12, EventKind.AUTHORITY_LOST: 12, EventKind.FAILSAFE: 12}
+)
+"""Events of a kind that one robot tells within a minute; ``OTHERWISE`` of those that are not named."""
+LOOP = 3
+"""Requests from the cloud that may lead to events of one kind of one robot within a minute."""
+
+
+class EventLimits:
+    """Those of all robots of an edge, by the topic of their events."""
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[str, EventKind], deque[float]] = {}
+        self._requests: dict[tuple[str, EventKind], dict[str, float]] = {}
+        self._cuts: dict[tuple[str, Reason], Gap] = {}
+
+    def admits(self, topic: str, event: EventReport, now: float) -> bool:
+        """Return whether an event is told, and count it when it is not; ``now``: Unix seconds."""
+        if self._loops(topic, event, now):
+            reason = Reason.LOOP
+        elif self._floods(topic, event, now):
+            reason = Reason.RATE
+        else:
+            return True
+        cut = self._cuts.setdefault((topic, reason), Gap(topic, reason, 0, now, now))
+        cut.until, cut.lost = now, cut.lost + 1
+        return False
+
+    def take_cuts(self, now: float) -> list[Gap]:
+        """Remove and return what was cut, a minute after the first of it; ``now``: Unix seconds."""
+        due = [key for key, cut in list(self._cuts.items()) if now - cut.since >= WINDOW]
+        return [self._cuts.pop(key) for key in due]
+
+    def _loops(self, topic: str, event: EventReport, now: float) -> bool:
+        """Return whether too many requests from the cloud have led to events of this kind."""
+        if event.asker is None or event.asker.way is not Way.CLOUD:
+            return False
+        requests = self._requests.setdefault((topic, event.kind), {})
+        request = event.request or event.asker.name
+        requests.pop(request, None)
+        requests[request] = now
+        for each in list(requests):  # the oldest first; more than are needed to judge are not kept
+            if now - requests[each] >= WINDOW or len(requests) > LOOP + 1:
+                del requests[each]
+        return len(requests) > LOOP
+
+    def _floods(self, topic: str, event: EventReport, now: float) -> bool:
+        """Return whether a robot has told too many of this kind; one that may be told is counted."""
+        told = self._told.setdefault((topic, event.kind), deque())
+        while told and now - told[0] >= WINDOW:
+            told.popleft()
+        if len(told) >= A_MINUTE.get(event.kind, OTHERWISE):
+            return True
+        told.append(now)
+        return False

@@ -1,0 +1,53 @@
+"""What the cloud is told of a robot's events has bounds, and a loop through the cloud is cut."""
+
+import pytest
+
+from fleet.bridge.events import A_MINUTE, LOOP, OTHERWISE, EventLimits
+from fleet.model.command import Way
+from fleet.model.event import Asker, EventKind, EventReport
+from fleet.wire.events import TOLD_TO_THE_CLOUD
+
+TOPIC, OTHER = "cyberwave/twin/a/event", "cyberwave/twin/b/event"
+CLOUD, LOCAL = Asker(Way.CLOUD, "wf-1", "edge"), Asker(Way.BUS, "anna")
+
+
+def event(kind=EventKind.SEPARATION, asker=None, request=""):
+    return EventReport(0.0, kind, "x", asker=asker, request=request)
+
+
+@pytest.mark.parametrize("kind", sorted(TOLD_TO_THE_CLOUD))
+def test_of_each_kind_a_robot_tells_so_many_a_minute_and_each_robot_and_kind_has_its_own(kind):
+    limits, most = EventLimits(), A_MINUTE.get(kind, OTHERWISE)
+    assert [limits.admits(TOPIC, event(kind), 0.1 * n) for n in range(most + 2)] == [True] * most + [
+        False
+    ] * 2
+    other = next(each for each in TOLD_TO_THE_CLOUD if each is not kind)
+    assert limits.admits(OTHER, event(kind), 2.0)
+    assert limits.admits(TOPIC, event(other), 2.0)
+    assert limits.admits(TOPIC, event(kind), 60.0)
+
+
+def test_what_was_cut_is_told_a_minute_later_with_its_number_and_reason():
+    limits = EventLimits()
+    for n in range(OTHERWISE + 3):
+        limits.admits(TOPIC, event(), float(n))
+    assert limits.take_cuts(65.0) == []
+    (cut,) = limits.take_cuts(66.0)
+    assert (cut.topic, cut.reason.value, cut.lost, cut.since, cut.until) == (TOPIC, "rate", 3, 6.0, 8.0)
+    assert limits.take_cuts(200.0) == []
+
+
+def test_a_loop_through_the_cloud_is_cut_until_it_has_been_quiet_for_a_minute():
+    limits = EventLimits()
+    told = [limits.admits(TOPIC, event(asker=CLOUD, request=f"r{n}"), 5.0 * n) for n in range(30)]
+    assert told == [True] * LOOP + [False] * (30 - LOOP)
+    assert limits.admits(TOPIC, event(asker=CLOUD, request="late"), 5.0 * 29 + 60.0)
+    (cut,) = limits.take_cuts(500.0)
+    assert (cut.reason.value, cut.lost) == ("loop", 30 - LOOP)
+
+
+def test_many_events_of_one_request_and_those_of_people_on_the_spot_are_no_loop():
+    limits = EventLimits()
+    assert all(limits.admits(TOPIC, event(asker=CLOUD, request="one"), float(n)) for n in range(OTHERWISE))
+    limits = EventLimits()
+    assert all(limits.admits(TOPIC, event(asker=LOCAL, request=str(n)), float(n)) for n in range(OTHERWISE))

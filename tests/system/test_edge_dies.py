@@ -1,0 +1,75 @@
+"""An edge that is killed: what the cloud hears of its twins, on a real broker."""
+
+import json
+import os
+import signal
+import uuid
+
+import psutil
+import pytest
+
+from fleet.testing.asker import PUPPETS
+from fleet.testing.waiting import wait_until
+
+TWINS = {name: str(uuid.uuid4()) for name in ("rex", "max", "ada")}
+PASSWORD = "not-in-any-argv"
+
+
+@pytest.fixture
+def edge(fleet, ears, mosquitto, tmp_path):
+    """Run three puppets on a real broker; returns the process, who listens, and the twins' telemetry."""
+    robots = [
+        {"name": name, "twin": twin, "adapter": "puppet", "worker": "main", "rate": 0}
+        for name, twin in TWINS.items()
+    ]
+    config = {
+        "edge": {"id": f"yard-{uuid.uuid4().hex[:6]}"},
+        "plugins": [str(PUPPETS)],
+        "cloud": {
+            "host": "127.0.0.1",
+            "port": mosquitto.port,
+            "tls": False,
+            "username": "edge",
+            "password": PASSWORD,
+        },
+        "robots": robots,
+    }
+    file = tmp_path / "fleet.yaml"
+    file.write_text(json.dumps(config))
+    listener = ears("127.0.0.1", mosquitto.port, "#")
+    running = fleet("run", "--json", str(file))
+    wait_until("every robot is connected", lambda: all("connected" in telemetry(listener, t) for t in TWINS))
+    return running, listener
+
+
+def telemetry(listener, robot):
+    """Return the types of a twin's telemetry, in order."""
+    topic = f"cyberwave/twin/{TWINS[robot]}/telemetry"
+    return [message["type"] for heard, message in list(listener.heard) if heard == topic]
+
+
+def reasons(listener, robot):
+    topic = f"cyberwave/twin/{TWINS[robot]}/telemetry"
+    return [message.get("reason") for heard, message in list(listener.heard) if heard == topic]
+
+
+def test_every_twin_of_a_killed_edge_is_disconnected_and_connected_once_it_is_back(edge):
+    running, listener = edge
+    (process,) = psutil.Process(running.process.pid).children()
+    before = {name: len(telemetry(listener, name)) for name in TWINS}
+    os.kill(process.pid, signal.SIGKILL)
+    wait_until(
+        "every twin is disconnected",
+        lambda: all("disconnected" in telemetry(listener, name)[heard:] for name, heard in before.items()),
+    )
+    wait_until(
+        "every robot is connected again",
+        lambda: all(telemetry(listener, name)[-1] == "connected" for name in TWINS),
+    )
+    assert "the edge died" in reasons(listener, "ada"), "the will is for the first twin alone"
+
+
+def test_no_program_of_the_edge_shows_its_password(edge):
+    supervisor = psutil.Process(edge[0].process.pid)
+    family = [supervisor, *supervisor.children(recursive=True)]
+    assert not any(PASSWORD in " ".join(each.cmdline()) for each in family)
