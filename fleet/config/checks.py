@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from fleet.config.endpoints import (
+    LONGEST_LISTENING_PATH,
+    Proof,
+    carried_in_the_open,
+    connecting_danger,
+    listening_danger,
+    scouting_danger,
+    socket_too_long,
+)
 from fleet.config.problems import Mark
+from fleet.config.schema import BusConfig
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import AdapterConfig
@@ -110,3 +120,27 @@ def check_groups(data: Mapping[str, Any], document: Document) -> None:
                 document.report(place, f"there is no robot {member!r}", nearest(member, names))
             elif member in members[:index]:
                 document.report(place, f"{member!r} is in the group already")
+
+
+def check_bus(bus: BusConfig, document: Document) -> None:
+    """Report each endpoint of the bus by which somebody unknown could command the robots, at its place.
+
+    What guards one endpoint says nothing of another beside it.
+    """
+    tls = bus.tls
+    proof = Proof(bus.password is not None, tls is not None, tls is not None and tls.mutual)
+    for key, ends, danger in (
+        ("listen", bus.listen, listening_danger),
+        ("connect", bus.connect, connecting_danger),
+    ):
+        for index, end in enumerate(ends):
+            mark = document.marks["bus", key, index]
+            if (wrong := danger(end, proof, bus.insecure)) or (
+                key == "listen" and (wrong := socket_too_long(end, LONGEST_LISTENING_PATH))
+            ):
+                document.report(mark, wrong)
+            elif carried_in_the_open(end) and bus.insecure is not True:
+                message = "the password is asked for, but what is said can be read and changed on the way"
+                document.warn(mark, message, "use a tls/ endpoint with tls:")
+    if bus.scouting and (wrong := scouting_danger((*bus.listen, *bus.connect), proof, bus.insecure)):
+        document.report(document.marks["bus", "scouting"], wrong)

@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field
 
 from fleet.config.checks import (
     Identity,
+    check_bus,
     check_groups,
     check_robots,
     check_stop_inputs,
@@ -103,6 +104,8 @@ def load(
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     check_stop_inputs(data, document)
+    if sections is not None:
+        check_bus(sections.bus, document)
     warn_of_batteries({index: robot.config for index, robot in robots.items()}, document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)

@@ -51,7 +51,7 @@ def bus_settings(config: FleetConfig) -> BusSettings:
     return BusSettings(
         edge=config.edge.id,
         mode=bus.mode,
-        listen=bus.listen or None,
+        listen=bus.listen,
         connect=bus.connect,
         tls=tls,
         user=bus.user,

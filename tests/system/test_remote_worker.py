@@ -49,7 +49,7 @@ def far_worker(tmp_path, fleet, free_port):
     }
     file = {"edge": {"id": "near"}, "plugins": ["plugins"], "remote_workers": ["far"], "robots": [robot]}
     for name, bus in (("fleet.yaml", {"listen": [endpoint]}), ("far.yaml", {"connect": [endpoint]})):
-        (tmp_path / name).write_text(json.dumps({**file, "bus": bus}))
+        (tmp_path / name).write_text(json.dumps({**file, "bus": {**bus, "insecure": "local"}}))
     running = fleet("run", "--json", folder=tmp_path)
     running.line("edge near runs")
     elsewhere = os.environ | {"FLEET_RUNTIME_DIR": str(tmp_path)}

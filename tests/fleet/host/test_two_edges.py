@@ -21,7 +21,7 @@ def two(yard, free_port):
     place = yard(rex=HERE, max=HERE)
     endpoint = f"tcp/127.0.0.1:{free_port}"
     fleet = json.loads(place.file.read_text())
-    fleet["bus"] = {"listen": [endpoint]}
+    fleet["bus"] = {"listen": [endpoint], "insecure": "local"}
     place.file.write_text(json.dumps(fleet))
 
     def second():
@@ -30,7 +30,7 @@ def two(yard, free_port):
         other = {
             **fleet,
             "edge": {"id": f"{place.id}-b"},
-            "bus": {"connect": [endpoint]},
+            "bus": {"connect": [endpoint], "insecure": "local"},
             "robots": [again, own],
         }
         file = place.file.with_name("second.yaml")
