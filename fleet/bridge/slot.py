@@ -14,6 +14,8 @@ from fleet.wire.topics import DataKey
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 HEAVY = 64 * KIB
 """Bytes that a message may have above which it is sent by itself: translating it may take milliseconds."""
+SHARED = frozenset({"metrics"})
+"""State of which a robot tells a part, and local programs others; events anybody may tell."""
 SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
@@ -43,6 +45,7 @@ class Slot:
         "heavy",
         "info",
         "off",
+        "ours",
         "period",
         "rate",
         "refused",
@@ -51,6 +54,7 @@ class Slot:
         "sample",
         "sensor",
         "sent",
+        "shared",
         "silence",
         "size",
         "streams",
@@ -72,6 +76,8 @@ class Slot:
         self.size = rule.size
         self.ways: dict[str, Way] = {}  # by leaf
         self.durable = rule.traffic.durable
+        self.shared = self.durable or key.channel in SHARED
+        self.ours = False  # a robot of this process tells it, and nobody else may
         self.streams = rule.traffic is Traffic.STREAM
         self.heavy = self.document or rule.size > HEAVY
         self.at_once = not (self.durable or self.heavy)

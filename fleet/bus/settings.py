@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from fleet.bus.access import Access, access_control
 from fleet.errors import BusError
 
 SOCKET = "unixsock-stream"  # Zenoh's word for a Unix socket
@@ -37,7 +38,10 @@ class BusTls(msgspec.Struct, frozen=True):
 
 
 class BusSettings(msgspec.Struct, frozen=True):
-    """What fleet.yaml says of the bus; ``listen`` is what is opened besides the Unix sockets."""
+    """What fleet.yaml says of the bus; ``listen`` is what is opened besides the Unix sockets.
+
+    Without ``access`` everybody who comes in may do everything.
+    """
 
     edge: str
     mode: Literal["peer", "client", "router"] = "peer"
@@ -47,6 +51,7 @@ class BusSettings(msgspec.Struct, frozen=True):
     user: str | None = None
     password: str | None = None
     scouting: bool = False
+    access: Access | None = None
 
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - whose directory it is, is looked at
@@ -174,6 +179,8 @@ def zenoh_settings(
         values["connect/timeout_ms"] = -1
         values["connect/exit_on_failure"] = False
         values["open/return_conditions/connect_scouted"] = False
+        if settings.access is not None:
+            values["access_control"] = access_control(settings.access, settings.edge, _protocols(settings))
     values |= _tls(settings.tls)
     if settings.user is not None:
         values["transport/auth/usrpwd/user"] = settings.user

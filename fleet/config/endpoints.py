@@ -12,6 +12,9 @@ from typing import Literal, NamedTuple
 Insecure = Literal["local"] | bool
 """What fleet.yaml allows without proof: nothing, all of this computer, everything."""
 
+Role = Literal["edge", "worker", "console", "program", "router"]
+"""What an identity on the bus is there for."""
+
 LONGEST_SOCKET_PATH = 107
 """Bytes of a Unix socket's path that the kernel takes."""
 LONGEST_LISTENING_PATH = LONGEST_SOCKET_PATH - len(".control")

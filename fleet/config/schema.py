@@ -8,7 +8,7 @@ from uuid import UUID
 
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
-from fleet.config.endpoints import Insecure, check_locator, is_encrypted, is_local
+from fleet.config.endpoints import Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
@@ -30,6 +30,7 @@ def _host(text: str) -> str:
     return text
 
 
+CommonName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
 Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(check_locator)]
@@ -157,8 +158,17 @@ class BusConfig(Model):
         "user of this computer reaches (tcp/127.0.0.1:7447); true, also those that others reach.",
     )
 
+    access: dict[CommonName, Role] | None = Field(
+        None,
+        description="Who may do what, by the common name of the certificate: edge, worker (of this edge, by "
+        "its name), console, program or router; others may do nothing (docs/bus.md). Left out: whoever has a "
+        "certificate of the authority may do everything.",
+    )
+
     @model_validator(mode="after")
     def _whole(self) -> Self:
+        if self.access is not None and (self.tls is None or not self.tls.mutual):
+            raise wrong("access", "identities are certificates: it needs tls: with mutual: true")
         if self.mode == "client" and not self.connect:
             raise wrong("mode", "client needs connect:, the endpoints of a router")
         if (self.user is None) != (self.password is None):

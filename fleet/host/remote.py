@@ -23,6 +23,7 @@ from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
 from fleet.model.health import Level
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.tally import Tally
 from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
@@ -61,6 +62,7 @@ class RemoteRobot:
         self._cause = "its worker is starting"
         self._heard = float("-inf")
         self._unheard_stop = False
+        self._refusals = Tally(log, clock)
         self._state = RobotState(
             name=self.name,
             twin=self.twin,
@@ -206,6 +208,9 @@ class RemoteRobot:
             state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
             log.warning("%s: a state that cannot be read: %s", self.name, error)
+            return
+        if (state.name, state.twin, state.edge) != (self.name, self.twin, self._edge):
+            self._refusals.add("forged", "a state of %s that is not its own was refused", self.name)
             return
         if state.health not in LEVELS:
             log.warning("%s: a state with the unknown health %a", self.name, state.health[:40])
