@@ -80,9 +80,14 @@ _COMMON = (
     _Rule(_ALL, ("**",), flow="egress"),
     _Rule(_LISTEN, ("**",)),
     _Rule(("query",), ("fleet/*/robots/*/state", "fleet/*/health", _REPORTS)),
-    _Rule(("put", "query"), (_STOP,)),
 )
-"""Everybody with an identity hears everything, asks how things are, and may stop (ADR 0010)."""
+"""Everybody with a role hears everything and asks how things are."""
+
+_STOPS = (
+    _Rule(("put", "query"), (_STOP,)),
+    _Rule(("reply", "declare_subscriber", "declare_queryable"), (_STOP,), flow="egress"),
+)
+"""Whoever shows a certificate of the site may stop (ADR 0010), role or none."""
 
 
 def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, ...]:
@@ -123,9 +128,14 @@ def access_control(access: Access, edge: str, protocols: Iterable[str]) -> dict[
     password, or in so many words.
     """
     trusted = sorted(set(protocols) - _BY_CERTIFICATE | _SOCKETS)
-    parts = {"here": ({"link_protocols": trusted}, (_Rule(_ALL, ("**",)), _COMMON[0]))} | {
+    certified = sorted(_BY_CERTIFICATE)
+    parts: dict[str, tuple[dict[str, list[str]], tuple[_Rule, ...]]] = {
+        "here": ({"link_protocols": trusted}, (_Rule(_ALL, ("**",)), _COMMON[0])),
+        "certificate": ({"link_protocols": certified}, _STOPS),
+    }
+    parts |= {
         f"identity {name}": (
-            {"cert_common_names": [name], "link_protocols": sorted(_BY_CERTIFICATE)},
+            {"cert_common_names": [name], "link_protocols": certified},
             (*_COMMON, *rules_of(role, name, edge, access)),
         )
         for name, role in access.roles.items()

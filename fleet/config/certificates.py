@@ -7,7 +7,7 @@ time is handed in. Raises ValueError for what is not PEM.
 from __future__ import annotations
 
 import ipaddress
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import NamedTuple
 
 from cryptography import x509
@@ -50,11 +50,12 @@ def make_authority(site: str, now: datetime) -> Pair:
         .not_valid_after(now + AUTHORITY_LIFE)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(_usage(signs_others=True), critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
     )
     return _pair(built, key, key)
 
 
-def issue(authority: Pair, identity: Identity, now: datetime) -> Pair:
+def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
     """Return a new key and the certificate that says this, for both ends of a connection."""
     signer = load_pem_private_key(authority.key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
@@ -68,6 +69,9 @@ def issue(authority: Pair, identity: Identity, now: datetime) -> Pair:
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs_others=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False
+        )
         .add_extension(x509.SubjectAlternativeName([_host(host) for host in identity.hosts]), critical=False)
     )
     return _pair(built, key, signer)
@@ -84,18 +88,9 @@ def read_identity(pem: bytes) -> Identity:
     )
 
 
-def ending(until: datetime, now: datetime, within: timedelta) -> str:
-    """Return in words that a certificate ends within a time, or has ended; empty when neither."""
-    left = until - now
-    if left > within:
-        return ""
-    day = until.strftime("%Y-%m-%d")
-    return f"has expired on {day}" if left <= timedelta() else f"expires in {left.days} days, on {day}"
-
-
-def now_utc(stamp: float) -> datetime:
-    """Return a Unix time in seconds as certificates are compared with it."""
-    return datetime.fromtimestamp(stamp, UTC)
+def first_end(pem: bytes) -> datetime:
+    """Return when the first of the certificates in a file ends."""
+    return min(each.not_valid_after_utc for each in x509.load_pem_x509_certificates(pem))
 
 
 def _builder(

@@ -15,7 +15,7 @@ from fleet.config.endpoints import (
     socket_too_long,
 )
 from fleet.config.problems import Mark
-from fleet.config.schema import BusConfig
+from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import AdapterConfig
@@ -142,5 +142,20 @@ def check_bus(bus: BusConfig, document: Document) -> None:
             elif carried_in_the_open(end) and bus.insecure is not True:
                 message = "the password is asked for, but what is said can be read and changed on the way"
                 document.warn(mark, message, "use a tls/ endpoint with tls:")
+    if tls is not None and bus.listen and bus.access is None:
+        message = (
+            "whoever has a certificate of the authority may do everything, another edge or a program too"
+        )
+        document.warn(
+            document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/bus.md)"
+        )
     if bus.scouting and (wrong := scouting_danger((*bus.listen, *bus.connect), proof, bus.insecure)):
         document.report(document.marks["bus", "scouting"], wrong)
+
+
+def check_workers(sections: Sections, document: Document) -> None:
+    """Report identities of workers that nobody starts on another computer; those here come by the sockets."""
+    for name, role in (sections.bus.access or {}).items():
+        if role == "worker" and name not in sections.remote_workers:
+            hint = nearest(name, sections.remote_workers) or "a worker's identity is the worker's name"
+            document.report(document.marks["bus", "access", name], f"{name!r} is not in remote_workers", hint)

@@ -15,6 +15,9 @@ Insecure = Literal["local"] | bool
 Role = Literal["edge", "worker", "console", "program", "router"]
 """What an identity on the bus is there for."""
 
+COMMON_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+"""What an identity may be called: what fits the common name of a certificate, and a file's name."""
+
 LONGEST_SOCKET_PATH = 107
 """Bytes of a Unix socket's path that the kernel takes."""
 LONGEST_LISTENING_PATH = LONGEST_SOCKET_PATH - len(".control")

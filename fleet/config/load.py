@@ -22,6 +22,7 @@ from fleet.config.checks import (
     check_groups,
     check_robots,
     check_stop_inputs,
+    check_workers,
     identity_of,
     warn_of_batteries,
 )
@@ -106,6 +107,7 @@ def load(
     check_stop_inputs(data, document)
     if sections is not None:
         check_bus(sections.bus, document)
+        check_workers(sections, document)
     warn_of_batteries({index: robot.config for index, robot in robots.items()}, document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)

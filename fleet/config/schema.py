@@ -8,7 +8,7 @@ from uuid import UUID
 
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
-from fleet.config.endpoints import Insecure, Role, check_locator, is_encrypted, is_local
+from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
@@ -30,7 +30,7 @@ def _host(text: str) -> str:
     return text
 
 
-CommonName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+CommonName = Annotated[str, Field(pattern=f"^{COMMON_NAME.pattern}$")]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
 Host = Annotated[str, AfterValidator(_host)]
 Locator = Annotated[str, AfterValidator(check_locator)]
