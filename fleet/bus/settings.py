@@ -25,6 +25,7 @@ from fleet.errors import BusError
 SOCKET = "unixsock-stream"  # Zenoh's word for a Unix socket
 LEASE_MS = 1000  # a frozen process is noticed after this
 LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes
+LONGEST_FOLDER = 80  # bytes of what is before the sockets' names, of which the supervisor's has 23
 
 
 class BusTls(msgspec.Struct, frozen=True):
@@ -64,6 +65,8 @@ def runtime_dir(environ: Mapping[str, str] = os.environ) -> Path:
     FLEET_RUNTIME_DIR, or within XDG_RUNTIME_DIR, or in memory where the system has that, or a temporary one.
     """
     path = _runtime_path(environ)
+    if len(str(path).encode()) > LONGEST_FOLDER:
+        raise BusError(f"{path} is too long for Unix sockets in it; set FLEET_RUNTIME_DIR to a shorter place")
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = path.lstat()
@@ -119,9 +122,18 @@ def socket_path(edge: str, lane: str, directory: Path) -> str:
 
 
 def running_edges(directory: Path) -> list[str]:
-    """Return the ids of the edges that run here, those included that hang."""
+    """Return the ids of the edges that run here, those included that hang; never raises for a name."""
     names = (path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
-    return sorted(name for name in names if is_running(name, directory))
+    return sorted(name for name in names if _fits(name, directory) and is_running(name, directory))
+
+
+def _fits(edge: str, directory: Path) -> bool:
+    """Return False for a path so long that nobody can listen there."""
+    try:
+        socket_path(edge, "control", directory)
+    except BusError:
+        return False
+    return True
 
 
 def is_running(edge: str, directory: Path) -> bool:

@@ -58,9 +58,9 @@ def certified(folder, role):
 
 @pytest.fixture(params=["tcp", "tls"])
 def far_worker(request, tmp_path, fleet, free_port):
-    """Run an edge, and its worker as on another machine: another runtime folder, the bus over a port alone."""
+    """Run an edge, and its worker as on another machine: another runtime folder, the bus by a port alone."""
     endpoint = f"{request.param}/127.0.0.1:{free_port}"
-    plain = dict.fromkeys(("near", "far"), {"insecure": "local"})
+    plain = {name: {"insecure": "local"} for name in ("near", "far")}
     proof = certified(tmp_path, "worker") if request.param == "tls" else plain
     (tmp_path / "plugins").mkdir()
     (tmp_path / "plugins" / "arm.py").write_text(PLUGIN)
@@ -70,14 +70,19 @@ def far_worker(request, tmp_path, fleet, free_port):
         "adapter": "arm",
         "worker": "far",
     }
-    file = {"edge": {"id": "near"}, "plugins": ["plugins"], "remote_workers": ["far"], "robots": [robot]}
+    file = {
+        "edge": {"id": f"near-{request.param}"},
+        "plugins": ["plugins"],
+        "remote_workers": ["far"],
+        "robots": [robot],
+    }
     for name, bus in (
         ("fleet.yaml", {"listen": [endpoint], **proof["near"]}),
         ("far.yaml", {"connect": [endpoint], **proof["far"]}),
     ):
         (tmp_path / name).write_text(json.dumps({**file, "bus": bus}))
     running = fleet("run", "--json", folder=tmp_path)
-    running.line("edge near runs")
+    running.line(f"edge near-{request.param} runs")
     elsewhere = os.environ | {"FLEET_RUNTIME_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "fleet.host.worker", "--name", "far", "--config", "far.yaml"]
     with subprocess.Popen(command, cwd=tmp_path, env=elsewhere, stderr=subprocess.DEVNULL) as worker:
