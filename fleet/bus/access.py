@@ -37,7 +37,6 @@ among it."""
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
-_SOCKETS = frozenset({"unixsock-stream", "unixpipe"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
 _SAY = ("put", "delete")
@@ -127,7 +126,7 @@ def access_control(access: Access, edge: str, protocols: Iterable[str]) -> dict[
     Who comes by a protocol that shows no certificate may do everything: fleet.yaml has let it in by a
     password, or in so many words.
     """
-    trusted = sorted(set(protocols) - _BY_CERTIFICATE | _SOCKETS)
+    trusted = sorted(set(protocols) - _BY_CERTIFICATE)
     certified = sorted(_BY_CERTIFICATE)
     parts: dict[str, tuple[dict[str, list[str]], tuple[_Rule, ...]]] = {
         "here": ({"link_protocols": trusted}, (_Rule(_ALL, ("**",)), _COMMON[0])),

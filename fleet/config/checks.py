@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from fleet.config.endpoints import (
@@ -10,8 +12,10 @@ from fleet.config.endpoints import (
     Proof,
     carried_in_the_open,
     connecting_danger,
+    folder_of,
     listening_danger,
     scouting_danger,
+    shared_folder_danger,
     socket_too_long,
 )
 from fleet.config.problems import Mark
@@ -135,9 +139,12 @@ def check_bus(bus: BusConfig, document: Document) -> None:
     ):
         for index, end in enumerate(ends):
             mark = document.marks["bus", key, index]
-            if (wrong := danger(end, proof, bus.insecure)) or (
-                key == "listen" and (wrong := socket_too_long(end, LONGEST_LISTENING_PATH))
-            ):
+            wrong = danger(end, proof, bus.insecure)
+            if not wrong and _is_shared(folder_of(end)):
+                wrong = shared_folder_danger(end, proof, bus.insecure)
+            if not wrong and key == "listen":
+                wrong = socket_too_long(end, LONGEST_LISTENING_PATH)
+            if wrong:
                 document.report(mark, wrong)
             elif carried_in_the_open(end) and bus.insecure is not True:
                 message = "the password is asked for, but what is said can be read and changed on the way"
@@ -151,6 +158,14 @@ def check_bus(bus: BusConfig, document: Document) -> None:
         )
     if bus.scouting and (wrong := scouting_danger((*bus.listen, *bus.connect), proof, bus.insecure)):
         document.report(document.marks["bus", "scouting"], wrong)
+
+
+def _is_shared(folder: str) -> bool:
+    """Return True for a folder that every user of this computer may write to."""
+    try:
+        return bool(folder) and bool(Path(folder).stat().st_mode & stat.S_IWOTH)
+    except OSError:
+        return False
 
 
 def check_workers(sections: Sections, document: Document) -> None:

@@ -24,7 +24,8 @@ LONGEST_LISTENING_PATH = LONGEST_SOCKET_PATH - len(".control")
 """Bytes of the path of a socket that listens: the second lane's is ``.control`` behind it."""
 
 _LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
-_ON_THIS_COMPUTER = frozenset({"unixsock-stream", "unixpipe", "serial", "vsock"})
+_OF_ITS_OWNER = frozenset({"unixsock-stream", "serial"})  # who may, say the rights of a file
+_ON_THIS_COMPUTER = frozenset({"unixpipe", "vsock"})  # Zenoh makes its pipes open to all users
 _ENCRYPTED = frozenset({"tls", "quic"})
 _UNDERMINES = re.compile(
     r"\b(enable_mtls|verify_name_on_connect|root_ca_certificate\w*|\w+_(private_key|certificate)\w*)="
@@ -105,6 +106,22 @@ def scouting_danger(endpoints: tuple[str, ...], proof: Proof, insecure: Insecure
     )
 
 
+def folder_of(endpoint: str) -> str:
+    """Return the folder of a Unix socket, empty for other endpoints."""
+    kind, _, address = re.split("[?#]", endpoint)[0].partition("/")
+    return address.rpartition("/")[0] or "/" if kind == "unixsock-stream" else ""
+
+
+def shared_folder_danger(endpoint: str, proof: Proof, insecure: Insecure) -> str:
+    """Return who could take the place of a Unix socket in a folder that all users may write to."""
+    if proof.password or insecure is not False:
+        return ""
+    return (
+        f"every user of this computer may write to {folder_of(endpoint)} and put another socket there, and "
+        "command the robots; choose a folder of your own, or set insecure: local"
+    )
+
+
 def carried_in_the_open(endpoint: str) -> bool:
     """Return True when what is said over an endpoint can be read and changed on the network."""
     return not is_encrypted(endpoint) and _reach(endpoint) == "network"
@@ -124,7 +141,9 @@ def _danger(endpoint: str, insecure: Insecure, could: str) -> str:
 def _reach(endpoint: str) -> Literal["socket", "computer", "network"]:
     """Return from where an endpoint can be reached: by its owner, by all users of a computer, by others."""
     kind, _, address = endpoint.partition("/")
-    if kind in _ON_THIS_COMPUTER:
+    if kind in _OF_ITS_OWNER:
         return "socket"
+    if kind in _ON_THIS_COMPUTER:
+        return "computer"
     host = re.split("[?#]", address)[0].rpartition(":")[0]
     return "computer" if is_local(host) else "network"

@@ -155,6 +155,12 @@ def test_a_bus_that_is_guarded_is_taken(section, bus):
             "connect: [tcp/127.0.0.1:1]",
             {"connect[0]: every user of this computer could answer there instead"},
         ),
+        ("listen: [unixpipe//run/fleet.pipe]", {"listen[0]: every user of this computer could command"}),
+        (
+            "listen: [unixsock-stream//tmp/f.sock]",
+            {"listen[0]: every user of this computer may write to"},
+        ),
+        ("connect: [unixsock-stream//tmp/f.sock]", {"connect[0]: every user of this computer may write to"}),
         ("scouting: true, user: u, password: p", {"scouting: anyone on the network could announce itself"}),
         (f"scouting: true, connect: [tcp/10.0.0.1:1], {TLS}", {"scouting: anyone", "connect[0]: anyone"}),
         (f"listen: ['tls/0.0.0.0:1#enable_mtls=false'], {TLS}", {"listen[0]: enable_mtls cannot be set for"}),
