@@ -213,6 +213,19 @@ def test_what_somebody_must_not_say_is_not_heard_by_others_over_the_edge_either(
     assert set(heard.queue) - {BARRIER} == {key}
 
 
+def test_who_has_no_role_hears_nothing(yard, joined):
+    stranger, planner = joined(STRANGER), joined("planner")
+    heard, others = queue.Queue(), queue.Queue()
+    stranger.subscribe("**", lambda key, _payload: heard.put(key))
+    stranger.watch_tokens("**", lambda key, _alive: heard.put(key))
+    planner.subscribe("**", lambda key, _payload: others.put(key))
+    yard.control.token("fleet/yard")
+    key = f"cw/{OURS}/data/battery"
+    wait_until("others hear the edge", lambda: yard.reports.put(key, b"true") or key in others.queue)
+    answered = [list(stranger.ask(asked, b"", timeout=0.3)) for asked in ("fleet/yard/stop", key)]
+    assert (answered, list(heard.queue)) == ([[], []], [])
+
+
 def test_who_comes_by_the_socket_may_do_everything(yard, opened, directory):
     lane = opened(join(BusSettings("yard"), directory)).reports
     heard = queue.Queue()
