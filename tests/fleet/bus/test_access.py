@@ -1,11 +1,15 @@
 """Each identity tries everything against the bus of a real edge, over TLS."""
 
+import inspect
 import json
 import queue
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from cyberwave.data import DataBus
+from cyberwave.data.config import get_backend
 
+from fleet.bus import keys
 from fleet.bus.access import Access, access_control
 from fleet.bus.lane import Lane
 from fleet.bus.session import join, open_edge
@@ -224,6 +228,33 @@ def test_who_has_no_role_hears_nothing(yard, joined):
     wait_until("others hear the edge", lambda: yard.reports.put(key, b"true") or key in others.queue)
     answered = [list(stranger.ask(asked, b"", timeout=0.3)) for asked in ("fleet/yard/stop", key)]
     assert (answered, list(heard.queue)) == ([[], []], [])
+
+
+def test_the_sdk_on_another_computer_joins_by_its_certificate(yard, opened, certificates, there, monkeypatch):
+    tls = certificates("planner")
+    options = f"root_ca_certificate_file={tls.root_ca};connect_certificate_file={tls.certificate};"
+    options += f"connect_private_key_file={tls.key};enable_mtls=true"
+    monkeypatch.setenv("ZENOH_CONNECT", f"{there}#{options}")
+    monkeypatch.setenv("ZENOH_MODE", "client")
+    bus = opened(DataBus(opened(get_backend()), twin_uuid=OURS))
+    heard = queue.Queue()
+    yard.reports.subscribe(f"cw/{OURS}/**", lambda key, _payload: heard.put(key))
+    key = f"cw/{OURS}/data/commands/velocity"
+
+    def drive():
+        bus.publish("position", {"x": 66.0})
+        bus.publish("commands/velocity", {"linear_x": 0.2})
+        return key in heard.queue
+
+    wait_until("a velocity crosses", drive)
+    assert set(heard.queue) == {key}
+
+
+def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
+    """Who adds a key decides here, in PUT, TOKEN, ASK or ANSWER, and in the rules, who may use it."""
+    decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
+    decided |= {"heartbeat", "halt", "health", "stop"}
+    assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 
 def test_who_comes_by_the_socket_may_do_everything(yard, opened, directory):
