@@ -26,7 +26,8 @@ def place(yard, tmp_path, free_port):
     authority = make_authority("site", now)
     (tmp_path / "ca.pem").write_bytes(authority.certificate)
     for name in ("yard", *ROLES, STRANGER):
-        pair = issue_pair(authority, Identity(name, "", ("127.0.0.1",), now + timedelta(days=99)), now)
+        until = now + timedelta(days=20, hours=1)
+        pair = issue_pair(authority, Identity(name, "", ("127.0.0.1",), until), now)
         (tmp_path / f"{name}.pem").write_bytes(pair.certificate)
         (tmp_path / f"{name}.key").write_bytes(pair.key)
     place = yard(rex={"worker": "main"})
@@ -57,6 +58,14 @@ async def test_an_identity_takes_from_a_running_edge_only_what_is_its_own(place,
             await attack(bus, place, edge, name, asks)
         finally:
             await asyncio.to_thread(bus.close)
+
+
+async def test_the_end_of_its_certificate_is_in_the_edges_health(place, run_edge, asks):
+    edge = place.edge()
+    async with run_edge(edge):
+        told = "certificate yard.pem expires in 20 days, on "
+        await asks.until(lambda: told in edge.state().cause)
+        assert edge.state().cause.endswith("; make a new one: fleet certs renew")
 
 
 async def attack(bus, place, edge, name, asks):
