@@ -44,7 +44,7 @@ def side(name, port, *, number=TWINS, rate=0.0, heard_at=0, workers=(), **sectio
         robots = puppets(number, rate=rate, journal=str(journal))
         twins = [robot["twin"] for robot in robots]
         if name == "fleet":
-            listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"]}}
+            listen = {"bus": {"listen": [f"tcp/127.0.0.1:{bus}"], "insecure": "local"}}
             more = [
                 {**robot, "name": each, "twin": twin_of(each), "worker": each}
                 for each, robot in zip(workers, robots, strict=False)

@@ -92,7 +92,7 @@ def ours(stops, *, loaded):
         journal = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fb"))) / "journal"
         robots = puppets(ROBOTS, rate=RATE, journal=str(journal))
         broker = stack.enter_context(mosquitto())
-        listen = {"listen": [f"tcp/127.0.0.1:{port}"]}
+        listen = {"listen": [f"tcp/127.0.0.1:{port}"], "insecure": "local"}
         edge = stack.enter_context(fleet(robots, broker, bus=listen))
         edge.all_well(ROBOTS)
         time.sleep(3)

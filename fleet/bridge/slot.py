@@ -17,6 +17,8 @@ REPEAT_LOOK = 0.2  # s between looks for what must be repeated
 HEAVY = 64 * KIB
 """Bytes that a message may have above which it is sent by itself: translating it may take milliseconds."""
 MOST_PARTS = 64  # of one channel of one twin; anybody on the bus can invent more
+SHARED = frozenset({"metrics"})
+"""State of which a robot tells a part, and local programs others; events anybody may tell."""
 SLACK = (
     0.001  # s by which a message may be early, so that a source of just its rate does not lose every other
 )
@@ -59,6 +61,7 @@ class Slot:
         "info",
         "key",
         "off",
+        "ours",
         "parted",
         "parts",
         "period",
@@ -70,6 +73,7 @@ class Slot:
         "sensor",
         "sent",
         "session",
+        "shared",
         "silence",
         "size",
         "streams",
@@ -93,6 +97,8 @@ class Slot:
         self.size = rule.size
         self.ways: dict[str, Way] = {}  # by leaf
         self.durable = rule.traffic.durable
+        self.shared = self.durable or key.channel in SHARED
+        self.ours = False  # a robot of this process tells it, and nobody else may
         self.streams = rule.traffic is Traffic.STREAM
         self.heavy = self.document or rule.size > HEAVY
         self.parted = key.channel in PARTED

@@ -117,8 +117,13 @@ class Uplink:
             slot = self._meet(key)
             if slot is not None and not slot.document:
                 self._look_for_unread(slot, sample)
-        if slot is not None:
-            self._take(slot, sample)
+        if slot is None:
+            return
+        if slot.ours:
+            line = "somebody on the bus said %s of %s, whose robot runs here and says it itself"
+            self.refusals.add("forged", line, slot.channel, slot.twin)
+            return
+        self._take(slot, sample)
 
     def _look_for_unread(self, slot: Slot, sample: bytes) -> None:
         """Tell what of a program's messages does not cross, by the first that comes on a key."""
@@ -128,8 +133,14 @@ class Uplink:
             self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
     def open(self, key: str) -> Slot | None:
-        """Return where this process's own reports of a key cross; None when none may."""
-        return self._slots[key] if key in self._slots else self._meet(key)
+        """Return where this process's own reports of a key cross; None when none may.
+
+        From then on nobody else's do: a robot's state is its own to tell.
+        """
+        slot = self._slots[key] if key in self._slots else self._meet(key)
+        if slot is not None and not slot.shared:
+            slot.ours = True
+        return slot
 
     def cross(self, batch: Sequence[tuple[Slot, Report]]) -> None:
         """Take this process's own reports, each with where it crosses; on the loop.

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import os
 import re
-import socket
 from collections.abc import Iterable
 from pathlib import Path
 
 from fleet.bus.lane import Lane
 from fleet.bus.settings import (
-    LOOPBACK_PORT,
     BusSettings,
     is_running,
     socket_path,
@@ -20,8 +17,6 @@ from fleet.bus.settings import (
     zenoh_settings,
 )
 from fleet.errors import BusError
-
-log = logging.getLogger(__name__)
 
 
 class Bus:
@@ -53,31 +48,13 @@ def open_edge(settings: BusSettings, directory: Path) -> Bus:
         )
     users = users_file(settings, directory)
     try:
-        return _open_lanes(settings, directory, users)
+        return _listening(settings, directory, users)
     finally:
         if users is not None:
             users.unlink()
 
 
-def _open_lanes(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
-    """Open both lanes of an edge; another free port takes the default port's place where that is taken."""
-    if settings.listen is not None or settings.mode == "client":
-        return _listening(settings, directory, users, settings.listen or ())
-    with contextlib.suppress(BusError):  # what has another reason fails once more, and is told
-        return _listening(settings, directory, users, (f"tcp/127.0.0.1:{LOOPBACK_PORT}",))
-    port = _free_port()
-    bus = _listening(settings, directory, users, (f"tcp/127.0.0.1:{port}",))
-    log.warning("port %d is taken: other programs join this bus at tcp/127.0.0.1:%d", LOOPBACK_PORT, port)
-    return bus
-
-
-def _free_port() -> int:
-    """Return a port of loopback that nobody has now."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
-
-
-def _listening(settings: BusSettings, directory: Path, users: Path | None, given: tuple[str, ...]) -> Bus:
+def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
     """Open both lanes, listening on the sockets too; those of an edge that died are Zenoh's to clear away."""
     reports_socket = socket_path(settings.edge, "reports", directory)
     control_socket = socket_path(settings.edge, "control", directory)
@@ -86,7 +63,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None, given
         zenoh_settings(
             settings,
             mode="router" if settings.mode == "router" else "peer",
-            listen=(reports_socket, *given),
+            listen=(reports_socket, *settings.listen),
             connect=settings.connect,
             users=users,
         )
@@ -96,7 +73,7 @@ def _listening(settings: BusSettings, directory: Path, users: Path | None, given
             zenoh_settings(
                 settings,
                 mode="peer",
-                listen=(control_socket, *(_beside(endpoint) for endpoint in given)),
+                listen=(control_socket, *(_beside(endpoint) for endpoint in settings.listen)),
                 connect=(reports_socket, *settings.connect),
                 users=users,
             )

@@ -1,9 +1,9 @@
 """Where the bus listens and whom it joins, as Zenoh wants to hear it.
 
 An edge has two sessions: one for reports, one for commands, stop and liveliness, each with links of its
-own, so that nobody who is slow with reports can hold up a stop. Alone on one machine they listen on Unix
-sockets in a directory of the user's own, and the reports' also on loopback, where the SDK's DataBus can
-join; nothing listens on the network unless fleet.yaml says so.
+own, so that nobody who is slow with reports can hold up a stop. They listen on Unix sockets in a directory
+of the user's own, where local programs join (the SDK's DataBus too), and nowhere else unless fleet.yaml says
+so: a port of loopback is every user's of the computer.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from typing import Any, Literal
 
 import msgspec
 
+from fleet.bus.access import Access, access_control
 from fleet.errors import BusError
 
-LOOPBACK_PORT = 7447  # Zenoh's own; the SDK's default to connect to
+SOCKET = "unixsock-stream"  # Zenoh's word for a Unix socket
 LEASE_MS = 1000  # a frozen process is noticed after this
 LONGEST_SOCKET_PATH = 100  # the kernel takes 107 bytes
 
@@ -37,16 +38,20 @@ class BusTls(msgspec.Struct, frozen=True):
 
 
 class BusSettings(msgspec.Struct, frozen=True):
-    """What fleet.yaml says of the bus. ``listen`` None: the defaults above."""
+    """What fleet.yaml says of the bus; ``listen`` is what is opened besides the Unix sockets.
+
+    Without ``access`` everybody who comes in may do everything.
+    """
 
     edge: str
     mode: Literal["peer", "client", "router"] = "peer"
-    listen: tuple[str, ...] | None = None
+    listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     tls: BusTls = BusTls()
     user: str | None = None
     password: str | None = None
     scouting: bool = False
+    access: Access | None = None
 
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - whose directory it is, is looked at
@@ -110,13 +115,22 @@ def socket_path(edge: str, lane: str, directory: Path) -> str:
     path = directory / f"{edge}.{lane}.sock"
     if len(str(path).encode()) > LONGEST_SOCKET_PATH:
         raise BusError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
-    return f"unixsock-stream/{path}"
+    return f"{SOCKET}/{path}"
 
 
 def running_edges(directory: Path) -> list[str]:
-    """Return the ids of the edges that run here, those included that hang."""
+    """Return the ids of the edges that run here, those included that hang; never raises for a name."""
     names = (path.name.removesuffix(".control.sock") for path in directory.glob("*.control.sock"))
-    return sorted(name for name in names if is_running(name, directory))
+    return sorted(name for name in names if _fits(name, directory) and is_running(name, directory))
+
+
+def _fits(edge: str, directory: Path) -> bool:
+    """Return False for a path so long that nobody can listen there."""
+    try:
+        socket_path(edge, "control", directory)
+    except BusError:
+        return False
+    return True
 
 
 def is_running(edge: str, directory: Path) -> bool:
@@ -164,6 +178,7 @@ def zenoh_settings(
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         "scouting/multicast/enabled": settings.scouting,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/protocols": _protocols(settings),
     }
     if mode == "client":
         # Nobody waits long for an edge that is frozen.
@@ -173,6 +188,8 @@ def zenoh_settings(
         values["connect/timeout_ms"] = -1
         values["connect/exit_on_failure"] = False
         values["open/return_conditions/connect_scouted"] = False
+        if settings.access is not None:
+            values["access_control"] = access_control(settings.access, settings.edge, _protocols(settings))
     values |= _tls(settings.tls)
     if settings.user is not None:
         values["transport/auth/usrpwd/user"] = settings.user
@@ -180,6 +197,18 @@ def zenoh_settings(
     if users is not None:
         values["transport/auth/usrpwd/dictionary_file"] = str(users)
     return values
+
+
+def _protocols(settings: BusSettings) -> list[str]:
+    """Return what is spoken at all, and so the only ways on which others can have us call them.
+
+    A program that joins tells of those whom it knows, and they would be joined wherever they are: a peer
+    that also listens on the network would bring strangers in.
+    """
+    spoken = {end.partition("/")[0] for end in (*settings.listen, *settings.connect)} | {SOCKET}
+    if settings.scouting and spoken == {SOCKET}:
+        spoken.add("tls" if settings.tls.root_ca else "tcp")
+    return sorted(spoken)
 
 
 def _tls(tls: BusTls) -> dict[str, Any]:

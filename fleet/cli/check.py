@@ -9,8 +9,9 @@ import click
 import msgspec
 
 from fleet.cli.output import ExitCode, Output, counted, show_error, with_output
+from fleet.clock import SystemClock
 from fleet.config.load import Loaded, load
-from fleet.config.problems import InvalidConfig
+from fleet.config.problems import InvalidConfig, Problem
 
 
 @click.command()
@@ -30,12 +31,27 @@ def check(out: Output, file: str) -> ExitCode:
         if not out.as_json:
             show_error(error)
         return ExitCode.CONFIG_INVALID
-    warnings = [msgspec.to_builtins(warning) for warning in loaded.warnings]
+    told = (*loaded.warnings, *_of_certificates(loaded))
+    warnings = [msgspec.to_builtins(warning) for warning in told]
     out.data({"ok": True, "file": file, **_summary(loaded), "problems": [], "warnings": warnings})
-    for warning in loaded.warnings:
+    for warning in told:
         out.note(f"warning: {warning.shown()}")
     out.say(f"{file} is valid: {_sentence(loaded)}")
     return ExitCode.OK
+
+
+def _of_certificates(loaded: Loaded) -> list[Problem]:
+    """Return what a person should know of the certificates' ends."""
+    tls = loaded.config.bus.tls
+    if tls is None:
+        return []
+    from fleet.host.expiry import Expiry, files_of  # noqa: PLC0415 - not needed without certificates
+
+    return [
+        Problem(str(file), 1, 1, "bus.tls", problem)
+        for file in files_of(tls)
+        for problem in Expiry([file], SystemClock()).problems
+    ]
 
 
 def _summary(loaded: Loaded) -> dict[str, Any]:

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+from fleet.config.endpoints import (
+    LONGEST_LISTENING_PATH,
+    Proof,
+    carried_in_the_open,
+    connecting_danger,
+    folder_of,
+    listening_danger,
+    scouting_danger,
+    shared_folder_danger,
+    socket_too_long,
+)
 from fleet.config.problems import Mark
+from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
 from fleet.robot_config import AdapterConfig
@@ -131,3 +145,53 @@ def check_groups(data: Mapping[str, Any], document: Document) -> None:
                 document.report(place, f"there is no robot {member!r}", nearest(member, names))
             elif member in members[:index]:
                 document.report(place, f"{member!r} is in the group already")
+
+
+def check_bus(bus: BusConfig, document: Document) -> None:
+    """Report each endpoint of the bus by which somebody unknown could command the robots, at its place.
+
+    What guards one endpoint says nothing of another beside it.
+    """
+    tls = bus.tls
+    proof = Proof(bus.password is not None, tls is not None, tls is not None and tls.mutual)
+    for key, ends, danger in (
+        ("listen", bus.listen, listening_danger),
+        ("connect", bus.connect, connecting_danger),
+    ):
+        for index, end in enumerate(ends):
+            mark = document.marks["bus", key, index]
+            wrong = danger(end, proof, bus.insecure)
+            if not wrong and _is_shared(folder_of(end)):
+                wrong = shared_folder_danger(end, proof, bus.insecure)
+            if not wrong and key == "listen":
+                wrong = socket_too_long(end, LONGEST_LISTENING_PATH)
+            if wrong:
+                document.report(mark, wrong)
+            elif carried_in_the_open(end) and bus.insecure is not True:
+                message = "the password is asked for, but what is said can be read and changed on the way"
+                document.warn(mark, message, "use a tls/ endpoint with tls:")
+    if tls is not None and bus.listen and bus.access is None:
+        message = (
+            "whoever has a certificate of the authority may do everything, another edge or a program too"
+        )
+        document.warn(
+            document.marks["bus", "tls"], message, "say who may do what in bus.access (docs/bus.md)"
+        )
+    if bus.scouting and (wrong := scouting_danger((*bus.listen, *bus.connect), proof, bus.insecure)):
+        document.report(document.marks["bus", "scouting"], wrong)
+
+
+def _is_shared(folder: str) -> bool:
+    """Return True for a folder that every user of this computer may write to."""
+    try:
+        return bool(folder) and bool(Path(folder).stat().st_mode & stat.S_IWOTH)
+    except OSError:
+        return False
+
+
+def check_workers(sections: Sections, document: Document) -> None:
+    """Report identities of workers that nobody starts on another computer; those here come by the sockets."""
+    for name, role in (sections.bus.access or {}).items():
+        if role == "worker" and name not in sections.remote_workers:
+            hint = nearest(name, sections.remote_workers) or "a worker's identity is the worker's name"
+            document.report(document.marks["bus", "access", name], f"{name!r} is not in remote_workers", hint)

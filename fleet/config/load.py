@@ -18,9 +18,11 @@ from pydantic import ConfigDict, Field
 
 from fleet.config.checks import (
     Identity,
+    check_bus,
     check_groups,
     check_robots,
     check_stop_inputs,
+    check_workers,
     identity_of,
     warn_of_batteries,
     warn_of_places,
@@ -104,6 +106,9 @@ def load(
     check_robots(data.get("robots"), identities, document)
     check_groups(data, document)
     check_stop_inputs(data, document)
+    if sections is not None:
+        check_bus(sections.bus, document)
+        check_workers(sections, document)
     configs = {index: robot.config for index, robot in robots.items()}
     warn_of_batteries(configs, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]

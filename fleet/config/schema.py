@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
+from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
-_LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
 
 
 def _folder(path: Path) -> Path:
@@ -32,34 +30,10 @@ def _host(text: str) -> str:
     return text
 
 
-def _locator(text: str) -> str:
-    """Refuse what Zenoh cannot read as an endpoint."""
-    if not _LOCATOR.fullmatch(text):
-        raise ValueError("must be an endpoint like tcp/192.168.1.10:7447 or unixsock-stream//run/fleet.sock")
-    return text
-
-
-def is_local(host: str) -> bool:
-    """Return True when a host name or address is this computer itself."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
-
-
-def _stays_here(locator: str) -> bool:
-    """Return True when an endpoint cannot be reached from another computer over a network."""
-    kind, _, address = locator.partition("/")
-    if kind in ("unixsock-stream", "unixpipe", "serial", "vsock"):
-        return True
-    return is_local(address.partition("?")[0].partition("#")[0].rpartition(":")[0])
-
-
+CommonName = Annotated[str, Field(pattern=f"^{COMMON_NAME.pattern}$")]
 ExistingFolder = Annotated[ExistingPath, AfterValidator(_folder)]
 Host = Annotated[str, AfterValidator(_host)]
-Locator = Annotated[str, AfterValidator(_locator)]
+Locator = Annotated[str, AfterValidator(check_locator)]
 
 
 Age = Annotated[float, Field(gt=0, le=30 * 86400, allow_inf_nan=False)]
@@ -169,38 +143,40 @@ class BusConfig(Model):
 
     mode: Mode = Field("peer", description="How this edge takes part.")
     listen: tuple[Locator, ...] = Field(
-        (), description="Endpoints to open. None: only programs on this computer find the edge."
+        (),
+        description="Endpoints to open besides the Unix sockets, by which programs of this user on this "
+        "computer join (docs/bus.md).",
     )
     connect: tuple[Locator, ...] = Field((), description="Endpoints to reach.")
     tls: BusTls | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
     user: str | None = Field(None, min_length=1, description="User name that peers must know.")
     password: SecretStr | None = Field(None, description="The user's password.")
     scouting: bool = Field(False, description="Find peers on the local network by multicast.")
-    insecure: bool = Field(
-        False, description="Allow a bus open to other computers without certificates or a password."
+    insecure: Insecure = Field(
+        False,
+        description="Allow endpoints that ask for neither certificate nor password: local, those that every "
+        "user of this computer reaches (tcp/127.0.0.1:7447); true, also those that others reach.",
+    )
+
+    access: dict[CommonName, Role] | None = Field(
+        None,
+        description="Who may do what, by the common name of the certificate: edge, worker (of this edge, by "
+        "its name), console, program or router; others may do nothing (docs/bus.md). Left out: whoever has a "
+        "certificate of the authority may do everything.",
     )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
+        if self.access is not None and (self.tls is None or not self.tls.mutual):
+            raise wrong("access", "identities are certificates: it needs tls: with mutual: true")
         if self.mode == "client" and not self.connect:
             raise wrong("mode", "client needs connect:, the endpoints of a router")
         if (self.user is None) != (self.password is None):
             raise wrong("password" if self.user is None else "user", "user and password come together")
-        encrypted = [end for end in (*self.listen, *self.connect) if end.startswith(("tls/", "quic/"))]
+        encrypted = [end for end in (*self.listen, *self.connect) if is_encrypted(end)]
         if encrypted and self.tls is None:
             key = "listen" if encrypted[0] in self.listen else "connect"
             raise wrong(key, f"{encrypted[0]} needs certificates: tls: with root_ca, cert and key")
-        return self
-
-    @model_validator(mode="after")
-    def _guarded(self) -> Self:
-        is_open = self.scouting or not all(_stays_here(end) for end in self.listen)
-        if is_open and not (self.tls or self.password or self.insecure):
-            raise wrong(
-                "scouting" if self.scouting else "listen",
-                "anyone on the network could command the robots over this bus; set tls:, or user: and "
-                "password:, or insecure: true",
-            )
         return self
 
 

@@ -23,6 +23,7 @@ from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
+from fleet.host.expiry import Expiry, files_of
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
@@ -118,6 +119,7 @@ class Edge:
             renew=self._renew_stops,
             clock=clock,
         )
+        self._expiry = Expiry(files_of(config.bus.tls), clock)
         self._cloud_holders: dict[str, str] = {}
         self._metrics_problem = ""
 
@@ -225,7 +227,7 @@ class Edge:
         states = self.states()
         cloud = self._cloud_health()
         journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
+        problems = (self.bus.problem, journal, inputs, self._metrics_problem, self._expiry.problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge

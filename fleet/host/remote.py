@@ -25,6 +25,7 @@ from fleet.model.health import Level
 from fleet.model.report import Report, TelemetryReport
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
+from fleet.tally import Tally
 from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
@@ -64,6 +65,7 @@ class RemoteRobot:
         self._cause = "its worker is starting"
         self._heard = float("-inf")
         self._unheard_stop = False
+        self._refusals = Tally(self._log, clock)
         self._state = RobotState(
             name=self.name,
             twin=self.twin,
@@ -217,6 +219,9 @@ class RemoteRobot:
             state = decode_json(payload, RobotState)
         except msgspec.DecodeError as error:
             self._log.warning("a state that cannot be read: %s", error)
+            return
+        if (state.name, state.twin, state.edge) != (self.name, self.twin, self._edge):
+            self._refusals.add("forged", "a state of %s that is not its own was refused", self.name)
             return
         if state.health not in LEVELS:
             self._log.warning("a state with the unknown health %a", state.health[:40])

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from fleet.bridge.bridge import Rules
+from fleet.bus.access import Access
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
@@ -51,13 +52,22 @@ def bus_settings(config: FleetConfig) -> BusSettings:
     return BusSettings(
         edge=config.edge.id,
         mode=bus.mode,
-        listen=bus.listen or None,
+        listen=bus.listen,
         connect=bus.connect,
         tls=tls,
         user=bus.user,
         password=bus.password.get_secret_value() if bus.password else None,
         scouting=bus.scouting,
+        access=_access(config),
     )
+
+
+def _access(config: FleetConfig) -> Access | None:
+    """Return who may do what on the bus; None when fleet.yaml does not say it."""
+    if config.bus.access is None:
+        return None
+    twins = tuple(str(robot.twin) for robot in config.robots)
+    return Access(config.bus.access, twins, tuple(config.cloud.channels) if config.cloud else ())
 
 
 def settle_time(config: FleetConfig) -> float:

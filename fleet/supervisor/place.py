@@ -8,6 +8,7 @@ from pathlib import Path
 
 VARIABLE = "FLEET_SUPERVISOR"
 """The environment variable that tells processes with robots where their supervisor listens."""
+LONGEST = 107  # bytes of a socket's path that the kernel takes
 _PREFIX, _SUFFIX = "supervisor-", ".sock"
 
 
@@ -23,6 +24,8 @@ def sockets_in(directory: Path) -> Iterator[Path]:
 
 def listening(path: Path) -> socket.socket:
     """Return a socket that listens at a path, in place of a dead process's; raises OSError."""
+    if len(str(path).encode()) > LONGEST:
+        raise OSError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
     path.unlink(missing_ok=True)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:

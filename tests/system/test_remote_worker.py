@@ -1,11 +1,14 @@
-"""A worker on another machine: all it shares with the edge is the bus, over TCP."""
+"""A worker on another machine: all it shares with the edge is the bus, over a port."""
 
 import json
 import os
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 
 import pytest
+
+from fleet.config.certificates import Identity, issue_pair, make_authority
 
 PLUGIN = '''
 import asyncio
@@ -35,10 +38,30 @@ class Arm(Adapter[ArmConfig]):
 '''
 
 
-@pytest.fixture
-def far_worker(tmp_path, fleet, free_port):
-    """Run an edge, and its worker as on another machine: another runtime folder, the bus by TCP alone."""
-    endpoint = f"tcp/127.0.0.1:{free_port}"
+def certified(folder, role):
+    """Make certificates for an edge and its worker; gives what ``bus`` says of them, by name."""
+    now = datetime.now(UTC)
+    authority = make_authority("site", now)
+    (folder / "ca.pem").write_bytes(authority.certificate)
+    for name in ("near", "far"):
+        pair = issue_pair(authority, Identity(name, role, ("127.0.0.1",), now + timedelta(days=99)), now)
+        (folder / f"{name}.pem").write_bytes(pair.certificate)
+        (folder / f"{name}.key").write_bytes(pair.key)
+    return {
+        name: {
+            "tls": {"root_ca": "ca.pem", "cert": f"{name}.pem", "key": f"{name}.key"},
+            "access": {"far": "worker"},
+        }
+        for name in ("near", "far")
+    }
+
+
+@pytest.fixture(params=["tcp", "tls"])
+def far_worker(request, tmp_path, fleet, free_port):
+    """Run an edge, and its worker as on another machine: another runtime folder, the bus by a port alone."""
+    endpoint = f"{request.param}/127.0.0.1:{free_port}"
+    plain = {name: {"insecure": "local"} for name in ("near", "far")}
+    proof = certified(tmp_path, "worker") if request.param == "tls" else plain
     (tmp_path / "plugins").mkdir()
     (tmp_path / "plugins" / "arm.py").write_text(PLUGIN)
     robot = {
@@ -47,11 +70,19 @@ def far_worker(tmp_path, fleet, free_port):
         "adapter": "arm",
         "worker": "far",
     }
-    file = {"edge": {"id": "near"}, "plugins": ["plugins"], "remote_workers": ["far"], "robots": [robot]}
-    for name, bus in (("fleet.yaml", {"listen": [endpoint]}), ("far.yaml", {"connect": [endpoint]})):
+    file = {
+        "edge": {"id": f"near-{request.param}"},
+        "plugins": ["plugins"],
+        "remote_workers": ["far"],
+        "robots": [robot],
+    }
+    for name, bus in (
+        ("fleet.yaml", {"listen": [endpoint], **proof["near"]}),
+        ("far.yaml", {"connect": [endpoint], **proof["far"]}),
+    ):
         (tmp_path / name).write_text(json.dumps({**file, "bus": bus}))
     running = fleet("run", "--json", folder=tmp_path)
-    running.line("edge near runs")
+    running.line(f"edge near-{request.param} runs")
     elsewhere = os.environ | {"FLEET_RUNTIME_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "fleet.host.worker", "--name", "far", "--config", "far.yaml"]
     with subprocess.Popen(command, cwd=tmp_path, env=elsewhere, stderr=subprocess.DEVNULL) as worker:

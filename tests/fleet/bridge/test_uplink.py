@@ -339,6 +339,28 @@ def test_the_twins_of_others_are_not_ours_to_tell(bench, pose):
     assert bench.uplink.received.total == 0
 
 
+def test_what_a_robot_of_ours_tells_nobody_else_on_the_bus_does(bench, pose, caplog):
+    key = f"cw/{TWIN}/data/position"
+    bench.uplink.arrived(key, pose(1.0))  # nobody tells it yet: a worker, or a program
+    bench.turn()
+    bench.cross({key: a_pose(2.0)})
+    bench.run(1.0)
+    for _ in range(3):
+        bench.uplink.arrived(key, pose(66.0))
+    bench.run(1.0)
+    told = [message["position"]["x"] for _, message in bench.of("position")]
+    assert 2.0 in told
+    assert 66.0 not in told
+    assert bench.uplink.refusals.counts() == {"forged": 3}
+    assert "somebody on the bus said position of" in caplog.text
+
+
+def test_log_lines_and_metrics_of_a_robot_of_ours_may_come_from_others_too(bench):
+    for channel in ("driverlog", "metrics"):
+        slot = bench.uplink.open(f"cw/{TWIN}/data/{channel}")
+        assert not slot.ours
+
+
 def test_a_sensor_s_value_is_not_the_robot_s(bench, pose):
     bench.uplink.arrived(f"{POSITION}/gripper", pose(1.0))
     bench.turn()

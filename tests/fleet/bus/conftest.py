@@ -67,7 +67,7 @@ def opened():
 @pytest.fixture
 def edge(directory, opened):
     """Open the bus of edge "yard", on its sockets alone."""
-    return opened(open_edge(BusSettings("yard", listen=()), directory))
+    return opened(open_edge(BusSettings("yard"), directory))
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def spawn_edge(spawn):
     """Start a process that is an edge."""
 
     def spawn_edge(edge="yard", **settings):
-        return spawn(EDGE, json.dumps({"edge": edge, "listen": [], **settings}))
+        return spawn(EDGE, json.dumps({"edge": edge, **settings}))
 
     return spawn_edge
 

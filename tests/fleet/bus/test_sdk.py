@@ -2,9 +2,10 @@
 
 import queue
 
+import psutil
 import pytest
 from cyberwave.data import DataBus
-from cyberwave.data.zenoh_backend import ZenohBackend
+from cyberwave.data.config import get_backend
 
 from fleet.bus.session import open_edge
 from fleet.bus.settings import BusSettings
@@ -13,20 +14,45 @@ from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import PoseReport
 from fleet.testing.waiting import DEADLINE, wait_until
 
+PROGRAM = """
+import sys
+from cyberwave.data import DataBus
+from cyberwave.data.config import get_backend
+backend = get_backend()
+print("up", flush=True)
+sys.stdin.read()
+backend.close()
+"""
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 
 
 @pytest.fixture
-def outbox(directory, opened, free_port):
-    return Outbox(
-        opened(open_edge(BusSettings("yard", listen=(f"tcp/127.0.0.1:{free_port}",)), directory)).reports
-    )
+def places(directory, free_port):
+    """Return where local programs join."""
+    return {
+        "socket": f"unixsock-stream/{directory}/yard.reports.sock",
+        "loopback": f"tcp/127.0.0.1:{free_port}",
+    }
 
 
 @pytest.fixture
-def sdk(outbox, opened, free_port):
-    backend = opened(ZenohBackend(connect=[f"tcp/127.0.0.1:{free_port}"]))
-    return opened(DataBus(backend, twin_uuid=TWIN))
+def edge(directory, opened, places):
+    """Open the bus of an edge that also listens on loopback."""
+    return opened(open_edge(BusSettings("yard", listen=(places["loopback"],)), directory))
+
+
+@pytest.fixture
+def outbox(edge):
+    return Outbox(edge.reports)
+
+
+@pytest.fixture(params=["client on the socket", "peer on the socket", "peer on loopback"])
+def sdk(request, outbox, opened, places, monkeypatch):
+    """Join as docs/bus.md says: by the environment, with nothing of ours."""
+    mode, *_, place = request.param.split()
+    monkeypatch.setenv("ZENOH_CONNECT", places[place])
+    monkeypatch.setenv("ZENOH_MODE", mode)
+    return opened(DataBus(opened(get_backend()), twin_uuid=TWIN))
 
 
 def report(outbox, x):
@@ -47,3 +73,21 @@ def test_the_sdk_hears_every_pose(outbox, sdk):
     report(outbox, 7.0)
     while heard.get(timeout=DEADLINE)["x"] != 7.0:
         pass
+
+
+def test_the_sdk_drives_a_robot(edge, sdk):
+    heard = queue.Queue()
+    edge.reports.subscribe(f"cw/{TWIN}/data/commands/velocity", lambda _key, payload: heard.put(payload))
+
+    def drive():
+        sdk.publish("commands/velocity", {"linear": 0.25})
+
+    wait_until("a velocity crosses", lambda: drive() or not heard.empty())
+    assert b"0.25" in heard.get(timeout=DEADLINE)
+
+
+def test_the_sdk_as_a_client_opens_no_port_that_others_could_join(outbox, directory, spawn, monkeypatch):
+    monkeypatch.setenv("ZENOH_CONNECT", f"unixsock-stream/{directory}/yard.reports.sock")
+    monkeypatch.setenv("ZENOH_MODE", "client")
+    program = psutil.Process(spawn(PROGRAM).pid)
+    assert program.net_connections(kind="tcp") == []

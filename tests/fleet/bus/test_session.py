@@ -1,14 +1,13 @@
 import os
 import queue
-import re
 import select
 import signal
-import socket
 import subprocess
 
 import psutil
 import pytest
 
+from fleet.bus.lane import Lane
 from fleet.bus.session import join, join_control, open_edge
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.errors import BusError
@@ -18,28 +17,22 @@ STOPS = 40
 FLOOD = 20_000
 
 
-def test_by_default_nothing_listens_beyond_this_computer(spawn_edge):
-    process = psutil.Process(spawn_edge(listen=None).pid)
-    places = [place.laddr.ip for place in process.net_connections(kind="inet") if not place.raddr]
-    assert set(places) <= {"127.0.0.1"}
+def test_by_default_nothing_listens_but_sockets_of_this_user(spawn_edge):
+    process = psutil.Process(spawn_edge().pid)
+    assert [place.laddr for place in process.net_connections(kind="inet")] == []
 
 
-@pytest.fixture
-def taken(free_port, monkeypatch):
-    """Have another program on the default port; it is ``free_port`` here."""
-    monkeypatch.setattr("fleet.bus.session.LOOPBACK_PORT", free_port)
-    with socket.create_server(("127.0.0.1", free_port)):
-        yield free_port
-
-
-def test_a_free_port_takes_the_place_of_one_that_is_taken_and_is_told(directory, opened, taken, caplog):
-    opened(open_edge(BusSettings("yard"), directory))
-    opened(join(BusSettings("yard"), directory))
-    (warning,) = [record.getMessage() for record in caplog.records]
-    told = re.fullmatch(
-        rf"port {taken} is taken: other programs join this bus at tcp/127\.0\.0\.1:(\d+)", warning
-    )
-    socket.create_connection(("127.0.0.1", int(told[1])), 5).close()
+def test_a_program_that_lets_strangers_in_does_not_have_the_edge_call_them(
+    directory, edge, opened, free_port, sees
+):
+    peer = {"mode": "peer", "scouting/multicast/enabled": False}
+    there = f"tcp/127.0.0.1:{free_port}"
+    stranger = opened(Lane({**peer, "listen/endpoints": [there]}))
+    ours = f"unixsock-stream/{directory}/yard.reports.sock"
+    opened(Lane({**peer, "listen/endpoints": ["tcp/127.0.0.1:0"], "connect/endpoints": [ours, there]}))
+    edge.control.token("fleet/yard")
+    sees(stranger, "fleet/yard")  # over the program: by now each has told the others whom it knows
+    assert all(end.startswith("unixsock-stream/") for end in edge.reports.reached())
 
 
 def test_a_second_edge_of_the_same_id_is_refused(directory, edge):
@@ -47,18 +40,18 @@ def test_a_second_edge_of_the_same_id_is_refused(directory, edge):
         BusError,
         match=r"edge 'yard' runs already on this machine \(fleet ps\); stop it, or change edge.id",
     ):
-        open_edge(BusSettings("yard", listen=()), directory)
+        open_edge(BusSettings("yard"), directory)
 
 
 def test_an_edge_of_another_id_runs_beside_it(directory, opened, edge):
-    opened(open_edge(BusSettings("barn", listen=()), directory))
+    opened(open_edge(BusSettings("barn"), directory))
 
 
 def test_a_frozen_edge_keeps_its_place(directory, spawn_edge):
     process = spawn_edge()
     os.kill(process.pid, signal.SIGSTOP)
     with pytest.raises(BusError, match="runs already"):
-        open_edge(BusSettings("yard", listen=()), directory)
+        open_edge(BusSettings("yard"), directory)
 
 
 def test_nobody_waits_long_for_a_frozen_edge(directory, spawn_edge):
@@ -72,7 +65,7 @@ def test_what_a_killed_edge_left_is_cleared_away(directory, opened, spawn_edge):
     process.kill()
     process.wait()
     assert (directory / "yard.control.sock").exists()
-    opened(open_edge(BusSettings("yard", listen=()), directory))
+    opened(open_edge(BusSettings("yard"), directory))
     opened(join(BusSettings("yard"), directory))
 
 
@@ -92,7 +85,7 @@ def test_an_edge_that_does_not_run_cannot_be_joined(directory):
 def test_a_bad_endpoint_leaves_nothing_open(directory, opened):
     with pytest.raises(BusError, match="the bus cannot be opened"):
         open_edge(BusSettings("yard", listen=("tcp/203.0.113.9:7447",)), directory)
-    opened(open_edge(BusSettings("yard", listen=()), directory))
+    opened(open_edge(BusSettings("yard"), directory))
 
 
 @pytest.mark.parametrize("place", ["tcp/127.0.0.1:{port}", "unixsock-stream/{directory}/more"])
@@ -105,7 +98,7 @@ def test_both_lanes_are_reached_over_an_endpoint_of_the_fleet_file(directory, op
 
 
 def test_a_worker_beside_its_edge_does_not_need_the_network(directory, opened):
-    settings = BusSettings("yard", listen=(), connect=("tcp/127.0.0.1:1",))
+    settings = BusSettings("yard", connect=("tcp/127.0.0.1:1",))
     opened(open_edge(settings, directory))
     opened(join(settings, directory))
 
@@ -131,7 +124,7 @@ def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, free
     hub = BusSettings(
         "hub", mode="router", listen=(f"tcp/127.0.0.1:{free_port}",), user="anna", password="secret"
     )
-    there = {"connect": (f"tcp/localhost:{free_port}",), "listen": (), "user": "anna"}
+    there = {"connect": (f"tcp/localhost:{free_port}",), "user": "anna"}
     knows, guesses = (
         opened(open_edge(BusSettings(name, password=password, **there), directory))
         for name, password in (("yard", "secret"), ("barn", "guess"))
@@ -143,15 +136,15 @@ def test_an_edge_that_its_router_does_not_let_in_says_so(directory, opened, free
 
 
 def test_both_lanes_of_an_edge_with_a_password_meet(directory, opened, sees):
-    edge = opened(open_edge(BusSettings("yard", listen=(), user="anna", password="secret"), directory))
+    edge = opened(open_edge(BusSettings("yard", user="anna", password="secret"), directory))
     edge.control.token("fleet/yard")
     sees(edge.reports, "fleet/yard")
 
 
 def test_a_second_edge_does_not_need_the_password_to_be_refused(directory, opened):
-    opened(open_edge(BusSettings("yard", listen=(), user="anna", password="secret"), directory))
+    opened(open_edge(BusSettings("yard", user="anna", password="secret"), directory))
     with pytest.raises(BusError, match="runs already"):
-        open_edge(BusSettings("yard", listen=()), directory)
+        open_edge(BusSettings("yard"), directory)
 
 
 def test_edges_that_are_clients_meet_at_their_router(directory, opened, free_port, spawn_edge, sees):

@@ -68,6 +68,11 @@ def test_a_path_too_long_for_a_socket_says_what_to_do():
         socket_path("yard", "control", Path("/" + "x" * 100))
 
 
+def test_a_name_too_long_for_a_socket_hides_no_edge_that_runs(directory, edge):
+    (directory / ("x" * 100 + ".control.sock")).touch()
+    assert running_edges(directory) == ["yard"]
+
+
 def test_an_edge_that_died_does_not_run(directory):
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(directory / "yard.control.sock"))

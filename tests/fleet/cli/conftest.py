@@ -106,7 +106,7 @@ class PlayedEdge:
         self.shows_stops = True
         self._groups = groups
         self._robots = list(robots)
-        self.bus = open_edge(BusSettings(edge, listen=settings.pop("listen", ()), **settings), runtime)
+        self.bus = open_edge(BusSettings(edge, **settings), runtime)
         self._control = self.bus.control
         for name, fields in robots.items():
             self.also_speaks(name, **fields)
@@ -223,7 +223,7 @@ def spawn_edge(runtime):
     script = (
         "import sys; from pathlib import Path; from fleet.bus.session import open_edge; "
         "from fleet.bus.settings import BusSettings; "
-        "bus = open_edge(BusSettings(sys.argv[2], listen=()), Path(sys.argv[1])); "
+        "bus = open_edge(BusSettings(sys.argv[2]), Path(sys.argv[1])); "
         "print('up', flush=True); sys.stdin.read()"
     )
     with contextlib.ExitStack() as stack:

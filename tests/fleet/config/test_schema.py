@@ -98,9 +98,10 @@ def test_a_host_is_a_name_alone(refused, host):
         ("mode: client", "2:7: "),
         ("user: u", "2:7: "),
         ("listen: [tls/0.0.0.0:7447]", "2:7: "),
-        ("listen: [tcp/0.0.0.0:7447]", "2:7: "),
-        ("listen: ['tcp/[::]:7447']", "2:7: "),
-        ("scouting: true", "2:7: "),
+        ("listen: [tcp/0.0.0.0:7447]", "2:16: "),
+        ("listen: ['tcp/[::]:7447']", "2:16: "),
+        ("listen: [tcp/127.0.0.1:7447]", "2:16: "),
+        ("scouting: true", "2:17: "),
         ("listen: [7447]", "2:16: "),
         ("listen: [tpc/127.0.0.1:7447]", "2:16: "),
         ("tls: {root_ca: none.pem, cert: none.pem, key: none.pem}", "2:22: "),
@@ -110,18 +111,77 @@ def test_a_bus_that_cannot_work_or_is_open_to_anyone_is_refused(refused, bus, pl
     assert refused(f"bus: {{{bus}}}")[0].startswith(f"fleet.yaml:{place}")
 
 
+TLS = "tls: {root_ca: fleet.yaml, cert: fleet.yaml, key: fleet.yaml}"
+ONE_SIDED = TLS.replace("}", ", mutual: false}")
+LOOPBACK = "'tcp/127.0.0.1:7447', 'tcp/[::1]:1', tcp/localhost:1"
+
+
 @pytest.mark.parametrize(
     "bus",
     [
-        "listen: [tcp/127.0.0.1:7447, 'tcp/[::1]:1', tcp/localhost:1, unixsock-stream//run/fleet.sock]",
+        "listen: [unixsock-stream//run/fleet.sock]",
+        f"listen: [{LOOPBACK}], insecure: local",
+        f"listen: [{LOOPBACK}, unixsock-stream//run/fleet.sock], user: u, password: p",
         "listen: [tcp/0.0.0.0:7447], user: u, password: p",
         "listen: [tcp/0.0.0.0:7447], insecure: true",
-        "mode: client, connect: [tcp/10.0.0.1:7447]",
-        "listen: [tls/0.0.0.0:7447], tls: {root_ca: fleet.yaml, cert: fleet.yaml, key: fleet.yaml}",
+        "mode: client, connect: [tcp/10.0.0.1:7447], insecure: true",
+        "mode: client, connect: [tcp/127.0.0.1:7447], insecure: local",
+        f"listen: [tls/0.0.0.0:7447], {TLS}",
+        f"listen: [quic/0.0.0.0:7447], scouting: true, {TLS}",
+        f"listen: [tls/0.0.0.0:7447], user: u, password: p, {ONE_SIDED}",
+        f"connect: [tls/10.0.0.1:7447], {ONE_SIDED}",
     ],
 )
 def test_a_bus_that_is_guarded_is_taken(section, bus):
     assert section(f"bus: {{{bus}}}").bus
+
+
+@pytest.mark.parametrize(
+    ("bus", "told"),
+    [
+        (
+            f"listen: [tls/0.0.0.0:1, tcp/0.0.0.0:2], {TLS}",
+            {"listen[1]: anyone on the network could command"},
+        ),
+        (f"listen: [tls/0.0.0.0:1, tcp/127.0.0.1:2], {TLS}", {"listen[1]: every user of this computer"}),
+        (f"listen: [tls/0.0.0.0:1], {ONE_SIDED}", {"listen[0]: anyone on the network could command"}),
+        (f"listen: [tls/127.0.0.1:1], {ONE_SIDED}", {"listen[0]: every user of this computer"}),
+        (f"listen: [udp/0.0.0.0:1, ws/0.0.0.0:2], {TLS}", {"listen[0]: anyone", "listen[1]: anyone"}),
+        ("listen: [tcp/0.0.0.0:1], insecure: local", {"listen[0]: anyone on the network"}),
+        ("listen: [tcp/localhost.example.com:1], insecure: local", {"listen[0]: anyone on the network"}),
+        ("listen: ['tcp/0.0.0.0:1#x=/127.0.0.1:1'], insecure: local", {"listen[0]: anyone on the network"}),
+        ("connect: [tcp/10.0.0.1:1]", {"connect[0]: anyone on the network could answer there instead"}),
+        (
+            "connect: [tcp/127.0.0.1:1]",
+            {"connect[0]: every user of this computer could answer there instead"},
+        ),
+        ("listen: [unixpipe//run/fleet.pipe]", {"listen[0]: every user of this computer could command"}),
+        (
+            "listen: [unixsock-stream//tmp/f.sock]",
+            {"listen[0]: every user of this computer may write to"},
+        ),
+        ("connect: [unixsock-stream//tmp/f.sock]", {"connect[0]: every user of this computer may write to"}),
+        ("scouting: true, user: u, password: p", {"scouting: anyone on the network could announce itself"}),
+        (f"scouting: true, connect: [tcp/10.0.0.1:1], {TLS}", {"scouting: anyone", "connect[0]: anyone"}),
+        (f"listen: ['tls/0.0.0.0:1#enable_mtls=false'], {TLS}", {"listen[0]: enable_mtls cannot be set for"}),
+        (
+            f"connect: ['tls/a:1#verify_name_on_connect=0'], {TLS}",
+            {"connect[0]: verify_name_on_connect cannot"},
+        ),
+        ("listen: [unixsock-stream//run/" + "x" * 95 + "]", {"listen[0]: the path has 100 bytes"}),
+        ("connect: [unixsock-stream//run/" + "x" * 103 + "]", {"connect[0]: the path has 108 bytes"}),
+    ],
+)
+def test_each_endpoint_of_the_bus_is_judged_by_itself(refused, bus, told):
+    problems = [problem.partition("bus.")[2] for problem in refused(f"bus: {{{bus}}}")]
+    assert len(problems) == len(told)
+    assert all(any(problem.startswith(start) for problem in problems) for start in told), problems
+
+
+def test_a_password_over_the_open_network_is_taken_with_a_warning(yard):
+    bus = "bus: {listen: [tcp/0.0.0.0:7447, tcp/127.0.0.1:1], user: u, password: p}"
+    (warning,) = yard.load(f"edge: {{id: e}}\n{bus}\nplugins: [plugins]\nrobots: [{ROBOT}]\n").warnings
+    assert "bus.listen[0]: the password is asked for, but what is said can be read" in str(warning)
 
 
 @pytest.mark.parametrize("folder", ["none", "fleet.yaml"])

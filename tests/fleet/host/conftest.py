@@ -302,8 +302,7 @@ class Yard:
             {"name": name, "twin": str(uuid.uuid4()), "adapter": "toy", "journal": str(self.journal), **more}
             for name, more in robots.items()
         ]
-        bus = {"listen": ["tcp/127.0.0.1:0"]}
-        fleet = {"edge": {"id": self.id}, "bus": bus, "plugins": ["plugins"], "robots": entries}
+        fleet = {"edge": {"id": self.id}, "plugins": ["plugins"], "robots": entries}
         self.file.write_text(json.dumps(fleet))
 
     def change(self, **parts: Any) -> None:

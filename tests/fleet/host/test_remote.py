@@ -332,3 +332,12 @@ def test_what_waited_too_long_for_the_edges_loop_is_refused_here_but_a_stop(benc
     if taken:
         bench.answered(answers)
     assert (len(asked), answers[0].ok) == (int(taken), taken)
+
+
+@pytest.mark.parametrize("fields", [{"name": "max"}, {"twin": TWIN.replace("1", "2")}, {"edge": "barn"}])
+def test_a_state_that_is_not_the_robots_own_is_refused(bench, caplog, fields):
+    own = {"name": "rex", "twin": TWIN, "adapter": "toy", "edge": "yard", "stamp": 1.0, "health": "ok"}
+    for _ in range(3):
+        bench.robot.state_arrived(json.dumps(own | fields).encode())
+    assert not bench.robot.state().reachable
+    assert caplog.text.count("a state of rex that is not its own was refused") == 1

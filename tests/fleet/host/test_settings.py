@@ -36,9 +36,9 @@ def test_a_drop_in_file_has_a_process_of_its_own_unless_it_is_trusted(origin, wo
     assert worker_of(robot(worker=worker), Plugin("toy", origin)) == expected
 
 
-def test_a_bus_that_says_nothing_listens_where_the_defaults_are():
+def test_a_bus_that_says_nothing_opens_its_sockets_alone():
     settings = bus_settings(fleet())
-    assert (settings.edge, settings.mode, settings.listen, settings.connect) == ("yard", "peer", None, ())
+    assert (settings.edge, settings.mode, settings.listen, settings.connect) == ("yard", "peer", (), ())
     assert (settings.user, settings.password, settings.scouting) == (None, None, False)
 
 

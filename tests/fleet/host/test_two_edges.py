@@ -15,14 +15,16 @@ from fleet.model.command import Way
 HERE = {"worker": "main"}
 
 
-@pytest.fixture
-def two(yard, free_port):
+@pytest.fixture(params=["tcp", "unixsock-stream"])
+def two(request, yard, free_port):
     """Return the yard of the first edge, and the maker of another that has one of its twins, and one more."""
     place = yard(rex=HERE, max=HERE)
-    endpoint = f"tcp/127.0.0.1:{free_port}"
     fleet = json.loads(place.file.read_text())
-    fleet["bus"] = {"listen": [endpoint]}
-    place.file.write_text(json.dumps(fleet))
+    endpoint = f"unixsock-stream/{place.runtime}/{place.id}.reports.sock"  # of every edge
+    if request.param == "tcp":
+        endpoint = f"tcp/127.0.0.1:{free_port}"
+        fleet["bus"] = {"listen": [endpoint], "insecure": "local"}
+        place.file.write_text(json.dumps(fleet))
 
     def second():
         own = {**fleet["robots"][1], "name": "own", "twin": "6f0c9a1e-0000-4000-8000-000000000009"}
@@ -30,7 +32,7 @@ def two(yard, free_port):
         other = {
             **fleet,
             "edge": {"id": f"{place.id}-b"},
-            "bus": {"connect": [endpoint]},
+            "bus": {"connect": [endpoint], "insecure": "local"},
             "robots": [again, own],
         }
         file = place.file.with_name("second.yaml")

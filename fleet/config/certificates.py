@@ -1,0 +1,164 @@
+"""A site's certificates: its authority, and one for each identity on the bus (X.509, ECDSA on P-256).
+
+The common name is the identity, the organisational unit what it is there for. Pure functions over PEM; the
+time is handed in. Raises ValueError for what is not PEM.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from datetime import datetime, timedelta
+from typing import NamedTuple
+
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+AUTHORITY_LIFE = timedelta(days=3650)
+SKEW = timedelta(hours=1)  # a computer whose clock is behind takes a new certificate all the same
+
+
+class Pair(NamedTuple):
+    """A certificate and its private key, PEM."""
+
+    certificate: bytes
+    key: bytes
+
+
+class Identity(NamedTuple):
+    """What a certificate says: who it is for, as what, under which names and addresses, and until when."""
+
+    name: str
+    role: str
+    hosts: tuple[str, ...]
+    until: datetime
+
+
+def make_authority(site: str, now: datetime) -> Pair:
+    """Return the certificate of a site's authority, which may sign others and nothing else."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = _named(site, "authority")
+    built = (
+        _builder(name, name, key.public_key(), now)
+        .not_valid_after(now + AUTHORITY_LIFE)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs_others=True), critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+    return _pair(built, key, key)
+
+
+def issue_pair(authority: Pair, identity: Identity, now: datetime) -> Pair:
+    """Return a new key and the certificate that says this, for both ends of a connection."""
+    signer = load_pem_private_key(authority.key, None)
+    if not isinstance(signer, ec.EllipticCurvePrivateKey):
+        raise ValueError("the authority's key is none on an elliptic curve")  # noqa: TRY004 - bad content
+    issuer = x509.load_pem_x509_certificate(authority.certificate)
+    key = ec.generate_private_key(ec.SECP256R1())
+    uses = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+    built = (
+        _builder(_named(identity.name, identity.role), issuer.subject, key.public_key(), now)
+        .not_valid_after(identity.until)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs_others=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False
+        )
+        .add_extension(x509.SubjectAlternativeName([_host(host) for host in identity.hosts]), critical=False)
+    )
+    return _pair(built, key, signer)
+
+
+def read_identity(pem: bytes) -> Identity:
+    """Return what a certificate says."""
+    certificate = x509.load_pem_x509_certificate(pem)
+    return Identity(
+        _first(certificate.subject, NameOID.COMMON_NAME),
+        _first(certificate.subject, NameOID.ORGANIZATIONAL_UNIT_NAME),
+        _hosts(certificate),
+        certificate.not_valid_after_utc,
+    )
+
+
+def first_end(pem: bytes) -> datetime:
+    """Return when the first of the certificates in a file ends."""
+    return min(each.not_valid_after_utc for each in x509.load_pem_x509_certificates(pem))
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: datetime
+) -> x509.CertificateBuilder:
+    """Return what all certificates have in common."""
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - SKEW)
+    )
+
+
+def _named(name: str, role: str) -> x509.Name:
+    """Return a subject."""
+    return x509.Name(
+        [
+            x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, role),
+            x509.NameAttribute(NameOID.COMMON_NAME, name),
+        ]
+    )
+
+
+def _usage(*, signs_others: bool) -> x509.KeyUsage:
+    """Return what a key may be used for."""
+    return x509.KeyUsage(
+        digital_signature=not signs_others,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=signs_others,
+        crl_sign=signs_others,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _host(text: str) -> x509.GeneralName:
+    """Return an address or a name under which a computer is reached."""
+    try:
+        return x509.IPAddress(ipaddress.ip_address(text))
+    except ValueError:
+        return x509.DNSName(text)
+
+
+def _hosts(certificate: x509.Certificate) -> tuple[str, ...]:
+    """Return the addresses and names of a certificate."""
+    try:
+        found = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ()
+    return tuple(str(each.value) for each in found)
+
+
+def _first(name: x509.Name, kind: x509.ObjectIdentifier) -> str:
+    """Return the first value of its kind in a name, empty when there is none."""
+    found = name.get_attributes_for_oid(kind)
+    return str(found[0].value) if found else ""
+
+
+def _pair(
+    builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, signer: ec.EllipticCurvePrivateKey
+) -> Pair:
+    """Sign, and write both as PEM."""
+    signed = builder.sign(signer, SHA256())
+    private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    return Pair(signed.public_bytes(Encoding.PEM), private)
