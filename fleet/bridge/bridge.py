@@ -133,6 +133,7 @@ class Bridge:
 
     def turn(self) -> Iterator[None]:
         """Publish what is due, step by step; at the end of each turn of the wheel."""
+        self.downlink.deny()
         yield from self.uplink.turn()
         self.client.flush_queued()
 
@@ -147,7 +148,7 @@ class Bridge:
         else:
             del self._held[twin]
             log.info("%s: its twin is ours again", self._ports[twin].name)
-        self.uplink.held = self.downlink.held = frozenset(self._held)
+        self.uplink.held, self.downlink.held = frozenset(self._held), dict(self._held)
 
     def beat(self, extra: Mapping[str, Any]) -> None:
         """Publish the heartbeat of every twin; ``extra``: host figures."""

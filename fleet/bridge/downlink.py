@@ -36,6 +36,8 @@ Handler = Callable[[Topic, Message], None]
 
 _CLOUD = Way.CLOUD  # looked up once: that of an enumeration is slow
 
+DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: who asks takes the first
+MOST_DENIED = 1_000  # denials that wait for that; of more the oldest are not told
 MOST_WAITING = 10_000
 """Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
 
@@ -66,7 +68,8 @@ class Downlink:
 
     ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
     whose uuids nobody knows. ``own`` has what the bridge itself does, by leaf. ``held`` holds the twins that
-    another edge has: nothing but a stop is obeyed for them, and the other edge answers.
+    another edge has, by whom: nothing but a stop is obeyed for them. The other edge answers, and a moment
+    later we do, who it is: if it is not there, nobody else would.
     """
 
     def __init__(
@@ -97,7 +100,8 @@ class Downlink:
         self._stops: dict[str, Arrived] = {}  # by robot, the newest that found the inbox full
         self._kept = KeptStops()
         self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
-        self.held: frozenset[str] = frozenset()
+        self.held: Mapping[str, str] = {}
+        self._denied: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_DENIED)
         self.refusals = refusals
         self.received: Counter[str] = Counter()
         self.answered: Counter[str] = Counter()
@@ -226,14 +230,26 @@ class Downlink:
             self._do(route.topic, one.message, self._own[route.rule.leaf])
 
     def _ask(self, one: Arrived, port: Port, asked: Asked) -> None:
-        """Ask a robot; where another edge has its twin, that one answers."""
+        """Ask a robot, or say a moment later which edge has its twin."""
         route, message = one.route, one.message
-        if route.topic.twin in self.held:
-            self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
-            if asked.stops:
-                asked(lambda _reply: None)
+        answer = partial(self._answer, port, self._answers.to(port, message, route.kind), one.at)
+        holder = self.held.get(route.topic.twin)
+        if holder is None:
+            asked(answer)
             return
-        asked(partial(self._answer, port, self._answers.to(port, message, route.kind), one.at))
+        self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
+        due = self._clock.monotonic() + DENIED_AFTER
+        if asked.stops:
+            asked(lambda reply: self._denied.append((due, answer, reply)))
+            return
+        why = f"edge {holder} has its twin; this edge leaves the robot to it"
+        self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
+
+    def deny(self) -> None:
+        """Tell who asked for twins of another edge, once that had its time to answer; on the loop."""
+        while self._denied and self._denied[0][0] <= self._clock.monotonic():
+            _, answer, denial = self._denied.popleft()
+            answer(denial)
 
     def _answer(self, port: Port, tell: Answering, arrived: float, reply: Reply) -> None:
         """Answer, and note how long the receipt took."""

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
+from fleet.host.cloud_claims import CloudClaims
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
@@ -96,6 +98,11 @@ class Edge:
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
+            self.cloud_claims = CloudClaims(
+                {robot.twin: robot for robot in self.robots()},
+                hold=self.process.held_in_the_cloud,
+                tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
+            )
             self._workers = [
                 self._worker(name, path, directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
@@ -116,7 +123,6 @@ class Edge:
             hold=self._hold_stop,
             clock=clock,
         )
-        self._cloud_holders: dict[str, str] = {}
         self._metrics_problem = ""
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
@@ -222,7 +228,7 @@ class Edge:
         states = self.states()
         cloud = self._cloud_health()
         journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
+        problems = (self.bus.problem, journal, inputs, self._metrics_problem, self.cloud_claims.problem)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -282,7 +288,7 @@ class Edge:
             rules=bridge_rules(cloud, robots),
             put=self.bus.reports.put,
             alive=self._alive,
-            claimed=self._held_in_the_cloud,
+            claimed=self.cloud_claims.heard,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
         )
@@ -304,22 +310,12 @@ class Edge:
 
         self.process.wheel.every(HEALTH_EVERY, tell_health)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
-            self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
+            self.process.wheel.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
         if self.metrics is not None:
             self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
         self.bus.control.token(keys.edge(edge))
-
-    def _held_in_the_cloud(self, twin: str, holder: str) -> None:
-        """Leave a twin to the edge that the cloud shows, or take it back; its robot may be in a worker."""
-        self.process.held_in_the_cloud(twin, holder)
-        self._cloud_holders[twin] = holder
-        self._tell_holders()
-
-    def _tell_holders(self) -> None:
-        """Tell the workers who has their twins in the cloud: they are not connected to it."""
-        self.bus.control.put(keys.holders(self._config.edge.id), msgspec.json.encode(self._cloud_holders))
 
     def _beat(self) -> None:
         """Publish every twin's heartbeat."""

@@ -113,6 +113,7 @@ class LocalRobot:
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
         self._online = False
+        self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
         self._log = robot_log(config.name)
         self._refusals = Tally(self._log, clock)
         self._can = can = timed(capabilities(plugin), config)
@@ -206,6 +207,7 @@ class LocalRobot:
         waited = self._clock.monotonic() - arrived
         if waited <= patience(ask, self.config):
             self._context.run(self.desk.receive, ask, ticket)
+            self.in_use = self.in_use or self.desk.in_control
             return
         why = f"it waited up to {waited:.1f} s: the edge was held up"
         self._refusals.add("late", "refused %s: %s", ask.name, why)
@@ -241,6 +243,11 @@ class LocalRobot:
         """Begin to serve the robot."""
         self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
+
+    def stand_by(self, why: str) -> None:
+        """Note that the robot is not run, and why: another edge has it."""
+        self.in_use = False
+        self.runner.stand_by(why)
 
     def follow_emergency(self, why: str) -> None:
         """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
@@ -286,6 +293,7 @@ class LocalRobot:
             site=placed.at if placed else None,
             placement=placed.placement if placed else None,
             separation=self._traffic.unknown(self.name) if self._traffic else "",
+            in_use=self.in_use,
         )
 
     def _health(self) -> Health:

@@ -196,10 +196,11 @@ class RobotProcess:
         self.loop.call_soon_threadsafe(self._others_have, holders)
 
     def _others_have(self, holders: Mapping[str, str]) -> None:
-        """Take note of what is new."""
+        """Take note of what is new; what nothing proves takes no robot that was moved meanwhile."""
         for robot in self.robots.values():
             holder = holders.get(robot.twin, "")
-            if holder != self._holders.get(robot.twin, {}).get("cloud", ""):
+            known = self._holders.get(robot.twin, {}).get("cloud", "")
+            if holder != known and not (holder and robot.in_use):
                 self.held_in_the_cloud(robot.twin, holder)
 
     def _held(self, twin: str, where: str, holder: str) -> None:
@@ -230,10 +231,10 @@ class RobotProcess:
 
         def ended(_task: asyncio.Task[None]) -> None:
             self._tasks.pop(robot.name, None)
-            robot.runner.stand_by(why)
+            robot.stand_by(why)
 
         if task is None:
-            robot.runner.stand_by(why)
+            robot.stand_by(why)
         elif not task.cancelling():
             task.add_done_callback(ended)
             task.cancel()

@@ -64,20 +64,33 @@ async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_
         assert state_of(second, "again").health == "ok"
 
 
-async def test_a_robot_that_runs_is_let_go_when_an_edge_that_was_first_shows_itself(two, run_edge, asks):
+async def test_a_robot_that_nobody_uses_is_let_go_when_the_cloud_shows_an_edge_that_was_first(
+    two, run_edge, asks
+):
     place, _ = two
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: place.words("rex") == ["run"])
         twin = edge.process.robots["rex"].twin
-        ask = b'{"command": "move_forward", "source_type": "tele"}'
-        edge.process.robots["rex"].read("command", ask, way=Way.BUS)(lambda _: None)
-        edge.process.held_in_the_cloud(twin, "yard-0")
+        edge.cloud_claims.heard(twin, "yard-0")
         await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
-        assert "halt" in place.words("rex")
         assert place.words("max") == ["run"]
-        edge.process.held_in_the_cloud(twin, "")
+        edge.cloud_claims.heard(twin, "")
         await asks.until(lambda: place.words("rex").count("run") == 2)
+
+
+async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_shows(two, run_edge, asks):
+    place, _ = two
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: place.words("rex") == ["run"])
+        rex = edge.process.robots["rex"]
+        ask = b'{"command": "move_forward", "source_type": "tele"}'
+        rex.read("command", ask, way=Way.BUS)(lambda _: None)
+        edge.cloud_claims.heard(rex.twin, "yard-0")
+        assert "yard-0" in edge.state().cause
+        assert "yard-0" not in state_of(edge, "rex").cause
+        assert "halt" not in place.words("rex")
 
 
 def test_whoever_claimed_first_has_it_and_both_come_to_that():

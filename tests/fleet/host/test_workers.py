@@ -97,16 +97,26 @@ async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
     await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
 
 
-async def test_a_robot_in_a_worker_is_let_go_when_the_cloud_shows_an_edge_that_was_first(field, asks):
+async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
+    twin = field.edge.remote["arm"].twin
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
+    assert state_of(field.edge, "rex").health == "ok"
+    field.edge.cloud_claims.heard(twin, "")
+    await asks.until(lambda: field.place.words("arm") == ["run", "run"])
+
+
+async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, asks):
     twin = field.edge.remote["arm"].twin
     (reply,) = await field.ask("arm", GOTO, "navigate")
     assert reply.ok
-    field.edge._held_in_the_cloud(twin, "yard-0")
-    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
-    assert field.place.words("arm")[-2:] == ["halt", "stop"]
-    assert state_of(field.edge, "rex").health == "ok"
-    field.edge._held_in_the_cloud(twin, "")
-    await asks.until(lambda: field.place.words("arm")[-1] == "run")
+    # As when the worker's word that the robot is used has not come yet.
+    field.edge.cloud_claims._holders[twin] = "yard-0"
+    field.edge.cloud_claims.tell_workers()
+    await asks.until(lambda: state_of(field.edge, "arm").in_use)
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    assert "yard-0" in field.edge.state().cause
+    assert field.place.words("arm") == ["run", "navigate"]
 
 
 async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
