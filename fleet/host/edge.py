@@ -41,6 +41,7 @@ from fleet.host.settings import (
 )
 from fleet.host.stop_inputs import StopInputs
 from fleet.host.stops import take_stops
+from fleet.host.task import Importer, Task, robot_tasks, task_of
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
@@ -70,7 +71,6 @@ class Edge:
     def __init__(
         self,
         loaded: Loaded,
-        path: Path,
         *,
         directory: Path,
         clock: Clock,
@@ -104,7 +104,7 @@ class Edge:
                 tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
             )
             self._workers = [
-                self._worker(name, path, directory)
+                self._worker(task_of(loaded, name), directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
@@ -147,12 +147,12 @@ class Edge:
             self.bus.control.subscribe_many(keys.state(edge, "*"), states)
         return remote
 
-    def _worker(self, name: str, path: Path, directory: Path) -> Worker:
+    def _worker(self, task: Task, directory: Path) -> Worker:
         """Build what watches one worker process."""
         return Worker(
-            name,
-            edge=self._config.edge.id,
-            config=path,
+            task.worker,
+            edge=task.edge,
+            task=msgspec.json.encode(task),
             directory=directory,
             control=self.bus.control,
             clock=self._clock,
@@ -386,9 +386,9 @@ def _degraded(problem: str) -> Health:
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:
-    """Return the robots that run in the edge's own process."""
-    return [
-        RobotSpec(robot, plugin.adapter, plugin.name)
-        for robot, plugin in loaded.robots
-        if not worker_of(robot, plugin)
-    ]
+    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
+
+    Raises ConfigError for one that cannot be imported here.
+    """
+    importer = Importer(loaded.folder, loaded.registry)
+    return [importer.spec(task) for task in robot_tasks(loaded, "")]

@@ -92,8 +92,10 @@ class LocalRobot:
         arrival: Callable[[], float],
         changed: Callable[[str], None],
         supervised: Supervised,
+        drop_in: str = "",
     ) -> None:
         self.config = config
+        self._drop_in = drop_in
         self._supervised = supervised
         self.name = config.name
         self.twin = str(config.twin)
@@ -294,6 +296,7 @@ class LocalRobot:
             placement=placed.placement if placed else None,
             separation=self._traffic.unknown(self.name) if self._traffic else "",
             in_use=self.in_use,
+            drop_in=self._drop_in,
         )
 
     def _health(self) -> Health:

@@ -24,15 +24,13 @@ from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
-from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
-from fleet.host.settings import MAIN
 from fleet.host.shared import Shared
 from fleet.host.traffic import TELL, Traffic
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import MAIN
 from fleet.supervisor.client import Supervised
 from fleet.wire.rules import Kind
 from fleet.wire.stops import stop_in
@@ -48,11 +46,12 @@ KINDS = get_args(Kind)
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
-    """One robot to run here: its config, and the class and name of its adapter."""
+    """A robot to run here: its config, its adapter's class and name, and its drop-in file if it has one."""
 
     config: Any
     plugin: Any
     adapter: str
+    file: str = ""
 
 
 class RobotProcess:
@@ -99,9 +98,7 @@ class RobotProcess:
                 stuck=self._stuck,
             ),
         )
-        self.robots: dict[str, LocalRobot] = {
-            spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
-        }
+        self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
         if traffic is not None:
             self._share_space(traffic)
         self.claims = Claims(
@@ -116,19 +113,20 @@ class RobotProcess:
         self._ending = False
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
 
-    def _make(self, config: AdapterConfig, plugin: AdapterClass, adapter: str) -> LocalRobot:
+    def _make(self, spec: RobotSpec) -> LocalRobot:
         """Build one robot."""
         return LocalRobot(
-            config,
-            plugin,
-            adapter=adapter,
+            spec.config,
+            spec.plugin,
+            adapter=spec.adapter,
+            drop_in=spec.file,
             edge=self.edge,
             worker=self.worker,
             clock=self.clock,
             wheel=self.wheel,
             shared=self._shared,
             outbox=self.outbox,
-            journal=self.journal.robot(config.name),
+            journal=self.journal.robot(spec.config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
             supervised=self.supervised,

@@ -10,18 +10,15 @@ from fleet.bridge.bridge import Rules
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
-from fleet.config.schema import CloudConfig, FleetConfig
+from fleet.config.schema import CloudConfig, FleetConfig, Sections
 from fleet.host.claims import SETTLE
 from fleet.registry import Plugin
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import MAIN, AdapterConfig
 from fleet.spool.place import state_folder
 from fleet.spool.spool import SpoolSettings
 from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics, prefix_from
-
-MAIN = "main"
-"""The worker name that means: in the edge's own process."""
 
 
 def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
@@ -36,7 +33,7 @@ def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
     return config.worker or ""
 
 
-def bus_settings(config: FleetConfig) -> BusSettings:
+def bus_settings(config: Sections) -> BusSettings:
     """Return the bus's settings."""
     bus = config.bus
     tls = BusTls()
@@ -60,7 +57,7 @@ def bus_settings(config: FleetConfig) -> BusSettings:
     )
 
 
-def settle_time(config: FleetConfig) -> float:
+def settle_time(config: Sections) -> float:
     """Return how long to listen for other edges' claims: not at all where no other edge can be."""
     return SETTLE if config.bus.connect or config.bus.scouting else 0.0
 

@@ -35,7 +35,7 @@ def two(yard, free_port):
         }
         file = place.file.with_name("second.yaml")
         file.write_text(json.dumps(other))
-        return Edge(load(file), file, directory=place.runtime, clock=SystemClock())
+        return Edge(load(file), directory=place.runtime, clock=SystemClock())
 
     return place, second
 
