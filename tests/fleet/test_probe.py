@@ -1,4 +1,4 @@
-"""Drop-in files that do the worst they can while they are imported: one report each, and no cost to others."""
+"""Drop-in files that do the worst they can while they are imported: one report each, no cost to others."""
 
 import json
 import os
