@@ -40,6 +40,8 @@ DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: 
 MOST_DENIED = 1_000  # denials that wait for that; of more the oldest are not told
 MOST_WAITING = 10_000
 """Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
+MOST_BYTES = 32 << 20
+"""Bytes of them, at most."""
 
 
 class Route(msgspec.Struct, frozen=True):
@@ -97,6 +99,7 @@ class Downlink:
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
+        self._waiting = 0  # bytes in it, about: two threads count
         self._stops: dict[str, Arrived] = {}  # by robot, the newest that found the inbox full
         self._kept = KeptStops()
         self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
@@ -131,8 +134,9 @@ class Downlink:
 
     def _put(self, one: Arrived, *, stops: bool) -> None:
         """Let a message wait for the loop; of the stops beyond the bound each robot's newest waits."""
-        if len(self._inbox) < MOST_WAITING:
+        if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
             self._inbox.append(one)
+            self._waiting += len(one.message.payload)
             return
         if stops:
             self._stops[one.route.topic.twin] = one
@@ -142,6 +146,7 @@ class Downlink:
         """Hand what has arrived to whom it is for; on the loop."""
         while self._inbox or self._stops:
             one = self._inbox.popleft() if self._inbox else self._stops.popitem()[1]
+            self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
             try:
                 self._hand_over(one)
             except Exception:  # what follows must not wait for the next message: it would be late

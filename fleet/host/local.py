@@ -193,7 +193,8 @@ class LocalRobot:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
             ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
-            return Asked(partial(self._refuse, kind, error))
+            name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
+            return Asked(partial(self._refuse, kind, name, action_id, str(error)))
         if ask is None:
             return None
         if ask.name == EMERGENCY:
@@ -221,11 +222,11 @@ class LocalRobot:
         if not reply.ok:
             self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
 
-    def _refuse(self, kind: Kind, error: WireError, answer: Answer) -> None:
-        """Refuse a message that cannot be read."""
-        self._refusals.add(kind, "refused a %s message: %s", kind, error)
-        Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
-        self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
+    def _refuse(self, kind: Kind, name: str, action_id: str, why: str, answer: Answer) -> None:
+        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
+        self._refusals.add(kind, "refused a %s message: %s", kind, why)
+        Ticket(name, answer).reject(why)
+        self._tell_failed(kind, action_id, why)
 
     def _stop_at_once(self, origin: Origin) -> None:
         """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""

@@ -6,6 +6,7 @@ import logging
 import sys
 from collections.abc import Callable
 
+from fleet.host.flood import Flood
 from fleet.host.process import RobotProcess
 from fleet.host.teller import ROBOT_LOGGER
 from fleet.model.report import LogReport
@@ -41,10 +42,18 @@ def publish_robot_logs(process: RobotProcess) -> Callable[[], None]:
 class _ToStderr(logging.Handler):
     """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._flood = Flood()
+
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one line."""
+        """Write one line, unless there were too many like it."""
+        more = self._flood.admit((record.name, str(record.msg)), record.created)
+        if more is None:
+            return
+        told = f" ({more} more like this before)" if more else ""
         try:
-            sys.stderr.write(f"{self.format(record)}\n")
+            sys.stderr.write(f"{self.format(record)}{told}\n")
         except (OSError, ValueError):
             self.handleError(record)
 

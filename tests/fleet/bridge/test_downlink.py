@@ -420,6 +420,17 @@ def test_what_the_bridge_does_itself_is_handed_to_it_and_its_refusals_are_counte
     assert bench.downlink.refusals.counts() == {"unreadable": 1}
 
 
+def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting, monkeypatch):
+    monkeypatch.setattr("fleet.bridge.downlink.MOST_BYTES", 1000)
+    large = Message(f"{T}/command", b'{"command": "' + b"x" * 600)
+    bench.downlink.arrived([large] * 9 + [command("stop")])
+    bench.downlink.take()
+    assert bench.downlink.refusals.counts()["too many"] == 8
+    assert b"stop" in accepting.received[-1][1]
+    bench.arrive(command("beep"))
+    assert b"beep" in accepting.received[-1][1]
+
+
 def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_told(bench, accepting, clock):
     bench.downlink.held = {TWIN: "yard-0"}
     bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"), command("stop"))
