@@ -36,6 +36,7 @@ Handler = Callable[[Topic, Message], None]
 
 _CLOUD = Way.CLOUD  # looked up once: that of an enumeration is slow
 
+TURN = 0.005  # s that messages are taken before others have their turn of the loop
 DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: who asks takes the first
 MOST_DENIED = 1_000  # denials that wait for that; of more the oldest are not told
 MOST_WAITING = 10_000
@@ -142,15 +143,23 @@ class Downlink:
             self._stops[one.route.topic.twin] = one
         self.refusals.add("too many", "a message on %s finds too many before it", one.message.topic)
 
-    def take(self) -> None:
-        """Hand what has arrived to whom it is for; on the loop."""
+    def take(self) -> bool:
+        """Hand what has arrived to whom it is for, as far as its turn goes; on the loop.
+
+        Returns True when there is more, for which the loop has to come back: another thread reads on
+        meanwhile, so that a flood would never end here, and no robot have its turn.
+        """
+        end = self._clock.monotonic() + TURN
         while self._inbox or self._stops:
+            if self._clock.monotonic() > end:
+                return True
             one = self._inbox.popleft() if self._inbox else self._stops.popitem()[1]
             self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
             try:
                 self._hand_over(one)
             except Exception:  # what follows must not wait for the next message: it would be late
                 log.exception("a message on %s could not be taken", one.message.topic)
+        return False
 
     def _read(self, route: Route, port: Port, message: Message) -> Asked | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""

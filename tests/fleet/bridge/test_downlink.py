@@ -4,7 +4,7 @@ import logging
 import pytest
 
 from fleet.bridge.answers import SAME_REFUSAL_EVERY
-from fleet.bridge.downlink import DENIED_AFTER, Downlink
+from fleet.bridge.downlink import DENIED_AFTER, TURN, Downlink
 from fleet.cloud.values import Message
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
@@ -429,6 +429,19 @@ def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting
     assert b"stop" in accepting.received[-1][1]
     bench.arrive(command("beep"))
     assert b"beep" in accepting.received[-1][1]
+
+
+def test_a_flood_leaves_the_loop_its_turns_and_keeps_its_order(bench, accepting, clock):
+    accepting.answers = lambda _kind, _payload: clock.advance(TURN / 3)
+    bench.downlink.arrived([command(f"c{number}") for number in range(12)])
+    turns = 1
+    while bench.downlink.take():
+        bench.downlink.arrived([command(f"c{12 + turns}")])  # another thread reads on
+        turns += 1
+        assert turns < 20
+    assert turns > 3
+    names = [json.loads(payload)["command"] for _, payload, _ in accepting.received]
+    assert names == sorted(names, key=lambda name: int(name[1:]))
 
 
 def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_told(bench, accepting, clock):
