@@ -97,10 +97,11 @@ one answer. With `legacy_status: false` a robot sends no status.
 Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
 declare; without it they are refused. Missions are flown by robots with a memory for them.
 
-A twin has one edge. An edge that sees another one that had it first, by the token
-`fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
-the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed
-all the same.
+A twin has one edge. An edge that sees that another one has it, by the token
+`fleet/{edge}/claims/{twin}/{since}-held` on the bus, or by two `edge_health` messages in the cloud while
+nobody uses the robot here, does not run the robot, carries nothing for it, says who has it (a second later,
+to who asks), and takes it when the other has gone. A stop is obeyed all the same. Nobody who moves a robot
+loses it to a claim.
 
 An edge that vanishes: an MQTT connection has one will, so the broker says `disconnected` at once, on
 `T telemetry`, for the first twin of fleet.yaml alone. That the others' edge is gone too shows in their

@@ -25,6 +25,8 @@ logger = logging.getLogger(__name__)
 
 MOST_READS = 64
 """Reads of one look of the thread that stands by: the loop may want the connection back."""
+LONGEST_LOOK = 0.01
+"""Seconds after which it reads no more: of small messages so many reads would take it some."""
 
 Deliver = Callable[[list[Message]], None]
 
@@ -136,12 +138,13 @@ class Connection:
 
     def _receive_all(self) -> None:
         """Read all that has arrived, within reason, and acknowledge it."""
+        end = self._clock.monotonic() + LONGEST_LOOK
         for _ in range(MOST_READS):
             self._receive()
             if self._failure is not None:
                 return
             self._write(self._session.take_replies())
-            if not self._stream.waiting():
+            if not self._stream.waiting() or self._clock.monotonic() > end:
                 return
 
     def _receive(self) -> None:

@@ -98,6 +98,7 @@ class Edge:
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
+            self.process.moves_elsewhere = self._moves
             self.cloud_claims = CloudClaims(
                 {robot.twin: robot for robot in self.robots()},
                 hold=self.process.held_in_the_cloud,
@@ -316,6 +317,10 @@ class Edge:
         if self.metrics is not None:
             self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
         self.bus.control.token(keys.edge(edge))
+
+    def _moves(self, twin: str) -> bool:
+        """Return True while a worker's robot does something for somebody."""
+        return any(bool(robot.state().activity) for robot in self.remote.values() if robot.twin == twin)
 
     def _beat(self) -> None:
         """Publish every twin's heartbeat."""

@@ -107,8 +107,10 @@ class RobotProcess:
             bus.control,
             settle=settle,
             changed=self.held_on_the_bus,
+            moves=self._moves,
             clock=clock,
         )
+        self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
         self._holders: dict[str, dict[str, str]] = {}
         self._ending = False
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
@@ -175,6 +177,11 @@ class RobotProcess:
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
         self.watchdog.start()
+
+    def _moves(self, twin: str) -> bool:
+        """Return True while the robot of a twin moves because of us."""
+        here = any(robot.desk.in_motion for robot in self.robots.values() if robot.twin == twin)
+        return here or self.moves_elsewhere(twin)
 
     def held_on_the_bus(self, twin: str, holder: str) -> None:
         """Take note of who has a twin by the tokens on the bus."""

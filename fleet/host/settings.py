@@ -58,8 +58,13 @@ def bus_settings(config: Sections) -> BusSettings:
 
 
 def settle_time(config: Sections) -> float:
-    """Return how long to listen for other edges' claims: not at all where no other edge can be."""
-    return SETTLE if config.bus.connect or config.bus.scouting else 0.0
+    """Return how long a twin is wanted before it is had: no time where no other edge is to be met.
+
+    A port that the system chooses (0) is known to nobody.
+    """
+    bus = config.bus
+    known = [end for end in bus.listen if not end.endswith(":0")]
+    return SETTLE if known or bus.connect or bus.scouting else 0.0
 
 
 def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> Rules:
