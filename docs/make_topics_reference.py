@@ -164,10 +164,11 @@ Of `T position`, `T rotation` and `T scale` only what the editor says (`source_t
 for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
 3.1.1 a broker sends an edge's own state back to it; `listen: {position: {on: false}}` saves that.
 
-A twin has one edge. An edge that sees another one that had it first, by the token
-`fleet/{edge}/claims/{twin}/{since}` on the bus or by two `edge_health` messages in the cloud, does not run
-the robot, carries nothing for it, says who has it, and takes it when the other has gone. A stop is obeyed
-all the same.
+A twin has one edge. An edge that sees that another one has it, by the token
+`fleet/{edge}/claims/{twin}/{since}-held` on the bus, or by two `edge_health` messages in the cloud while
+nobody uses the robot here, does not run the robot, carries nothing for it, says who has it (a second later,
+to who asks), and takes it when the other has gone. A stop is obeyed all the same. Nobody who moves a robot
+loses it to a claim.
 
 An edge that dies: an MQTT connection has one will, so the broker says `disconnected` at once, on
 `T telemetry`, for the first twin of fleet.yaml alone. For all twins the edge's supervisor has it said, within

@@ -1,9 +1,9 @@
 """Adapters by name: from entry points (installed packages) and from drop-in folders (named in fleet.yaml).
 
 An entry point is listed without being imported and imported when a robot asks for it, so that a missing
-library hurts only the robots that need it. A drop-in file is loaded by path, as ``fleet_plugins.<stem>``,
-when its folder is added. Whatever goes wrong in a plugin is a report with the reason and the place, never
-a crash; two plugins of one name are both refused.
+library hurts only the robots that need it. A drop-in file is never imported here: a process of its own is
+asked what it has, when its folder is added. Whatever goes wrong in a plugin is a report with the reason and
+the place, never a crash; two plugins of one name are both refused.
 """
 
 from __future__ import annotations
@@ -11,43 +11,39 @@ from __future__ import annotations
 import contextlib
 import enum
 import importlib.metadata
-import importlib.util
-import inspect
 import logging
 import re
 import sys
-import traceback
-import typing
 from collections.abc import Iterable
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import msgspec
 
-from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
-from fleet.commands import commands_of
-from fleet.robot_config import AdapterConfig, Limits
+from fleet.adapter import AnyAdapter
+from fleet.dropin import Unusable, checked, insecure, why
+from fleet.probe import Case, Checked, Description, Probe, ProbeError
 
 log = logging.getLogger(__name__)
 
 GROUP = "fleet.adapters"
 OWN_DISTRIBUTION = "zenoh-fleet"
+AT_ONCE = 4  # drop-in files that are asked at once: each takes as long as its imports do, and their memory
 
 
 class PluginState(enum.StrEnum):
     """How far a plugin came."""
 
     DECLARED = "declared"  # its name is known; nothing of it was imported
-    LOADED = "loaded"  # its class was imported and checked
+    LOADED = "loaded"  # its class was imported and checked, that of a drop-in file by a process of its own
     FAILED = "failed"  # it cannot be used; the report says why
 
 
 class Plugin(msgspec.Struct, frozen=True):
     """What the registry found under one name, and how far it came.
 
-    ``origin`` is the file or the package it comes from; ``adapter`` is there once it is loaded.
+    ``origin`` is the file or the package it comes from. Once it is loaded there is ``adapter``, or for a
+    drop-in ``file`` a ``description``.
     """
 
     name: str
@@ -55,10 +51,8 @@ class Plugin(msgspec.Struct, frozen=True):
     state: PluginState = PluginState.DECLARED
     report: str = ""
     adapter: type[AnyAdapter] | None = None
-
-
-class _Unusable(Exception):
-    """A class that was imported is not an adapter; the message says what is missing."""
+    description: Description | None = None
+    file: Path | None = None
 
 
 class Registry:
@@ -68,7 +62,7 @@ class Registry:
         points = importlib.metadata.entry_points(group=GROUP) if entry_points is None else entry_points
         self._points: dict[str, EntryPoint] = {}
         self._plugins: dict[str, Plugin] = {}
-        self._files: dict[str, Path] = {}
+        self._probes: dict[Path, Probe] = {}
         self._broken: list[Plugin] = []
         for point in {(point.name, point.value): point for point in points}.values():
             self._points[point.name] = point
@@ -106,47 +100,53 @@ class Registry:
         return self.plugins()
 
     def add_folder(self, folder: Path) -> None:
-        """Load each ``*.py`` of a folder that does not start with ``_``; failures become reports."""
-        for path in sorted(folder.glob("*.py")):
-            if not path.name.startswith("_"):
-                self._add_file(path)
+        """Take each ``*.py`` of a folder that does not start with ``_``; failures become reports."""
+        if unsafe := insecure(folder):
+            self._broken.append(Plugin(folder.name, str(folder), PluginState.FAILED, unsafe))
+            return
+        files = [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
+        new = [path for path in files if self._is_new(path)]
+        for some in (new[at : at + AT_ONCE] for at in range(0, len(new), AT_ONCE)):
+            probes = self._probes | {path: Probe(path) for path in some}
+            self._probes = probes
+            for path in some:
+                self._add_file(path, probes[path])
+            if len(new) > AT_ONCE:
+                self.close()
 
-    def _add_file(self, path: Path) -> None:
-        """Load one drop-in file, once; what is wrong with it becomes a report."""
-        origin = str(path)
-        if self._files.get(path.stem) == path:
-            return
-        if path.stem in self._files:
-            report = f"another drop-in file is called {path.name}: {self._files[path.stem]}; rename one"
-            self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, report))
-            return
-        self._files[path.stem] = path
-        try:
-            classes = _adapters_of(_module_from(path))
-        except KeyboardInterrupt:
-            raise
-        # A drop-in file is anybody's code: whatever it raises is told, and costs only its own robots.
-        except BaseException as error:  # noqa: BLE001
-            self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, _why(error, path)))
-            return
-        if not classes:
-            report = "it defines no Adapter or FrameAdapter"
-            self._broken.append(Plugin(path.stem, origin, PluginState.FAILED, report))
-        for adapter in classes:
-            self._add_class(adapter, path)
-
-    def _add_class(self, adapter: type[AnyAdapter], path: Path) -> None:
-        """Take an adapter of a drop-in file under the name that its Config declares."""
-        try:
-            name = _checked(adapter)
-        except KeyboardInterrupt:
-            raise
-        # The checks run the plugin's own annotations and class methods.
-        except BaseException as error:  # noqa: BLE001
-            report = f"{adapter.__name__}: {_why(error, path)}"
+    def _is_new(self, path: Path) -> bool:
+        """Return False for a file that is known, or cannot be taken, which becomes a report."""
+        report = insecure(path)
+        if path in self._probes:
+            return False
+        other = next((known for known in self._probes if known.stem == path.stem), None)
+        if other is not None:
+            report = f"another drop-in file is called {path.name}: {other}; rename one"
+        if report:
             self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, report))
-        else:
-            self._add(Plugin(name, str(path), PluginState.LOADED, adapter=adapter))
+        return not report
+
+    def _add_file(self, path: Path, probe: Probe) -> None:
+        """Take what a drop-in file says it has; what is wrong with it becomes a report."""
+        try:
+            found = probe.found()
+        except ProbeError as error:
+            self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, str(error)))
+            return
+        for report in found.reports:
+            self._broken.append(Plugin(path.stem, str(path), PluginState.FAILED, report))
+        for kind in found.kinds:
+            self._add(Plugin(kind.name, str(path), PluginState.LOADED, description=kind, file=path))
+
+    def check(self, plugin: Plugin, case: Case) -> Checked:
+        """Have a robot checked by the Config of a drop-in file; raises ProbeError."""
+        assert plugin.file is not None
+        return self._probes[plugin.file].check(case)
+
+    def close(self) -> None:
+        """End the processes that drop-in files were asked in; they are started anew when asked again."""
+        for probe in self._probes.values():
+            probe.close()
 
     def _add(self, plugin: Plugin) -> None:
         """Take a plugin; of two with one name neither can be used."""
@@ -169,13 +169,13 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
     try:
         with contextlib.redirect_stdout(sys.stderr):
             adapter = point.load()
-        _check_name(_checked(adapter), plugin.name)
+        _check_name(checked(adapter), plugin.name)
     except KeyboardInterrupt:
         raise
     # An adapter is anybody's code: whatever its import raises is told, and costs only its own robots.
     except BaseException as error:
         log.debug("adapter %s failed to load", plugin.name, exc_info=True)
-        report = _why(error, None) + _install_hint(error, point)
+        report = why(error, None) + _install_hint(error, point)
         return msgspec.structs.replace(plugin, state=PluginState.FAILED, report=report)
     return msgspec.structs.replace(plugin, state=PluginState.LOADED, adapter=adapter)
 
@@ -183,103 +183,10 @@ def _loaded(plugin: Plugin, point: EntryPoint) -> Plugin:
 def _check_name(config_says: str, entry_point: str) -> None:
     """Refuse an adapter that is called differently in its two places."""
     if config_says != entry_point:
-        raise _Unusable(
+        raise Unusable(
             f"its Config says adapter: {config_says!r} but its entry point is called {entry_point!r}; "
             "make them the same"
         )
-
-
-def _module_from(path: Path) -> ModuleType:
-    """Execute a file as the module ``fleet_plugins.<stem>``."""
-    name = f"fleet_plugins.{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise _Unusable("it is not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # pydantic looks annotations up there
-    try:
-        with contextlib.redirect_stdout(sys.stderr):
-            spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
-
-
-def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
-    """Return the public adapters that are defined in this very module; the unfinished if all are so."""
-    defined = [
-        value
-        for value in dict.fromkeys(filter(inspect.isclass, vars(module).values()))
-        if issubclass(value, Adapter | FrameAdapter)
-        and value.__module__ == module.__name__
-        and not value.__name__.startswith("_")
-    ]
-    return [adapter for adapter in defined if not inspect.isabstract(adapter)] or defined
-
-
-def _checked(adapter: Any) -> str:
-    """Return the name that an adapter's Config declares; raises _Unusable for what is no adapter."""
-    if not (inspect.isclass(adapter) and issubclass(adapter, Adapter | FrameAdapter)):
-        raise _Unusable(f"{adapter!r} is no subclass of Adapter or FrameAdapter")
-    if inspect.isabstract(adapter):
-        missing = ", ".join(sorted(adapter.__abstractmethods__))
-        raise _Unusable(f"{adapter.__name__} does not define {missing}")
-    config = getattr(adapter, "Config", None)
-    if not (inspect.isclass(config) and issubclass(config, AdapterConfig)):
-        raise _Unusable(f"{adapter.__name__} needs a class attribute Config, a subclass of AdapterConfig")
-    field = config.model_fields.get("adapter")
-    names = typing.get_args(field.annotation) if field else ()
-    if len(names) != 1 or not isinstance(names[0], str):
-        raise _Unusable(f'{config.__name__} needs the field adapter: Literal["its name"]')
-    _check_fields(config)
-    _check_attributes(adapter)
-    return names[0]
-
-
-def _check_fields(config: type[AdapterConfig]) -> None:
-    """Refuse a Config that gives a field of the host's own another type: the host relies on it."""
-    for name, field in AdapterConfig.model_fields.items():
-        if config.model_fields[name].annotation != field.annotation:
-            raise _Unusable(f"{config.__name__}.{name} is a field of the host's own; give yours another name")
-
-
-def _check_attributes(adapter: type[AnyAdapter]) -> None:
-    """Refuse a class that declares what the host cannot use, before a robot of it is to run."""
-    if not isinstance(adapter.limits, Limits):
-        raise _Unusable(f"{adapter.__name__}.limits must be Limits(...), not {adapter.limits!r}")
-    verbs = getattr(adapter, "verbs", ())
-    if isinstance(verbs, str) or not all(isinstance(verb, str) for verb in verbs):
-        raise _Unusable(f"{adapter.__name__}.verbs must be a tuple of names, not {verbs!r}")
-    commands_of(adapter)  # raises for a method whose parameters have no types
-    if issubclass(adapter, Adapter):
-        adapter.commands()
-        adapter.drives()
-        adapter.navigates()
-
-
-def _why(error: BaseException, path: Path | None) -> str:
-    """Return the reason on one line, with the file and line where it went wrong."""
-    if isinstance(error, _Unusable):
-        return str(error)
-    place = _place_of(error, path)
-    reason = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
-    return " ".join(f"{reason}{f' ({place})' if place else ''}".split())
-
-
-def _place_of(error: BaseException, path: Path | None) -> str:
-    """Return ``file:line`` where an error arose: in the plugin's own file if it passed there."""
-    places = [
-        (frame.filename, frame.lineno)
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<frozen") and frame.filename != __file__
-    ]
-    if isinstance(error, SyntaxError) and error.filename:
-        places.append((error.filename, error.lineno))
-    own = [place for place in places if path is not None and place[0] == str(path.absolute())]
-    if own:
-        return f"{path}:{own[-1][1]}"
-    return f"{places[-1][0]}:{places[-1][1]}" if places else ""
 
 
 def _install_hint(error: BaseException, point: EntryPoint) -> str:

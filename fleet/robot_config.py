@@ -17,6 +17,7 @@ from fleet.topic_rules import Topics
 from fleet.yaml_model import Model, wrong
 
 __all__ = [
+    "MAIN",
     "Accepts",
     "AdapterConfig",
     "Limits",
@@ -27,6 +28,9 @@ __all__ = [
     "Separation",
     "SourceType",
 ]
+
+MAIN = "main"
+"""The worker name that means: in the edge's own process."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,62}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -170,8 +174,9 @@ class AdapterConfig(Topics):
     twin: UUID = Field(description="The uuid of the robot's twin in the cloud.")
     worker: Name | None = Field(
         None,
-        description="Run this robot in the worker process of this name; "
-        "robots that name the same worker share it.",
+        description="Run this robot in the worker process of this name; robots that name the same worker "
+        "share it. Left out: the edge's own process, or for a drop-in file a worker of its own. main: the "
+        "edge's own process, for a drop-in file too.",
     )
     role: Literal["leader", "follower"] | None = Field(
         None,

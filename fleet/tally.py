@@ -12,7 +12,11 @@ from collections import Counter
 from fleet.clock import Clock
 
 TELL_EVERY = 60.0  # s between lines of one reason
-MOST_REASONS = 500  # whose last line is remembered; names from outside never become a reason of their own
+MOST_REASONS = (
+    500  # that are counted, and told in a minute; what others say never becomes a reason of its own
+)
+OTHERS = "others"  # the reason of all beyond
+LONGEST = 500  # characters of a line: who sends something bad may choose its words
 
 
 class Tally:
@@ -30,13 +34,17 @@ class Tally:
         """Count one, and log the line unless this reason was told within the last minute."""
         now = self._clock.monotonic()
         with self._lock:
+            if reason not in self._counts and len(self._counts) >= MOST_REASONS:
+                reason = OTHERS
             self._counts[reason] += 1
-            if now - self._told.get(reason, float("-inf")) < TELL_EVERY or len(self._told) > MOST_REASONS:
+            if now - self._told.get(reason, float("-inf")) < TELL_EVERY:
                 self._untold[reason] += 1
                 return
             self._told[reason] = now
             more = self._untold.pop(reason, 0)
-        self._log.warning(line + (f" ({more} more like this before)" if more else ""), *arguments)
+        text = line % arguments if arguments else line
+        text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+        self._log.warning("%s%s", text, f" ({more} more like this before)" if more else "")
 
     def counts(self) -> dict[str, int]:
         """Return how many there were, by reason."""

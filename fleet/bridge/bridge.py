@@ -142,6 +142,7 @@ class Bridge:
 
     def turn(self) -> Iterator[None]:
         """Publish what is due, step by step; at the end of each turn of the wheel."""
+        self.downlink.deny()
         yield from self.uplink.turn()
         self.client.flush_queued()
 
@@ -161,7 +162,7 @@ class Bridge:
         else:
             del self._held[twin]
             log.info("%s: its twin is ours again", self._ports[twin].name)
-        self.uplink.held = self.downlink.held = frozenset(self._held)
+        self.uplink.held, self.downlink.held = frozenset(self._held), dict(self._held)
         return True
 
     def beat(

@@ -36,8 +36,13 @@ Handler = Callable[[Topic, Message], None]
 
 _CLOUD = Way.CLOUD  # looked up once: that of an enumeration is slow
 
+TURN = 0.005  # s that messages are taken before others have their turn of the loop
+DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: who asks takes the first
+MOST_DENIED = 1_000  # denials that wait for that; of more the oldest are not told
 MOST_WAITING = 10_000
 """Messages that wait for a loop which does not take them, at most; the watchdog ends such a process."""
+MOST_BYTES = 32 << 20
+"""Bytes of them, at most."""
 
 
 class Route(msgspec.Struct, frozen=True):
@@ -66,7 +71,8 @@ class Downlink:
 
     ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
     whose uuids nobody knows. ``own`` has what the bridge itself does, by leaf. ``held`` holds the twins that
-    another edge has: nothing but a stop is obeyed for them, and the other edge answers.
+    another edge has, by whom: nothing but a stop is obeyed for them. The other edge answers, and a moment
+    later we do, who it is: if it is not there, nobody else would.
     """
 
     def __init__(
@@ -94,10 +100,12 @@ class Downlink:
         self._answers = Answers(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
+        self._waiting = 0  # bytes in it, about: two threads count
         self._stops: dict[str, Arrived] = {}  # by robot, the newest that found the inbox full
         self._kept = KeptStops()
         self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
-        self.held: frozenset[str] = frozenset()
+        self.held: Mapping[str, str] = {}
+        self._denied: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_DENIED)
         self.refusals = refusals
         self.received: Counter[str] = Counter()
         self.answered: Counter[str] = Counter()
@@ -127,21 +135,31 @@ class Downlink:
 
     def _put(self, one: Arrived, *, stops: bool) -> None:
         """Let a message wait for the loop; of the stops beyond the bound each robot's newest waits."""
-        if len(self._inbox) < MOST_WAITING:
+        if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
             self._inbox.append(one)
+            self._waiting += len(one.message.payload)
             return
         if stops:
             self._stops[one.route.topic.twin] = one
         self.refusals.add("too many", "a message on %s finds too many before it", one.message.topic)
 
-    def take(self) -> None:
-        """Hand what has arrived to whom it is for; on the loop."""
+    def take(self) -> bool:
+        """Hand what has arrived to whom it is for, as far as its turn goes; on the loop.
+
+        Returns True when there is more, for which the loop has to come back: another thread reads on
+        meanwhile, so that a flood would never end here, and no robot have its turn.
+        """
+        end = self._clock.monotonic() + TURN
         while self._inbox or self._stops:
+            if self._clock.monotonic() > end:
+                return True
             one = self._inbox.popleft() if self._inbox else self._stops.popitem()[1]
+            self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
             try:
                 self._hand_over(one)
             except Exception:  # what follows must not wait for the next message: it would be late
                 log.exception("a message on %s could not be taken", one.message.topic)
+        return False
 
     def _read(self, route: Route, port: Port, message: Message) -> Asked | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
@@ -226,16 +244,27 @@ class Downlink:
             self._do(route.topic, one.message, self._own[route.rule.leaf])
 
     def _ask(self, one: Arrived, port: Port, asked: Asked) -> None:
-        """Ask a robot; where another edge has its twin, that one answers."""
+        """Ask a robot, or say a moment later which edge has its twin."""
         route, message = one.route, one.message
-        if route.topic.twin in self.held:
-            self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
-            if asked.stops:
-                asked(lambda _reply: None)
+        tell = self._answers.to(port, message, route.kind, once=asked.once)
+        answer = partial(self._answer, port, tell, one.at)
+        holder = self.held.get(route.topic.twin)
+        if holder is None:
+            asked(answer)
             return
-        asked(
-            partial(self._answer, port, self._answers.to(port, message, route.kind, once=asked.once), one.at)
-        )
+        self.refusals.add("held elsewhere", "%s is for another edge, which has the twin", message.topic)
+        due = self._clock.monotonic() + DENIED_AFTER
+        if asked.stops:
+            asked(lambda reply: self._denied.append((due, answer, reply)))
+            return
+        why = f"edge {holder} has its twin; this edge leaves the robot to it"
+        self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
+
+    def deny(self) -> None:
+        """Tell who asked for twins of another edge, once that had its time to answer; on the loop."""
+        while self._denied and self._denied[0][0] <= self._clock.monotonic():
+            _, answer, denial = self._denied.popleft()
+            answer(denial)
 
     def _answer(self, port: Port, tell: Answering, arrived: float, reply: Reply) -> None:
         """Answer, and note how long the receipt took."""

@@ -42,7 +42,7 @@ async def tell(words: LastWords, clock: Clock) -> bool:
         settings,
         {},
         on_message=lambda _messages: None,
-        on_read=lambda: None,
+        on_read=lambda: False,
         on_state=lambda _state, _cause: None,
         clock=clock,
     )

@@ -7,7 +7,7 @@ key                                    what
 ``fleet/{edge}/robots/{robot}``        liveliness: the robot's host is there
 ``fleet/{edge}/workers/{worker}``      liveliness: the worker process is there
 ``fleet/{edge}/workers/{worker}/beat``   publication: the worker's event loop turns
-``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge has the twin, since (Unix ms)
+``fleet/{edge}/claims/{twin}/{since}``  liveliness: the edge wants the twin, since (Unix ms), or ``-held``
 ``fleet/{edge}/workers/{worker}/halt``   publication: the worker is given up, its robots are halted
 ``fleet/{edge}/robots/{robot}/command``  ask; the answers are its receipt and its end
 ``fleet/{edge}/robots/{robot}/video``  ask: start or stop video; a program that sends it answers
@@ -33,9 +33,13 @@ def robot(edge_id: str, name: str) -> str:
     return f"fleet/{edge_id}/robots/{name}"
 
 
-def claim(edge_id: str, twin: str, since: int) -> str:
-    """Return the key of the token that an edge has a twin, since that Unix millisecond."""
-    return f"fleet/{edge_id}/claims/{twin}/{since}"
+HELD = "-held"
+"""Ends the key of the token of an edge that has a twin; without it the edge wants it."""
+
+
+def claim(edge_id: str, twin: str, since: int, *, held: bool = False) -> str:
+    """Return the key of the token that an edge wants, or has, a twin, since that Unix millisecond."""
+    return f"fleet/{edge_id}/claims/{twin}/{since}{HELD if held else ''}"
 
 
 def claims() -> str:

@@ -10,7 +10,8 @@ import msgspec
 
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
-from fleet.host.make import capabilities
+from fleet.host.describe import described
+from fleet.probe import Description
 from fleet.registry import Plugin, Registry
 
 file_option = click.option(
@@ -37,8 +38,8 @@ def registry_of(file: str | None) -> Registry:
 def adapters(out: Output, file: str | None) -> None:
     """Show the kinds of robots that can be used.
 
-    Imports every adapter that is installed or lies in a drop-in folder of the fleet file. One that failed
-    is shown with the reason; it matters only for the robots that name it.
+    Imports every adapter that is installed, and those in a drop-in folder of the fleet file in a process of
+    their own. One that failed is shown with the reason; it matters only for the robots that name it.
     """
     plugins = registry_of(file).load_all()
     out.data({"adapters": [_described(plugin) for plugin in plugins]})
@@ -50,45 +51,40 @@ def adapters(out: Output, file: str | None) -> None:
 
 def _detail(plugin: Plugin) -> str:
     """Return what the plugin takes, or why it failed; and where it comes from."""
-    if plugin.adapter is None:
+    can = _description(plugin)
+    if can is None:
         return f"{plugin.report} [{plugin.origin}]"
-    can = capabilities(plugin.adapter)
     words = [
         *(["velocity"] if can.drives else []),
         *(["goals"] if can.navigates else []),
-        *sorted(can.commands),
+        *(command.name for command in can.commands),
     ]
     return f"{', '.join(words) or 'nothing'} [{plugin.origin}]"
 
 
+def _description(plugin: Plugin) -> Description | None:
+    """Return what a plugin is; None for one that failed."""
+    if plugin.adapter is not None:
+        return described(plugin.name, plugin.adapter, schema=False)
+    return plugin.description
+
+
 def _described(plugin: Plugin) -> dict[str, Any]:
     """Return everything about a plugin, for programs."""
-    described: dict[str, Any] = {
+    about: dict[str, Any] = {
         "name": plugin.name,
         "state": plugin.state,
         "origin": plugin.origin,
         "report": plugin.report,
     }
-    if plugin.adapter is None:
-        return described
-    can = capabilities(plugin.adapter)
-    commands = [
-        {
-            "name": spec.name,
-            "summary": spec.summary,
-            "timeout": spec.timeout,
-            "safe": spec.safe,
-            "moves": spec.moves,
-            "parameters": list(spec.parameters.__struct_fields__),
-            "ranges": {name: str(bounds) for name, bounds in spec.ranges.items()},
-        }
-        for spec in sorted(can.commands.values(), key=lambda spec: spec.name)
-    ]
+    can = _description(plugin)
+    if can is None:
+        return about
     return {
-        **described,
-        "class": f"{plugin.adapter.__module__}:{plugin.adapter.__qualname__}",
+        **about,
+        "class": can.cls,
         "drives": can.drives,
         "navigates": can.navigates,
-        "limits": msgspec.to_builtins(can.limits.model_dump(exclude_none=True)),
-        "commands": commands,
+        "limits": can.limits,
+        "commands": [msgspec.to_builtins(command) for command in can.commands],
     }

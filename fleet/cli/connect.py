@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -164,7 +163,7 @@ def _joined(settings: BusSettings, directory: Path) -> Lane | BusError:
 
 def _of(file: str) -> BusSettings:
     """Return how to reach the edge of a fleet file."""
-    from fleet.config.load import load  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
     from fleet.host.settings import bus_settings  # noqa: PLC0415
 
-    return bus_settings(load(file, os.environ, partial=True).config)
+    return bus_settings(sections_of(file))

@@ -141,7 +141,7 @@ def demo(  # noqa: PLR0917 - click's options
             there = {config.name for config, _ in loaded.robots}
             _welcome(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
-        return serve(loaded, path, out, verbose=verbose, started=started)
+        return serve(loaded, out, verbose=verbose, started=started)
 
 
 def _require_free(edge: str) -> None:

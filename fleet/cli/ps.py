@@ -44,6 +44,8 @@ def ps(out: Output, file: str | None) -> None:
         for sender, offset in state.senders.items():
             if abs(offset) > WORTH_TELLING:
                 out.say(f"{name}: the clock of {sender}, or its way, is {offset:.2f} s late")
+        if state.drop_in and not state.worker:
+            out.say(f"{name}: {state.drop_in} runs in the edge's own process (worker: main)")
         if state.separation:
             out.say(f"{name}: separation {state.separation}")
     for edge in found:

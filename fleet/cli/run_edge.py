@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from fleet.cli.output import ExitCode, Output, with_output
@@ -28,4 +26,4 @@ def run_edge(out: Output, file: str, verbose: int) -> ExitCode:
     def started(_edge: Edge) -> None:
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
 
-    return serve(loaded, Path(file), out, verbose=verbose, started=started, supervised=supervised())
+    return serve(loaded, out, verbose=verbose, started=started, supervised=supervised())

@@ -9,7 +9,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
@@ -29,7 +28,6 @@ LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 def serve(
     loaded: Loaded,
-    path: Path,
     out: Output,
     *,
     verbose: int,
@@ -38,15 +36,15 @@ def serve(
 ) -> ExitCode:
     """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
     log_to_stderr(LEVELS[min(verbose, 2)])
-    run_loop(_serve(loaded, path, out, started, supervised))
+    run_loop(_serve(loaded, out, started, supervised))
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 
 async def _serve(
-    loaded: Loaded, path: Path, out: Output, started: Callable[[Edge], None], supervised: Supervised | None
+    loaded: Loaded, out: Output, started: Callable[[Edge], None], supervised: Supervised | None
 ) -> None:
     """Run the edge and its live view."""
-    edge = Edge(loaded, path, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
+    edge = Edge(loaded, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
     end_by_signal(Ending(ended, time.monotonic, os._exit).asked)
     started(edge)

@@ -10,7 +10,7 @@ import click
 import msgspec
 
 from fleet.cli.output import Output, counted, with_output
-from fleet.config.load import load
+from fleet.config.load import sections_of
 from fleet.spool import look
 from fleet.spool.place import state_folder
 
@@ -94,7 +94,7 @@ def purge(out: Output, file: str) -> None:
 
 def _folder(file: str) -> Path:
     """Return the folder of the lasting state of a fleet file's edge."""
-    edge = load(file, partial=True).config.edge
+    edge = sections_of(file).edge
     return state_folder(edge.id, edge.spool.path).resolve()
 
 

@@ -65,7 +65,7 @@ class CloudClient:
         subscriptions: Mapping[str, int],
         *,
         on_message: Callable[[list[Message]], None],
-        on_read: Callable[[], None],
+        on_read: Callable[[], bool],
         on_state: Callable[[CloudState, str], None],
         clock: Clock,
         spool: Spool | None = None,

@@ -25,6 +25,8 @@ logger = logging.getLogger(__name__)
 
 MOST_READS = 64
 """Reads of one look of the thread that stands by: the loop may want the connection back."""
+LONGEST_LOOK = 0.01
+"""Seconds after which it reads no more: of small messages so many reads would take it some."""
 
 Deliver = Callable[[list[Message]], None]
 
@@ -33,7 +35,8 @@ class Connection:
     """Feeds the session with what arrives and writes what it answers; on the loop.
 
     Only ``stand_in`` is called on another thread, when the loop does not read what has arrived. What one read
-    brings is handed over by ``deliver`` there and then, in order, and the loop calls ``take`` afterwards.
+    brings is handed over by ``deliver`` there and then, in order, and the loop calls ``take`` afterwards,
+    again and again while that returns True.
 
     ``ready`` is done when the broker has answered CONNECT and every subscription; ``ended`` holds the reason
     (SessionRefused, SessionEnded or CloudError) once the connection is of no more use.
@@ -47,7 +50,7 @@ class Connection:
         clock: Clock,
         *,
         deliver: Deliver,
-        take: Callable[[], None],
+        take: Callable[[], bool],
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self.ready: asyncio.Future[None] = self._loop.create_future()
@@ -58,6 +61,7 @@ class Connection:
         self._clock = clock
         self._deliver = deliver
         self._take = take
+        self._taking_on = False
         self._arrivals = Cutter(reader(settings.protocol), PAYLOAD_LIMIT, head=HEAD)
         self._keepalive = Keepalive(settings.keepalive, clock.monotonic())
         self._lock = threading.Lock()  # of everything that reading and writing share
@@ -110,11 +114,20 @@ class Connection:
 
     def _follow_up(self) -> None:
         """Do what follows from what was read: what is asked of robots begins before anybody is answered."""
+        more = False
         try:
-            self._take()
+            more = self._take()
         except Exception:
             logger.exception("taking what was handed over failed")
+        if more and not self._taking_on:
+            self._taking_on = True
+            self._loop.call_soon(self._take_on)
         self._loop.call_soon(self._conclude)
+
+    def _take_on(self) -> None:
+        """Take the rest of what was read, others having had their turn."""
+        self._taking_on = False
+        self._follow_up()
 
     def _writable(self) -> None:
         """Write what had to wait, and go on where the socket stopped: the link is slow, and alive."""
@@ -125,12 +138,13 @@ class Connection:
 
     def _receive_all(self) -> None:
         """Read all that has arrived, within reason, and acknowledge it."""
+        end = self._clock.monotonic() + LONGEST_LOOK
         for _ in range(MOST_READS):
             self._receive()
             if self._failure is not None:
                 return
             self._write(self._session.take_replies())
-            if not self._stream.waiting():
+            if not self._stream.waiting() or self._clock.monotonic() > end:
                 return
 
     def _receive(self) -> None:

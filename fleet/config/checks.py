@@ -22,9 +22,10 @@ from fleet.config.problems import Mark
 from fleet.config.schema import BusConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import MAIN, AdapterConfig
 
-Identity = tuple[type[AdapterConfig], str]
+Identity = tuple[object, str]
+"""A kind of robot, and the very machine."""
 _WAY = "way to the robot"
 _APART = {
     "name": "give each robot a name of its own",
@@ -106,6 +107,19 @@ def warn_of_places(
         message = "nobody knows where its start is on Earth, where other robots are: separation unknown"
         mark = document.marks.get(("robots", index, "start")) or document.marks["robots", index]
         document.warn(mark, message, "site: {origin: [latitude, longitude, altitude]}")
+
+
+def warn_of_drop_ins(robots: Mapping[int, AdapterConfig], document: Document) -> None:
+    """Warn of drop-in files that run in the edge's own process."""
+    for index, robot in robots.items():
+        if robot.worker == MAIN:
+            mark = document.marks.get(("robots", index, "worker")) or document.marks["robots", index]
+            message = f"the drop-in file of {robot.name} runs in the edge's own process"
+            document.warn(
+                mark,
+                message,
+                "it may read the cloud's secrets and end all robots' host; leave worker: main out",
+            )
 
 
 def check_stop_inputs(data: Mapping[str, Any], document: Document) -> None:

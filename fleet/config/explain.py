@@ -62,18 +62,26 @@ def validated(
     Strict: a number in quotes is no number, ``yes`` is no boolean. Text that came from a variable or a
     secret is read as what its field wants.
     """
+    found = validated_with(model, data, at, document, context)
+    return found[0] if found else None
+
+
+def validated_with(
+    model: type[ModelT], data: Any, at: Path, document: Document, context: Mapping[str, Any]
+) -> tuple[ModelT, Any] | None:
+    """Return the same, with the data that the model takes as it is."""
     try:
-        return _checked(model, data, context)
+        return checked(model, data, context), data
     except ValidationError as error:
         retyped = _retyped(data, at, error, document)
     try:
-        return _checked(model, retyped, context)
+        return checked(model, retyped, context), retyped
     except ValidationError as error:
         _report(error, model, at, document)
         return None
 
 
-def _checked(model: type[ModelT], data: Any, context: Mapping[str, Any]) -> ModelT:
+def checked(model: type[ModelT], data: Any, context: Mapping[str, Any]) -> ModelT:
     """Validate in JSON mode, where strict still takes a list for a tuple and text for a uuid."""
     return model.model_validate_json(json.dumps(data), strict=True, context=dict(context))
 

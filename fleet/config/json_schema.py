@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
-from typing import Annotated, Any, Union
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from pydantic import Field, create_model
 from pydantic.errors import PydanticInvalidForJsonSchema
 
 from fleet.config.schema import FleetConfig, Sections
-from fleet.registry import Registry
+from fleet.registry import PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
 log = logging.getLogger(__name__)
@@ -22,19 +22,15 @@ _TYPED = ("integer", "number", "boolean")
 
 
 def json_schema(registry: Registry) -> dict[str, Any]:
-    """Return the schema; every adapter of the registry is imported, those that fail are left out."""
-    plugins = registry.load_all()
-    configs = [plugin.adapter.Config for plugin in plugins if plugin.adapter is not None]
-    usable = [config for config in configs if _has_schema(config)]
-    described = FleetConfig.model_fields["robots"].description
-    robots: Any = list[_one_of(usable)]  # type: ignore[misc]  # made at run time
-    model: Any = create_model(
-        "Fleet", __base__=Sections, robots=(robots, Field(min_length=1, description=described))
-    )
+    """Return the schema of all kinds of robots that the registry has; those that fail are left out."""
+    model: Any = create_model("Fleet", __base__=Sections, robots=_robots_field())
     schema: dict[str, Any] = model.model_json_schema()
     definitions = schema["$defs"]
     definitions["CloudConfig"].pop("required", None)  # the environment may give the host
-    kinds = [definitions[name] for name in _names_of(schema["properties"]["robots"]["items"])]
+    names = [_hoisted(kind, own, definitions) for kind, own in _kinds(registry)]
+    if names:
+        schema["properties"]["robots"]["items"] = _one_of(dict(names))
+    kinds = [definitions[name] for _, name in names] or [definitions["AdapterConfig"]]
     schema["properties"]["defaults"] = _defaults(kinds, schema["properties"]["defaults"]["description"])
     for kind in kinds:  # the rest may stand in defaults:
         kind["required"] = [key for key in _OWN_TO_ROBOT if key in kind["properties"]]
@@ -42,27 +38,71 @@ def json_schema(registry: Registry) -> dict[str, Any]:
     return {"$schema": DIALECT, **_with_variables(schema)}
 
 
-def _has_schema(config: type[AdapterConfig]) -> bool:
-    """Return True when a config can be said in JSON Schema."""
+def _robots_field() -> tuple[Any, Any]:
+    """Return the list of robots, of no kind yet."""
+    described = FleetConfig.model_fields["robots"].description
+    return list[AdapterConfig], Field(min_length=1, description=described)
+
+
+def _kinds(registry: Registry) -> Iterable[tuple[str, dict[str, Any]]]:
+    """Yield each kind of robot whose config can be said in JSON Schema, with that."""
+    for plugin in registry.load_all():
+        if plugin.state is not PluginState.LOADED:
+            continue
+        schema = plugin.description.schema if plugin.description else _schema_of(plugin.adapter)
+        if schema is None:
+            log.warning("%s is left out of the schema: JSON Schema cannot say its config", plugin.name)
+        else:
+            yield plugin.name, schema
+
+
+def _schema_of(adapter: Any) -> dict[str, Any] | None:
+    """Return the schema of an installed adapter's config, None where there is none."""
     try:
-        config.model_json_schema()
-    except PydanticInvalidForJsonSchema as error:
-        log.warning("%s is left out of the schema: %s", config.__name__, error)
-        return False
-    return True
+        schema: dict[str, Any] = adapter.Config.model_json_schema()
+    except PydanticInvalidForJsonSchema:
+        return None
+    return schema
 
 
-def _one_of(configs: list[type[AdapterConfig]]) -> Any:
-    """Return the type of a robot: the config that its adapter names."""
-    if len(configs) < 2:
-        return configs[0] if configs else AdapterConfig
-    return Annotated[Union[tuple(configs)], Field(discriminator="adapter")]  # noqa: UP007 - made at run time
+def _hoisted(kind: str, schema: dict[str, Any], definitions: dict[str, Any]) -> tuple[str, str]:
+    """Put a kind's schema and what it refers to among the definitions; return its name there.
+
+    What is another thing there under the same name gets the kind's name before its own.
+    """
+    own = dict(schema)
+    inner = own.pop("$defs", {})
+    renamed = {name: f"{kind}.{name}" for name in inner if definitions.get(name, inner[name]) != inner[name]}
+    for name, part in inner.items():
+        definitions.setdefault(renamed.get(name, name), _referring(part, renamed))
+    title = str(own.get("title", kind))
+    name = f"{kind}.{title}" if title in definitions else title
+    definitions[name] = _referring(own, renamed)
+    return kind, name
 
 
-def _names_of(items: dict[str, Any]) -> list[str]:
-    """Return the definitions that a robot may be."""
-    references = items.get("oneOf", [items])
-    return [reference["$ref"].rpartition("/")[2] for reference in references]
+def _referring(part: Any, renamed: Mapping[str, str]) -> Any:
+    """Return a schema whose references follow what was renamed."""
+    if isinstance(part, list):
+        return [_referring(each, renamed) for each in part]
+    if not isinstance(part, dict):
+        return part
+    walked = {key: _referring(value, renamed) for key, value in part.items()}
+    if isinstance(walked.get("$ref"), str):
+        before, _, name = walked["$ref"].rpartition("/")
+        walked["$ref"] = f"{before}/{renamed.get(name, name)}"
+    return walked
+
+
+def _one_of(names: Mapping[str, str]) -> dict[str, Any]:
+    """Return the schema of a robot: the definition that its adapter names."""
+    references = {kind: f"#/$defs/{name}" for kind, name in names.items()}
+    if len(references) == 1:
+        return {"$ref": next(iter(references.values()))}
+    return {
+        "discriminator": {"mapping": references, "propertyName": "adapter"},
+        "oneOf": [{"$ref": reference} for reference in references.values()],
+    }
 
 
 def _defaults(kinds: Iterable[dict[str, Any]], description: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ Two passes: the outline tells which folders and adapters are used; then every ro
 from __future__ import annotations
 
 import difflib
+import json
 import os
 import pathlib
 import re
@@ -25,14 +26,17 @@ from fleet.config.checks import (
     check_workers,
     identity_of,
     warn_of_batteries,
+    warn_of_drop_ins,
     warn_of_places,
 )
+from fleet.config.drop_in import DropInConfig, asked
 from fleet.config.environment import cloud_from_environment
-from fleet.config.explain import validated
+from fleet.config.explain import validated, validated_with
 from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
+from fleet.probe import Checked
 from fleet.registry import Plugin, PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
@@ -43,7 +47,8 @@ _ROBOT_PATH = re.compile(r"robots\[(\d+)\]")
 class Loaded(msgspec.Struct, frozen=True):
     """A fleet that can run.
 
-    ``robots`` pairs each robot's config with its plugin (always loaded). ``problems`` is empty unless the
+    ``robots`` pairs each robot's config with its plugin (always loaded); ``given`` has, by robot, the data
+    (JSON) that its adapter's Config takes, relative to ``folder``. ``problems`` is empty unless the
     fleet was loaded partially: then it says why the other robots cannot run, and ``config`` (its groups
     too) holds only those that can. ``warnings``: what a person should look at, though it can run.
     """
@@ -51,6 +56,8 @@ class Loaded(msgspec.Struct, frozen=True):
     config: FleetConfig
     registry: Registry
     robots: tuple[tuple[AdapterConfig, Plugin], ...]
+    folder: pathlib.Path
+    given: Mapping[str, str]
     problems: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -61,6 +68,7 @@ class _Made(msgspec.Struct, frozen=True):
     config: AdapterConfig
     plugin: Plugin
     identity: Identity | None
+    given: str
 
 
 class _Outline(Sections):
@@ -82,15 +90,23 @@ def load(
     partial: bool = False,
     registry: Registry | None = None,
 ) -> Loaded:
-    """Read and check a fleet file; drop-in folders that it names are loaded into the registry.
+    """Read and check a fleet file; what its drop-in files have is asked of processes of their own.
 
     With ``partial``, a robot that cannot run is left out and told in ``problems``; anything wrong outside
     the robots is still fatal, and so is a fleet of which no robot is left. Raises InvalidConfig (a
     ConfigError) with every problem.
     """
-    file = pathlib.Path(path)
-    environ = os.environ if environ is None else environ
-    registry = registry or Registry()
+    if registry is not None:
+        return _load(pathlib.Path(path), os.environ if environ is None else environ, partial, registry)
+    registry = Registry()
+    try:
+        return _load(pathlib.Path(path), os.environ if environ is None else environ, partial, registry)
+    finally:
+        registry.close()
+
+
+def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registry: Registry) -> Loaded:  # noqa: FBT001 - by position
+    """Do it with a registry."""
     document = read(file, environ)
     if not _is_mapping(document):
         raise InvalidConfig(document.problems)
@@ -98,9 +114,8 @@ def load(
     cloud_from_environment(document, environ)
     for folder in _folders(data, file.parent):
         registry.add_folder(folder)
-    known = {key: value for key, value in data.items() if not key.startswith("x-")}
     context = {"folder": file.parent}
-    sections = validated(_Outline, known, (), document, context)
+    sections = _sections(document, context)
     robots = _robots(document, registry, context)
     identities = {index: robot.identity for index, robot in robots.items() if robot.identity}
     check_robots(data.get("robots"), identities, document)
@@ -111,12 +126,13 @@ def load(
         check_workers(sections, document)
     configs = {index: robot.config for index, robot in robots.items()}
     warn_of_batteries(configs, document)
+    warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]
     has_site = sections is not None and sections.site.origin is not None
     warn_of_places(configs, at_home, has_site=has_site, document=document)
     problems = tuple(sorted(set(document.problems), key=_place_in_file))
     runnable = _runnable(robots, problems)
-    fatal = not runnable or any(not _ROBOT_PATH.match(problem.path) for problem in problems)
+    fatal = not runnable or _is_fatal(problems)
     if sections is None or (problems and (fatal or not partial)):
         raise InvalidConfig(problems)
     config = FleetConfig(
@@ -126,7 +142,36 @@ def load(
             "robots": tuple(config for config, _ in runnable),
         }
     )
-    return Loaded(config, registry, runnable, problems, tuple(document.warnings))
+    given = {made.config.name: made.given for made in robots.values()}
+    return Loaded(config, registry, runnable, file.parent, given, problems, tuple(document.warnings))
+
+
+def sections_of(path: str | os.PathLike[str], environ: Mapping[str, str] | None = None) -> Sections:
+    """Return what a fleet file says besides its robots; no adapter is asked or imported.
+
+    Raises InvalidConfig when something there is wrong; what is wrong with robots does not matter.
+    """
+    file = pathlib.Path(path)
+    environ = os.environ if environ is None else environ
+    document = read(file, environ)
+    if not _is_mapping(document):
+        raise InvalidConfig(document.problems)
+    cloud_from_environment(document, environ)
+    sections = _sections(document, {"folder": file.parent})
+    if sections is None or _is_fatal(document.problems):
+        raise InvalidConfig(document.problems)
+    return sections
+
+
+def _sections(document: Document, context: Mapping[str, Any]) -> Sections | None:
+    """Return all but the robots; None after reporting what is wrong."""
+    known = {key: value for key, value in document.data.items() if not key.startswith("x-")}
+    return validated(_Outline, known, (), document, context)
+
+
+def _is_fatal(problems: Iterable[Problem]) -> bool:
+    """Return True when something is wrong outside the robots."""
+    return any(not _ROBOT_PATH.match(problem.path) for problem in problems)
 
 
 def registry_for(
@@ -189,12 +234,14 @@ def _robot(
         return None
     merged = _with_defaults(robot, at, document)
     plugin = _plugin(merged, at, document, registry)
+    if plugin is not None and plugin.description is not None:
+        return _dropped_in(plugin, asked(registry, plugin, merged, at=at, document=document, context=context))
     if plugin is None or plugin.adapter is None:
         validated(_AnyRobot, merged, at, document, context)
         return None
     try:
-        config = validated(plugin.adapter.Config, merged, at, document, context)
-        return _Made(config, plugin, identity_of(config)) if config else None
+        found = validated_with(plugin.adapter.Config, merged, at, document, context)
+        return _Made(found[0], plugin, identity_of(found[0]), json.dumps(found[1])) if found else None
     except KeyboardInterrupt:
         raise
     # The validators are the adapter's own code.
@@ -202,6 +249,15 @@ def _robot(
         reason = f"{type(error).__name__}: {error}"
         document.report(document.marks[at], f"the adapter {plugin.name!r} failed to check it", reason)
         return None
+
+
+def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, Checked] | None) -> _Made | None:
+    """Return a robot whose drop-in file has taken it."""
+    if found is None:
+        return None
+    config, said = found
+    identity = None if said.identity is None else (plugin.name, said.identity)
+    return _Made(config, plugin, identity, said.given)
 
 
 def _plugin(robot: Any, at: Path, document: Document, registry: Registry) -> Plugin | None:

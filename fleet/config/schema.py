@@ -254,7 +254,9 @@ class Sections(Model):
         None, description="Figures for Prometheus. Left out: none, and no port is opened."
     )
     plugins: tuple[ExistingFolder, ...] = Field(
-        (), description="Folders of drop-in adapters; their code runs with all rights of this program."
+        (),
+        description="Folders of drop-in adapters, which nobody but you and root may write; their code runs "
+        "in workers, with the rights of your user.",
     )
     remote_workers: frozenset[Name] = Field(
         frozenset(),

@@ -64,15 +64,23 @@ class Decoder:
         if len(payload) > LARGEST:
             unread = unread or f"{len(payload)} bytes are more than the {LARGEST} that are read"
         if unread:
-            return _flawed(UNREAD.get(kind, ""), way, WireError(unread))
+            if stop := UNREAD.get(kind, ""):
+                return Command(stop, origin=Origin(way), flaw=unread)
+            raise WireError(unread)
+        # An error that is raised where a name holds it refers to itself: it would keep the payload until
+        # the garbage collector looks, which is seldom.
         try:
             return self._decode(kind, payload, way=way, request_id=request_id)
         except WireError as error:
-            return _flawed(stop_in(payload, kind), way, error)
+            if stop := stop_in(payload, kind):
+                return Command(stop, origin=Origin(way), flaw=str(error))
+            raise
         except Exception as error:
             log.exception("a %s message could not be read", kind)
-            failure = WireError(f"it could not be read ({type(error).__name__}); the edge's log says why")
-            return _flawed(stop_in(payload, kind), way, failure)
+            why = f"it could not be read ({type(error).__name__}); the edge's log says why"
+            if stop := stop_in(payload, kind):
+                return Command(stop, origin=Origin(way), flaw=why)
+            raise WireError(why) from None
 
     def _decode(self, kind: Kind, payload: bytes, *, way: Way, request_id: str) -> Ask | None:
         """Decode a message strictly."""
@@ -100,13 +108,6 @@ class Decoder:
     def _mission(self, payload: bytes, *, way: Way, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
         """Decode the ``mission/command`` topic's messages."""
         return decode_mission(payload, way=way, twin=twin)
-
-
-def _flawed(stop: str, way: Way, error: WireError) -> Command:
-    """Return a stop whose message was refused; raises the refusal when it is no stop."""
-    if not stop:
-        raise error
-    return Command(stop, origin=Origin(way), flaw=str(error))
 
 
 def is_stop(ask: Ask) -> bool:

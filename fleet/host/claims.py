@@ -1,8 +1,9 @@
-"""Which edge has a twin, on the bus: a token says so, and the later one gives way.
+"""Which edge has a twin, on the bus: tokens say so, and no two edges run its robot at once.
 
-An edge that finds a twin taken does not run its robot until the other lets go. Where two claimed it at once,
-or met only later (the network between them was cut), the one that claimed first keeps it; both come to the
-same result, because both see the same two tokens.
+An edge shows that it wants a twin (a token), waits as long as a token may take to be seen and once more, and
+has it (another token) only if meanwhile nobody had it and nobody wanted it before. So of two edges at least
+one sees the other in time (docs/adr/0013-claims-on-twins.md). Two that have it, because the network between
+them was cut, both see that later: the one that wanted it later gives way, once its robot does not move.
 """
 
 from __future__ import annotations
@@ -19,38 +20,58 @@ from fleet.clock import Clock
 
 log = logging.getLogger(__name__)
 
-SETTLE = 0.5  # s in which tokens of edges on other computers come in before a twin is claimed
+SEEN_WITHIN = 1.0  # s in which others see a token: an edge tries to reach them every 0.5 s
+SETTLE = 2 * SEEN_WITHIN  # s for which a twin is wanted before it is had
+LOOK_AGAIN = 0.25  # s between looks whether a robot that is to be let go still moves
 
 
 class Claim(msgspec.Struct, frozen=True, order=True):
-    """Since when (Unix milliseconds) which edge says that it has a twin; the smaller one has it."""
+    """Since when (Unix milliseconds) which edge wants a twin; the smaller gets it. ``held``: it has it."""
 
     began: int
     edge: str
+    held: bool = False
+
+
+class _Mine(msgspec.Struct):
+    """Our claim on a twin, and what takes its token back."""
+
+    claim: Claim
+    take_back: Callable[[], None]
 
 
 def holder(mine: Claim | None, others: Iterable[Claim]) -> str:
-    """Return the edge that has a twin before us, empty when none has.
+    """Return the edge that has a twin, or will, before us; empty when none does.
 
-    ``mine`` is None while we have not claimed it.
+    ``mine`` is None while we do not want it. Who has it keeps it; of two that have it, or want it, the one
+    that wanted it first.
     """
-    before = [other for other in others if mine is None or other < mine]
-    return min(before).edge if before else ""
+    before = [other for other in others if mine is None or _precedes(other, mine)]
+    return min(before, key=lambda claim: (not claim.held, claim)).edge if before else ""
+
+
+def _precedes(other: Claim, mine: Claim) -> bool:
+    """Return True when another edge's claim goes before ours."""
+    if other.held != mine.held:
+        return other.held
+    return (other.began, other.edge) < (mine.began, mine.edge)
 
 
 def read_claim(key: str) -> tuple[str, Claim] | None:
     """Return twin and claim of a token's key; None when it is none."""
     parts = key.split("/")
-    if len(parts) != 5 or parts[0] != "fleet" or parts[2] != "claims" or not parts[4].isdecimal():
+    if len(parts) != 5 or parts[0] != "fleet" or parts[2] != "claims":
         return None
-    return parts[3], Claim(int(parts[4]), parts[1])
+    since = parts[4].removesuffix(keys.HELD)
+    return (parts[3], Claim(int(since), parts[1], since != parts[4])) if since.isdecimal() else None
 
 
 class Claims:
     """The claims of one process for its edge's twins. On the loop only.
 
-    ``changed`` hears twin and holder, empty when the twin is ours, once for each twin at the start and then
-    for each change. ``settle`` is how many seconds to listen before claiming.
+    ``changed`` hears twin and holder, empty when the twin is ours, once it is known and then for each change.
+    ``settle`` is how many seconds a twin is wanted before it is had: none where no other edge can be.
+    ``moves`` tells whether a twin's robot moves because of us: then it is not let go.
     """
 
     def __init__(
@@ -61,18 +82,20 @@ class Claims:
         *,
         settle: float,
         changed: Callable[[str, str], None],
+        moves: Callable[[str], bool],
         clock: Clock,
     ) -> None:
         self._edge = edge
         self._lane = lane
         self._settle = settle
         self._changed = changed
+        self._moves = moves
         self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._others: dict[str, set[Claim]] = {twin: set() for twin in twins}
-        self._mine: dict[str, tuple[Claim, Callable[[], None]]] = {}
+        self._mine: dict[str, _Mine] = {}
         self._told: dict[str, str] = {}
-        self._began = False
+        self._looking: set[str] = set()  # twins at which is looked again soon
 
     def add(self, twins: Iterable[str]) -> None:
         """Claim these twins too (of robots in workers); before ``start``."""
@@ -80,16 +103,8 @@ class Claims:
             self._others[twin] = set()
 
     def start(self) -> None:
-        """Listen, and claim what is free; at once when nobody is far away."""
+        """Listen, and claim what is free."""
         self._lane.watch_tokens(keys.claims(), self._seen)
-        if self._settle:
-            self._loop.call_later(self._settle, self._begin)
-        else:
-            self._begin()
-
-    def _begin(self) -> None:
-        """Claim every twin that is free."""
-        self._began = True
         for twin in self._others:
             self._look(twin)
 
@@ -102,19 +117,56 @@ class Claims:
     def _note(self, twin: str, claim: Claim, alive: bool) -> None:  # noqa: FBT001 - handed on
         """Take another edge's claim into account."""
         (self._others[twin].add if alive else self._others[twin].discard)(claim)
-        if self._began:
-            self._look(twin)
+        self._look(twin)
 
     def _look(self, twin: str) -> None:
-        """Claim a twin, give it up, or wait for it, as the tokens are now."""
-        mine, take_back = self._mine.get(twin, (None, None))
-        before = holder(mine, self._others[twin])
-        if before and take_back is not None:
+        """Want a twin, give it up, or wait for it, as the tokens are now."""
+        mine = self._mine.get(twin)
+        before = holder(mine.claim if mine else None, self._others[twin])
+        if mine is None and not before:
+            self._want(twin)
+        elif mine is not None and before:
+            if mine.claim.held and self._moves(twin):
+                self._look_later(twin)
+                return
             del self._mine[twin]
-            take_back()
-        elif not before and mine is None:
-            claim = Claim(int(self._clock.time() * 1000), self._edge)
-            self._mine[twin] = claim, self._lane.token(keys.claim(self._edge, twin, claim.began))
-        if self._told.get(twin) != before:
-            self._told[twin] = before
-            self._changed(twin, before)
+            mine.take_back()
+            # What kept us may have been one that only wanted it, and is gone since.
+            self._loop.call_soon(self._look, twin)
+        if before:
+            self._tell(twin, before)
+
+    def _look_later(self, twin: str) -> None:
+        """Look again soon; one such look waits at a time."""
+        if twin not in self._looking:
+            self._looking.add(twin)
+            self._loop.call_later(LOOK_AGAIN, self._look_again, twin)
+
+    def _look_again(self, twin: str) -> None:
+        self._looking.discard(twin)
+        self._look(twin)
+
+    def _want(self, twin: str) -> None:
+        """Show that we want a twin, and have it if nobody is in the way for as long as it takes to know."""
+        claim = Claim(int(self._clock.time() * 1000), self._edge)
+        self._mine[twin] = _Mine(claim, self._lane.token(keys.claim(self._edge, twin, claim.began)))
+        if self._settle:
+            self._loop.call_later(self._settle, self._have, twin, claim)
+        else:
+            self._have(twin, claim)
+
+    def _have(self, twin: str, claim: Claim) -> None:
+        """Have a twin that we have wanted all the time."""
+        mine = self._mine.get(twin)
+        if mine is None or mine.claim != claim:
+            return
+        has = self._lane.token(keys.claim(self._edge, twin, claim.began, held=True))
+        mine.take_back()
+        self._mine[twin] = _Mine(msgspec.structs.replace(claim, held=True), has)
+        self._tell(twin, "")
+
+    def _tell(self, twin: str, who: str) -> None:
+        """Tell who has a twin, once."""
+        if self._told.get(twin) != who:
+            self._told[twin] = who
+            self._changed(twin, who)

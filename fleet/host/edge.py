@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
 from fleet.host.begun import begun_file
+from fleet.host.cloud_claims import CloudClaims
 from fleet.host.expiry import Expiry, files_of
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
@@ -32,6 +34,7 @@ from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
     bridge_rules,
+    bus_access,
     bus_settings,
     cloud_settings,
     settle_time,
@@ -41,6 +44,7 @@ from fleet.host.settings import (
 )
 from fleet.host.stop_inputs import TELL, StopInputs
 from fleet.host.stops import take_stops
+from fleet.host.task import Importer, Task, robot_tasks, task_of
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
@@ -70,7 +74,6 @@ class Edge:
     def __init__(
         self,
         loaded: Loaded,
-        path: Path,
         *,
         directory: Path,
         clock: Clock,
@@ -80,7 +83,7 @@ class Edge:
         self._config = config
         self._clock = clock
         self._began = clock.monotonic()
-        self.bus = open_edge(bus_settings(config), directory)
+        self.bus = open_edge(bus_settings(config, bus_access(config)), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
             folder = state_folder(config.edge.id, config.edge.spool.path)
@@ -98,8 +101,14 @@ class Edge:
             )
             self.remote = self._remote(loaded)
             self.process.claims.add(robot.twin for robot in self.remote.values())
+            self.process.moves_elsewhere = self._moves
+            self.cloud_claims = CloudClaims(
+                {robot.twin: robot for robot in self.robots()},
+                hold=self.process.held_in_the_cloud,
+                tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
+            )
             self._workers = [
-                self._worker(name, path, directory)
+                self._worker(task_of(loaded, name), directory)
                 for name in names_of(robot.worker for robot in self.remote.values())
                 if name not in config.remote_workers
             ]
@@ -120,7 +129,6 @@ class Edge:
             clock=clock,
         )
         self._expiry = Expiry(files_of(config.bus.tls), clock)
-        self._cloud_holders: dict[str, str] = {}
         self._metrics_problem = ""
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
@@ -146,12 +154,12 @@ class Edge:
             self.bus.control.subscribe_many(keys.state(edge, "*"), states)
         return remote
 
-    def _worker(self, name: str, path: Path, directory: Path) -> Worker:
+    def _worker(self, task: Task, directory: Path) -> Worker:
         """Build what watches one worker process."""
         return Worker(
-            name,
-            edge=self._config.edge.id,
-            config=path,
+            task.worker,
+            edge=task.edge,
+            task=msgspec.json.encode(task),
             directory=directory,
             control=self.bus.control,
             clock=self._clock,
@@ -227,7 +235,14 @@ class Edge:
         states = self.states()
         cloud = self._cloud_health()
         journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (self.bus.problem, journal, inputs, self._metrics_problem, self._expiry.problem)
+        problems = (
+            self.bus.problem,
+            journal,
+            inputs,
+            self._metrics_problem,
+            self._expiry.problem,
+            self.cloud_claims.problem,
+        )
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -287,7 +302,7 @@ class Edge:
             rules=bridge_rules(cloud, robots),
             put=self.bus.reports.put,
             alive=self._alive,
-            claimed=self._held_in_the_cloud,
+            claimed=self.cloud_claims.heard,
             clock=self._clock,
             spool=Spool(spool_settings(self._config), self._clock),
         )
@@ -312,7 +327,7 @@ class Edge:
 
         self.process.wheel.every(HEALTH_EVERY, tell_health)
         if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
-            self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
+            self.process.wheel.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
         if self.remote and self._config.stop_inputs:
             held = self.bus.control.publisher(keys.held(edge))
             self.process.wheel.every(TELL, lambda: held.put(self._stop_inputs.held))
@@ -322,15 +337,9 @@ class Edge:
             self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
         self.bus.control.token(keys.edge(edge))
 
-    def _held_in_the_cloud(self, twin: str, holder: str) -> None:
-        """Leave a twin to the edge that the cloud shows, or take it back; its robot may be in a worker."""
-        self.process.held_in_the_cloud(twin, holder)
-        self._cloud_holders[twin] = holder
-        self._tell_holders()
-
-    def _tell_holders(self) -> None:
-        """Tell the workers who has their twins in the cloud: they are not connected to it."""
-        self.bus.control.put(keys.holders(self._config.edge.id), msgspec.json.encode(self._cloud_holders))
+    def _moves(self, twin: str) -> bool:
+        """Return True while a worker's robot does something for somebody."""
+        return any(bool(robot.state().activity) for robot in self.remote.values() if robot.twin == twin)
 
     def _beat(self) -> None:
         """Publish every twin's heartbeat, and the edge's own."""
@@ -391,9 +400,9 @@ def _degraded(problem: str) -> Health:
 
 
 def _here(loaded: Loaded) -> list[RobotSpec]:
-    """Return the robots that run in the edge's own process."""
-    return [
-        RobotSpec(robot, plugin.adapter, plugin.name)
-        for robot, plugin in loaded.robots
-        if not worker_of(robot, plugin)
-    ]
+    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
+
+    Raises ConfigError for one that cannot be imported here.
+    """
+    importer = Importer(loaded.folder, loaded.registry)
+    return [importer.spec(task) for task in robot_tasks(loaded, "")]

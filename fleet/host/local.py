@@ -95,8 +95,10 @@ class LocalRobot:
         arrival: Callable[[], float],
         changed: Callable[[str], None],
         supervised: Supervised,
+        drop_in: str = "",
     ) -> None:
         self.config = config
+        self._drop_in = drop_in
         self._supervised = supervised
         self.name = config.name
         self.twin = str(config.twin)
@@ -116,6 +118,7 @@ class LocalRobot:
         self._context = contextvars.copy_context()
         self._context.run(OWNER.set, config.name)
         self._online = False
+        self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
         self._log = robot_log(config.name)
         self._refusals = Tally(self._log, clock)
         self._can = can = timed(capabilities(plugin), config)
@@ -197,7 +200,8 @@ class LocalRobot:
             ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
             ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
-            return Asked(partial(self._refuse, kind, error))
+            name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
+            return Asked(partial(self._refuse, kind, name, action_id, str(error)))
         if ask is None:
             return None
         if ask.name == EMERGENCY:
@@ -213,6 +217,7 @@ class LocalRobot:
         waited = self._clock.monotonic() - arrived
         if waited <= patience(ask, self.config):
             self._context.run(self.desk.receive, ask, ticket)
+            self.in_use = self.in_use or self.desk.in_control
             return
         why = f"it waited up to {waited:.1f} s: the edge was held up"
         self._refusals.add("late", "refused %s: %s", ask.name, why)
@@ -224,11 +229,11 @@ class LocalRobot:
         if not reply.ok:
             self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
 
-    def _refuse(self, kind: Kind, error: WireError, answer: Answer) -> None:
-        """Refuse a message that cannot be read."""
-        self._refusals.add(kind, "refused a %s message: %s", kind, error)
-        Ticket(getattr(error, "command", "") or kind, answer).reject(str(error))
-        self._tell_failed(kind, getattr(error, "action_id", ""), str(error))
+    def _refuse(self, kind: Kind, name: str, action_id: str, why: str, answer: Answer) -> None:
+        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
+        self._refusals.add(kind, "refused a %s message: %s", kind, why)
+        Ticket(name, answer).reject(why)
+        self._tell_failed(kind, action_id, why)
 
     def _stop_at_once(self, origin: Origin) -> None:
         """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
@@ -248,6 +253,11 @@ class LocalRobot:
         """Begin to serve the robot."""
         self.desk.recall()
         return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
+
+    def stand_by(self, why: str) -> None:
+        """Note that the robot is not run, and why: another edge has it."""
+        self.in_use = False
+        self.runner.stand_by(why)
 
     def follow_emergency(self, why: str) -> None:
         """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
@@ -297,6 +307,8 @@ class LocalRobot:
             site=placed.at if placed else None,
             placement=placed.placement if placed else None,
             separation=self._traffic.unknown(self.name) if self._traffic else "",
+            in_use=self.in_use,
+            drop_in=self._drop_in,
         )
 
     def _health(self) -> Health:

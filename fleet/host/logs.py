@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Protocol
 
+from fleet.host.flood import Flood
 from fleet.host.process import RobotProcess
 from fleet.host.teller import ROBOT_LOGGER
 from fleet.model.report import LogReport
@@ -57,10 +58,18 @@ def publish_robot_logs(
 class _ToStderr(logging.Handler):
     """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._flood = Flood()
+
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one line."""
+        """Write one line, unless there were too many like it."""
+        more = self._flood.admit((record.name, str(record.msg)), record.created)
+        if more is None:
+            return
+        told = f" ({more} more like this before)" if more else ""
         try:
-            sys.stderr.write(f"{self.format(record)}\n")
+            sys.stderr.write(f"{self.format(record)}{told}\n")
         except (OSError, ValueError):
             self.handleError(record)
 

@@ -24,16 +24,14 @@ from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
-from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
-from fleet.host.settings import MAIN
 from fleet.host.shared import Shared
 from fleet.host.traffic import TELL, Traffic
 from fleet.host.video import relay_video
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import MAIN
 from fleet.supervisor.client import Supervised
 from fleet.wire.rules import Kind
 from fleet.wire.stops import stop_in
@@ -49,11 +47,12 @@ KINDS = get_args(Kind)
 
 
 class RobotSpec(msgspec.Struct, frozen=True):
-    """One robot to run here: its config, and the class and name of its adapter."""
+    """A robot to run here: its config, its adapter's class and name, and its drop-in file if it has one."""
 
     config: Any
     plugin: Any
     adapter: str
+    file: str = ""
 
 
 class RobotProcess:
@@ -100,9 +99,7 @@ class RobotProcess:
                 stuck=self._stuck,
             ),
         )
-        self.robots: dict[str, LocalRobot] = {
-            spec.config.name: self._make(spec.config, spec.plugin, spec.adapter) for spec in specs
-        }
+        self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
         if traffic is not None:
             self._share_space(traffic)
         self.claims = Claims(
@@ -111,25 +108,28 @@ class RobotProcess:
             bus.control,
             settle=settle,
             changed=self.held_on_the_bus,
+            moves=self._moves,
             clock=clock,
         )
+        self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
         self._holders: dict[str, dict[str, str]] = {}
         self._ending = False
         self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
 
-    def _make(self, config: AdapterConfig, plugin: AdapterClass, adapter: str) -> LocalRobot:
+    def _make(self, spec: RobotSpec) -> LocalRobot:
         """Build one robot."""
         return LocalRobot(
-            config,
-            plugin,
-            adapter=adapter,
+            spec.config,
+            spec.plugin,
+            adapter=spec.adapter,
+            drop_in=spec.file,
             edge=self.edge,
             worker=self.worker,
             clock=self.clock,
             wheel=self.wheel,
             shared=self._shared,
             outbox=self.outbox,
-            journal=self.journal.robot(config.name),
+            journal=self.journal.robot(spec.config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
             supervised=self.supervised,
@@ -179,6 +179,11 @@ class RobotProcess:
         self.wheel.start()
         self.watchdog.start()
 
+    def _moves(self, twin: str) -> bool:
+        """Return True while the robot of a twin moves because of us."""
+        here = any(robot.desk.in_motion for robot in self.robots.values() if robot.twin == twin)
+        return here or self.moves_elsewhere(twin)
+
     def held_on_the_bus(self, twin: str, holder: str) -> None:
         """Take note of who has a twin by the tokens on the bus."""
         self._held(twin, "bus", holder)
@@ -197,10 +202,11 @@ class RobotProcess:
         self.loop.call_soon_threadsafe(self._others_have, holders)
 
     def _others_have(self, holders: Mapping[str, str]) -> None:
-        """Take note of what is new."""
+        """Take note of what is new; what nothing proves takes no robot that was moved meanwhile."""
         for robot in self.robots.values():
             holder = holders.get(robot.twin, "")
-            if holder != self._holders.get(robot.twin, {}).get("cloud", ""):
+            known = self._holders.get(robot.twin, {}).get("cloud", "")
+            if holder != known and not (holder and robot.in_use):
                 self.held_in_the_cloud(robot.twin, holder)
 
     def _held(self, twin: str, where: str, holder: str) -> None:
@@ -231,10 +237,10 @@ class RobotProcess:
 
         def ended(_task: asyncio.Task[None]) -> None:
             self._tasks.pop(robot.name, None)
-            robot.runner.stand_by(why)
+            robot.stand_by(why)
 
         if task is None:
-            robot.runner.stand_by(why)
+            robot.stand_by(why)
         elif not task.cancelling():
             task.add_done_callback(ended)
             task.cancel()

@@ -80,6 +80,11 @@ class RemoteRobot:
         control.answer(keys.state(edge, self.name), self._state_asked)
         control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
 
+    @property
+    def in_use(self) -> bool:
+        """True once somebody has moved it through this edge, as its worker says."""
+        return self._state.in_use
+
     def emergency(self, _why: str) -> None:
         """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
         self.stop_later()

@@ -11,18 +11,15 @@ from fleet.bus.access import Access
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
 from fleet.cloud.values import CloudSettings
-from fleet.config.schema import CloudConfig, FleetConfig
+from fleet.config.schema import CloudConfig, FleetConfig, Sections
 from fleet.host.claims import SETTLE
 from fleet.registry import Plugin
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import MAIN, AdapterConfig
 from fleet.spool.place import state_folder
 from fleet.spool.spool import SpoolSettings
 from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.rules import Traffic
 from fleet.wire.topics import Topics, prefix_from
-
-MAIN = "main"
-"""The worker name that means: in the edge's own process."""
 
 
 def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
@@ -37,8 +34,8 @@ def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
     return config.worker or ""
 
 
-def bus_settings(config: FleetConfig) -> BusSettings:
-    """Return the bus's settings."""
+def bus_settings(config: Sections, access: Access | None = None) -> BusSettings:
+    """Return the bus's settings; ``access`` is what an edge lets others do."""
     bus = config.bus
     tls = BusTls()
     if bus.tls is not None:
@@ -58,21 +55,26 @@ def bus_settings(config: FleetConfig) -> BusSettings:
         user=bus.user,
         password=bus.password.get_secret_value() if bus.password else None,
         scouting=bus.scouting,
-        access=_access(config),
+        access=access,
     )
 
 
-def _access(config: FleetConfig) -> Access | None:
-    """Return who may do what on the bus; None when fleet.yaml does not say it."""
+def bus_access(config: FleetConfig) -> Access | None:
+    """Return who may do what on the edge's bus; None when fleet.yaml does not say it."""
     if config.bus.access is None:
         return None
     twins = tuple(str(robot.twin) for robot in config.robots)
     return Access(config.bus.access, twins, tuple(config.cloud.channels) if config.cloud else ())
 
 
-def settle_time(config: FleetConfig) -> float:
-    """Return how long to listen for other edges' claims: not at all where no other edge can be."""
-    return SETTLE if config.bus.connect or config.bus.scouting else 0.0
+def settle_time(config: Sections) -> float:
+    """Return how long a twin is wanted before it is had: no time where no other edge is to be met.
+
+    A port that the system chooses (0) is known to nobody.
+    """
+    bus = config.bus
+    known = [end for end in bus.listen if not end.endswith(":0")]
+    return SETTLE if known or bus.connect or bus.scouting else 0.0
 
 
 def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> Rules:

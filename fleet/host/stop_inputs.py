@@ -239,23 +239,12 @@ class StopInputs:
 class HeldByEdge:
     """What keeps robots of a worker from moving: stop inputs, of which the edge tells.
 
-    They are held from the start: whether the input was ever heard is not known yet.
+    ``latches`` are theirs, by name. They are held from the start: whether the input was ever heard is not
+    known yet.
     """
 
-    def __init__(
-        self,
-        inputs: Iterable[StopInputConfig],
-        groups: Mapping[str, Iterable[str]],
-        latches: Mapping[str, Latch],
-        *,
-        clock: Clock,
-    ) -> None:
-        named = [_names(config, groups) for config in inputs]
-        self._latches = {
-            robot: latch
-            for robot, latch in latches.items()
-            if any(not names or robot in names for names in named)
-        }
+    def __init__(self, latches: Mapping[str, Latch], *, clock: Clock) -> None:
+        self._latches = latches
         self._clock = clock
         self._heard = clock.monotonic()
         for latch in self._latches.values():
@@ -277,6 +266,14 @@ class HeldByEdge:
         if self._clock.monotonic() - self._heard > SILENT_AFTER:
             for latch in self._latches.values():
                 latch.held = latch.held or "the edge, which reads its stop input, is silent"
+
+
+def robots_of(
+    inputs: Iterable[StopInputConfig], groups: Mapping[str, Iterable[str]], robots: Iterable[str]
+) -> tuple[str, ...]:
+    """Return those of the robots that a stop input stops."""
+    named = [_names(config, groups) for config in inputs]
+    return tuple(robot for robot in robots if any(not names or robot in names for names in named))
 
 
 def _names(config: StopInputConfig, groups: Mapping[str, Iterable[str]]) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """The worker process: some of an edge's robots, in a process of their own.
 
-It reads the same fleet.yaml, joins the edge's bus and runs the robots that name it. Its links, dead-men and
-stops are here; the edge reaches it only over the bus. Started by the edge, or by hand on another machine:
+It joins the edge's bus and runs its robots. Its links, dead-men and stops are here; the edge reaches it only
+over the bus. Started by the edge, which says on its standard input what it is to run, without the edge's
+environment; or by hand on another machine, with a copy of fleet.yaml:
 ``python -m fleet.host.worker --name arm --config fleet.yaml``.
 """
 
@@ -25,13 +26,12 @@ from fleet.host.begun import begun_file
 from fleet.host.journal import Journal
 from fleet.host.leave import leave
 from fleet.host.logs import log_to_stderr, publish_robot_logs
-from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.settings import bus_settings, settle_time, worker_of
+from fleet.host.process import RobotProcess
 from fleet.host.signals import end_by_signal
 from fleet.host.stop_inputs import TELL, HeldByEdge
 from fleet.host.stops import take_stops
-from fleet.host.traffic import traffic_of
-from fleet.spool.place import state_folder
+from fleet.host.task import Importer, Task, read_task, task_of
+from fleet.host.traffic import Traffic
 from fleet.supervisor.client import supervised
 from fleet.supervisor.place import VARIABLE, socket_of
 from fleet.supervisor.supervisor import Supervisor
@@ -42,20 +42,14 @@ log = logging.getLogger(__name__)
 BEAT = 0.25  # s between signs that the event loop turns
 
 
-async def run(name: str, config: Path, directory: Path, parent: int | None) -> None:
+async def run(task: Task, directory: Path, parent: int | None) -> None:
     """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
-    loaded = load(config, os.environ, partial=True)
-    bus = join(bus_settings(loaded.config), directory)
-    specs = [
-        RobotSpec(robot, plugin.adapter, plugin.name)
-        for robot, plugin in loaded.robots
-        if worker_of(robot, plugin) == name
-    ]
-    edge = loaded.config.edge.id
+    name, edge = task.worker, task.edge
+    importer = Importer(Path(task.folder))
+    specs = [importer.spec(robot) for robot in task.robots]
+    bus = join(task.bus, directory)
     clock = SystemClock()
-    folder = state_folder(edge, loaded.config.edge.spool.path)
-    journal = Journal(folder, clock, begun_file(directory, edge, name))
-    settle = settle_time(loaded.config)
+    journal = Journal(Path(task.state), clock, begun_file(directory, edge, name))
     process = RobotProcess(
         edge,
         bus,
@@ -63,21 +57,19 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         journal=journal,
         clock=clock,
         worker=name,
-        settle=settle,
+        settle=task.settle,
         supervised=supervised(),
-        traffic=traffic_of(loaded.config, clock),
+        traffic=Traffic(task.site, task.names, clock),
     )
     ended = asyncio.Event()
     end_by_signal(ended.set)
     stop_logs = publish_robot_logs(process)
-    groups = {group: list(names) for group, names in loaded.config.groups.items()}
-    stop = take_stops(process, bus, groups)
+    stop = take_stops(process, bus, task.groups)
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
-    if loaded.config.stop_inputs:
-        latches = {robot.name: robot.desk.latch for robot in process.robots.values()}
-        held = HeldByEdge(loaded.config.stop_inputs, groups, latches, clock=clock)
+    if task.held:
+        held = HeldByEdge({robot: process.robots[robot].desk.latch for robot in task.held}, clock=clock)
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
         process.wheel.every(TELL, held.look)
     # Before the robots start: one that hangs at once is noticed too.
@@ -106,18 +98,24 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
 def main() -> int:
     """Parse the arguments and run."""
     parser = argparse.ArgumentParser(description="Runs the robots of one worker of fleet.yaml.")
-    parser.add_argument("--name", required=True, help="the worker's name, as the robots give it")
-    parser.add_argument("--config", required=True, type=Path, help="fleet.yaml")
+    parser.add_argument("--name", help="the worker's name, as the robots give it")
+    parser.add_argument("--config", type=Path, help="fleet.yaml; left out: the edge says what to run")
     parser.add_argument("--directory", type=Path, help="where the edge's sockets are")
     parser.add_argument("--parent", type=int, help="end when this process, the edge, is gone")
     given = parser.parse_args()
+    if (given.name is None) != (given.config is None):
+        parser.error("--name and --config come together")
     log_to_stderr(logging.INFO)
     if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
         command = [sys.executable, "-P", "-m", "fleet.host.worker", *sys.argv[1:]]
         path = socket_of(runtime_dir(), os.getpid())
         return Supervisor(command, path=path, told=told_aside, clock=SystemClock()).run()
     try:
-        run_loop(run(given.name, given.config, given.directory or runtime_dir(), given.parent))
+        if given.config is None:
+            task = read_task(sys.stdin.buffer.read())
+        else:
+            task = task_of(load(given.config, partial=True), given.name)
+        run_loop(run(task, given.directory or runtime_dir(), given.parent))
     except FleetError as error:
         log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
         return 1

@@ -20,6 +20,8 @@ from fleet.bus import keys
 from fleet.bus.lane import Lane
 from fleet.clock import Clock
 from fleet.link.backoff import backoff
+from fleet.probe import bare_environment
+from fleet.supervisor.place import VARIABLE
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +36,8 @@ STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
 class Worker:
     """One worker process.
 
-    ``told`` hears what is wrong with it, and an empty text when it runs; ``halt`` stops its robots over the
-    bus.
+    ``task`` is what it runs: it reads that, and neither fleet.yaml nor the edge's environment. ``told`` hears
+    what is wrong with it, and an empty text when it runs; ``halt`` stops its robots over the bus.
     """
 
     def __init__(
@@ -43,7 +45,7 @@ class Worker:
         name: str,
         *,
         edge: str,
-        config: Path,
+        task: bytes,
         directory: Path,
         control: Lane,
         clock: Clock,
@@ -52,12 +54,10 @@ class Worker:
     ) -> None:
         self.name = name
         self._command = (
-            sys.executable,
-            "-m",
-            "fleet.host.worker",
-            *("--name", name, "--config", str(config), "--directory", str(directory)),
-            *("--parent", str(os.getpid())),
+            *(sys.executable, "-P", "-m", "fleet.host.worker"),
+            *("--directory", str(directory), "--parent", str(os.getpid())),
         )
+        self._task = task
         self._clock = clock
         self._told = told
         self._halt = halt
@@ -85,10 +85,16 @@ class Worker:
         try:
             # Its own session: a Ctrl-C on the terminal is for the edge, which ends its workers in order.
             process = await asyncio.create_subprocess_exec(
-                *self._command, stdin=asyncio.subprocess.DEVNULL, start_new_session=True
+                *self._command,
+                stdin=asyncio.subprocess.PIPE,
+                env=_environment(),
+                start_new_session=True,
             )
         except OSError as error:
             return self._tell(f"cannot be started: {error.strerror}")
+        assert process.stdin is not None
+        process.stdin.write(self._task)
+        process.stdin.close()
         exited = asyncio.ensure_future(process.wait())
         try:
             cause = self._tell(await self._watch(exited))
@@ -153,6 +159,14 @@ class Worker:
         if alive:
             self._beat = self._clock.monotonic()
         self._loop.call_soon_threadsafe(self._gone.clear if alive else self._gone.set)
+
+
+def _environment() -> dict[str, str]:
+    """Return what a worker gets of our environment: where its supervisor is, and nothing that is a secret."""
+    given = bare_environment()
+    if VARIABLE in os.environ:
+        given[VARIABLE] = os.environ[VARIABLE]
+    return given
 
 
 def _signal(send: Callable[[], None]) -> None:

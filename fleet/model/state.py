@@ -17,6 +17,10 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
     lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
 
+    ``drop_in``: the file whose code runs it, where that is no installed adapter.
+
+    ``in_use``: somebody has moved it through its edge, which did not let go of it since.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -43,6 +47,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     site: Vector3 | None = None
     placement: Placement | None = None
     separation: str = ""
+    in_use: bool = False
+    drop_in: str = ""
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,7 +1,7 @@
 import logging
 import threading
 
-from fleet.tally import MOST_REASONS, TELL_EVERY, Tally
+from fleet.tally import LONGEST, MOST_REASONS, TELL_EVERY, Tally
 from fleet.testing.clock import ManualClock
 
 
@@ -31,11 +31,22 @@ def test_after_a_minute_a_reason_is_told_again_with_how_many_there_were(caplog):
     assert caplog.messages == ["on 100%", "on x (9 more like this before)", "on y"]
 
 
-def test_reasons_without_end_do_not_fill_the_log(caplog):
-    refusals, _ = tally()
-    for number in range(2 * MOST_REASONS):
+def test_reasons_without_end_fill_neither_the_log_nor_the_memory(caplog):
+    refusals, clock = tally()
+    for number in range(100_000):
         refusals.add(str(number), "line")
-    assert len(caplog.messages) <= MOST_REASONS + 1
+        if number == 50_000:
+            clock.advance(TELL_EVERY)
+    assert len(caplog.messages) <= MOST_REASONS + 2
+    assert len(refusals.counts()) == MOST_REASONS + 1
+    assert refusals.total == 100_000
+    assert "more like this before" in caplog.messages[-1]
+
+
+def test_whoever_chooses_the_words_does_not_choose_how_many(caplog):
+    refusals, _ = tally()
+    refusals.add("unreadable", "on %s", "x" * 1_000_000)
+    assert len(caplog.messages[0]) < 2 * LONGEST
 
 
 def test_nothing_is_lost_when_many_threads_count():

@@ -4,7 +4,7 @@ import logging
 import pytest
 
 from fleet.bridge.answers import SAME_REFUSAL_EVERY
-from fleet.bridge.downlink import Downlink
+from fleet.bridge.downlink import DENIED_AFTER, TURN, Downlink
 from fleet.cloud.values import Message
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
@@ -473,15 +473,46 @@ def test_what_the_bridge_does_itself_is_handed_to_it_and_its_refusals_are_counte
     assert bench.downlink.refusals.counts() == {"unreadable": 1}
 
 
-def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has(bench, accepting):
-    bench.downlink.held = frozenset({TWIN})
+def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting, monkeypatch):
+    monkeypatch.setattr("fleet.bridge.downlink.MOST_BYTES", 1000)
+    large = Message(f"{T}/command", b'{"command": "' + b"x" * 600)
+    bench.downlink.arrived([large] * 9 + [command("stop")])
+    bench.downlink.take()
+    assert bench.downlink.refusals.counts()["too many"] == 8
+    assert b"stop" in accepting.received[-1][1]
+    bench.arrive(command("beep"))
+    assert b"beep" in accepting.received[-1][1]
+
+
+def test_a_flood_leaves_the_loop_its_turns_and_keeps_its_order(bench, accepting, clock):
+    accepting.answers = lambda _kind, _payload: clock.advance(TURN / 3)
+    bench.downlink.arrived([command(f"c{number}") for number in range(12)])
+    turns = 1
+    while bench.downlink.take():
+        bench.downlink.arrived([command(f"c{12 + turns}")])  # another thread reads on
+        turns += 1
+        assert turns < 20
+    assert turns > 3
+    names = [json.loads(payload)["command"] for _, payload, _ in accepting.received]
+    assert names == sorted(names, key=lambda name: int(name[1:]))
+
+
+def test_only_stops_are_obeyed_for_a_twin_that_another_edge_has_and_who_asks_is_told(bench, accepting, clock):
+    bench.downlink.held = {TWIN: "yard-0"}
     bench.arrive(command("takeoff", response_topic=INBOX), command("emergency_stop"), command("stop"))
     assert len(accepting.emergencies) == 1
     assert [json.loads(payload)["command"] for _, payload, _ in accepting.received] == [
         "emergency_stop",
         "stop",
     ]
+    clock.advance(DENIED_AFTER - 0.01)
+    bench.downlink.deny()
     assert bench.sent == [], "the other edge answers"
+    clock.advance(0.01)
+    bench.downlink.deny()
+    answer = bench.sent[0][1]
+    assert (answer["status"], "edge yard-0 has its twin" in json.dumps(answer)) == ("rejected", True)
+    assert len(bench.sent) == 3
     assert bench.downlink.refusals.counts() == {"held elsewhere": 3}
 
 

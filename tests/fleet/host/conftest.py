@@ -331,7 +331,7 @@ class Yard:
 
     def edge(self) -> Edge:
         """Return an edge of this process."""
-        return Edge(load(self.file), self.file, directory=self.runtime, clock=SystemClock())
+        return Edge(load(self.file), directory=self.runtime, clock=SystemClock())
 
 
 @pytest.fixture

@@ -1,3 +1,5 @@
+import contextlib
+import gc
 import json
 
 import pytest
@@ -100,3 +102,34 @@ def test_no_bytes_do_anything_but_ask_or_be_refused(kind, payload):
     except WireError:
         return
     assert ask is None or isinstance(ask, Command | Setpoint | Navigate)
+
+
+BAD = (
+    b"",
+    b"{",
+    b"[1]",
+    b'{"command": 5}',
+    b'{"command": "goto"}',
+    b"\xff",
+    b'{"command": "' + b"x" * 60_000,
+)
+
+
+@pytest.mark.parametrize("kind", ["command", "navigate", "motion", "mission", "joints"])
+def test_a_refusal_keeps_no_payload_alive_until_the_garbage_collector_looks(kind, monkeypatch):
+    made = decoder()
+    monkeypatch.setattr("fleet.host.asks.LARGEST", 50_000)
+
+    def refuse_all():
+        for payload in BAD:
+            with contextlib.suppress(WireError):
+                made.decode(kind, payload, way=Way.CLOUD)
+
+    refuse_all()
+    gc.collect()
+    gc.disable()
+    try:
+        refuse_all()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

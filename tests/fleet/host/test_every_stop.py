@@ -175,7 +175,7 @@ def block(rig):
 
 
 def hold(rig):
-    rig.downlink.held = frozenset({TWIN})
+    rig.downlink.held = {TWIN: "yard-0"}
 
 
 STATES = {

@@ -11,7 +11,7 @@ import pytest
 
 from fleet.config.schema import StopInputConfig
 from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge
+from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge, robots_of
 from fleet.model.command import Way
 from fleet.testing.clock import ManualClock
 
@@ -241,7 +241,8 @@ GROUPS = {"ground": ["max"]}
 
 def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_silent():
     clock, latches = ManualClock(), {"max": Latch(), "kestrel": Latch()}
-    held = HeldByEdge([CONFIG], GROUPS, latches, clock=clock)
+    named = robots_of([CONFIG], GROUPS, latches)
+    held = HeldByEdge({robot: latches[robot] for robot in named}, clock=clock)
     assert "has not told yet" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
     held.take(b'{"max": "stop input button has not been heard yet"}')
@@ -261,9 +262,9 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
 
 def test_a_worker_that_hears_nothing_at_all_holds_its_robots_for_ever():
     clock, latches = ManualClock(), {"max": Latch()}
-    held = HeldByEdge(
-        [StopInputConfig(name="all", kind="serial", device="/dev/null")], {}, latches, clock=clock
-    )
+    everything = StopInputConfig(name="all", kind="serial", device="/dev/null")
+    assert robots_of([everything], {}, latches) == ("max",)
+    held = HeldByEdge(latches, clock=clock)
     for _ in range(100):
         clock.advance(1.0)
         held.look()

@@ -1,14 +1,16 @@
 """Two edges on one bus, in one process: of one twin only one of them runs the robot."""
 
+import asyncio
 import contextlib
 import json
+import random
 
 import pytest
 
 from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.config.load import load
-from fleet.host.claims import Claim, holder, read_claim
+from fleet.host.claims import SEEN_WITHIN, Claim, holder, read_claim
 from fleet.host.edge import Edge
 from fleet.model.command import Way
 
@@ -37,13 +39,17 @@ def two(request, yard, free_port):
         }
         file = place.file.with_name("second.yaml")
         file.write_text(json.dumps(other))
-        return Edge(load(file), file, directory=place.runtime, clock=SystemClock())
+        return Edge(load(file), directory=place.runtime, clock=SystemClock())
 
     return place, second
 
 
 def state_of(edge, name):
     return next(state for state in edge.states() if state.name == name)
+
+
+def all_states(edges):
+    return [state for edge in edges for state in edge.states()]
 
 
 async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_ends(two, run_edge, asks):
@@ -66,20 +72,63 @@ async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_
         assert state_of(second, "again").health == "ok"
 
 
-async def test_a_robot_that_runs_is_let_go_when_an_edge_that_was_first_shows_itself(two, run_edge, asks):
+@pytest.mark.parametrize("seed", range(4))
+async def test_two_edges_that_start_at_any_offset_never_run_a_robot_together(two, run_edge, asks, seed):
+    place, make_second = two
+    offset = random.Random(seed).uniform(-1.5, 1.5)
+    both = []
+
+    def runs(edge):
+        return bool({"rex", "again"} & edge.process._tasks.keys())
+
+    async def watch(edges):
+        while True:
+            if len(edges) == 2 and all(map(runs, edges)):
+                both.append(asyncio.get_running_loop().time())
+            await asyncio.sleep(0.002)
+
+    edges = []
+    async with contextlib.AsyncExitStack() as stack:
+        watching = asyncio.create_task(watch(edges))
+        makers = [place.edge, make_second] if offset > 0 else [make_second, place.edge]
+        for number, make in enumerate(makers):
+            edges.append(make())
+            await stack.enter_async_context(run_edge(edges[-1]))
+            await asyncio.sleep(abs(offset) if number == 0 else 0.0)
+        await asks.until(lambda: any(map(runs, edges)), 30)
+        await asks.until(lambda: [one for one in all_states(edges) if "has its twin" in one.cause], 30)
+        await asyncio.sleep(SEEN_WITHIN)
+        watching.cancel()
+    assert both == []
+
+
+async def test_a_robot_that_nobody_uses_is_let_go_when_the_cloud_shows_an_edge_that_was_first(
+    two, run_edge, asks
+):
     place, _ = two
     edge = place.edge()
     async with run_edge(edge):
         await asks.until(lambda: place.words("rex") == ["run"])
         twin = edge.process.robots["rex"].twin
-        ask = b'{"command": "move_forward", "source_type": "tele"}'
-        edge.process.robots["rex"].read("command", ask, way=Way.BUS)(lambda _: None)
-        edge.process.held_in_the_cloud(twin, "yard-0")
+        edge.cloud_claims.heard(twin, "yard-0")
         await asks.until(lambda: "yard-0" in state_of(edge, "rex").cause)
-        assert "halt" in place.words("rex")
         assert place.words("max") == ["run"]
-        edge.process.held_in_the_cloud(twin, "")
+        edge.cloud_claims.heard(twin, "")
         await asks.until(lambda: place.words("rex").count("run") == 2)
+
+
+async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_shows(two, run_edge, asks):
+    place, _ = two
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: place.words("rex") == ["run"])
+        rex = edge.process.robots["rex"]
+        ask = b'{"command": "move_forward", "source_type": "tele"}'
+        rex.read("command", ask, way=Way.BUS)(lambda _: None)
+        edge.cloud_claims.heard(rex.twin, "yard-0")
+        assert "yard-0" in edge.state().cause
+        assert "yard-0" not in state_of(edge, "rex").cause
+        assert "halt" not in place.words("rex")
 
 
 def test_whoever_claimed_first_has_it_and_both_come_to_that():
@@ -93,6 +142,12 @@ def test_whoever_has_not_claimed_yet_finds_any_claim_before_it():
     assert holder(None, []) == ""
 
 
+def test_who_has_a_twin_keeps_it_from_who_wanted_it_before():
+    theirs, ours = Claim(9, "b", held=True), Claim(5, "a")
+    assert (holder(ours, [theirs]), holder(theirs, [ours])) == ("b", "")
+    assert holder(None, [Claim(3, "c"), theirs]) == "b"
+
+
 @pytest.mark.parametrize(
     "key", ["", "fleet/a", "fleet/a/claims/t", "fleet/a/claims/t/x", "fleet/a/claims/t/-1"]
 )
@@ -102,3 +157,4 @@ def test_a_token_that_is_no_claim_is_none(key):
 
 def test_a_claim_is_read_from_its_token():
     assert read_claim(keys.claim("yard-1", "t", 5)) == ("t", Claim(5, "yard-1"))
+    assert read_claim(keys.claim("yard-1", "t", 5, held=True)) == ("t", Claim(5, "yard-1", held=True))

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import msgspec
 import psutil
@@ -15,6 +16,7 @@ import pytest
 from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.config.load import load
+from fleet.host.edge import Edge
 from fleet.host.settings import worker_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.command import Reply, Way
@@ -97,16 +99,26 @@ async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
     await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
 
 
-async def test_a_robot_in_a_worker_is_let_go_when_the_cloud_shows_an_edge_that_was_first(field, asks):
+async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
+    twin = field.edge.remote["arm"].twin
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
+    assert state_of(field.edge, "rex").health == "ok"
+    field.edge.cloud_claims.heard(twin, "")
+    await asks.until(lambda: field.place.words("arm") == ["run", "run"])
+
+
+async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, asks):
     twin = field.edge.remote["arm"].twin
     (reply,) = await field.ask("arm", GOTO, "navigate")
     assert reply.ok
-    field.edge._held_in_the_cloud(twin, "yard-0")
-    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
-    assert field.place.words("arm")[-2:] == ["halt", "stop"]
-    assert state_of(field.edge, "rex").health == "ok"
-    field.edge._held_in_the_cloud(twin, "")
-    await asks.until(lambda: field.place.words("arm")[-1] == "run")
+    # As when the worker's word that the robot is used has not come yet.
+    field.edge.cloud_claims._holders[twin] = "yard-0"
+    field.edge.cloud_claims.tell_workers()
+    await asks.until(lambda: state_of(field.edge, "arm").in_use)
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    assert "yard-0" in field.edge.state().cause
+    assert field.place.words("arm") == ["run", "navigate"]
 
 
 async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
@@ -190,7 +202,7 @@ class Told:
         self.worker = Worker(
             "arm",
             edge="yard",
-            config="fleet.yaml",
+            task=b"{}",
             directory="/nowhere",
             control=lane,
             clock=SystemClock(),
@@ -206,3 +218,57 @@ async def test_a_worker_that_cannot_be_started_is_told_and_tried_again(monkeypat
     task.cancel()
     await asyncio.wait({task})
     assert told.said[0] == "worker arm: cannot be started: Too many open files"
+
+
+async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
+    yard, run_edge, asks, monkeypatch, broker
+):
+    monkeypatch.setenv("CYBERWAVE_API_KEY", "canary-environment")
+    monkeypatch.setenv("SOME_SECRET", "canary-other")
+    place = yard(arm={}, leg={"worker": "main", "journal": "/dev/null"})
+    cloud = {"host": "127.0.0.1", "port": broker.port, "tls": False, "token": "canary-token"}
+    place.change(cloud=cloud)
+    edge = place.edge()
+    task = edge._workers[0]._task
+    assert b"canary" not in task
+    assert [robot["name"] for robot in msgspec.json.decode(task)["robots"]] == ["arm"]
+    async with run_edge(edge):
+        await asks.until(lambda: state_of(edge, "arm").health == "ok", 40)
+        (worker,) = place.processes("arm")
+        process = psutil.Process(worker)
+        assert "canary" not in json.dumps(process.environ())
+        assert str(place.file) not in " ".join(process.cmdline())
+        assert "canary" not in memory_of(worker)
+
+
+def memory_of(process):
+    """Return what in the memory of a process begins like our secrets."""
+    found = []
+    place = Path(f"/proc/{process}")
+    with (place / "maps").open() as maps, (place / "mem").open("rb") as memory:
+        for line in maps:
+            where, rights = line.split()[:2]
+            if rights.startswith("rw"):
+                begin, end = (int(part, 16) for part in where.split("-"))
+                memory.seek(begin)
+                try:
+                    found.append("canary" if b"canary-" in memory.read(end - begin) else "")
+                except OSError:  # of the kernel's own
+                    continue
+    return "".join(found)
+
+
+async def test_the_edge_imports_no_drop_in_file_but_of_a_robot_that_says_main(yard):
+    place = yard(arm={}, rex={"worker": "main"})
+    note = place.file.with_name("imports")
+    toy = place.file.parent / "plugins" / "toy.py"
+    toy.write_text(
+        toy.read_text() + f"\nwith open({str(note)!r}, 'a') as note:\n    note.write(f'{{os.getpid()}} ')\n"
+    )
+    loaded = load(place.file)
+    assert str(os.getpid()) not in note.read_text().split()
+    edge = Edge(loaded, directory=place.runtime, clock=SystemClock())
+    assert note.read_text().split().count(str(os.getpid())) == 1
+    assert {state.name: state.drop_in for state in edge.states()} == {"arm": "", "rex": str(toy)}
+    edge.bus.close()
+    await edge.process.close()

@@ -5,6 +5,7 @@ The usual run tries a hundred cases of each. 100,000 of each:
 """
 
 import contextlib
+import gc
 import json
 import struct
 
@@ -132,6 +133,36 @@ def test_every_decoder_reads_or_refuses_and_does_nothing_else(payload):
     for decode in DECODERS.values():
         with contextlib.suppress(WireError):
             decode(payload)
+
+
+BAD = (
+    b"",
+    b"{",
+    b"[1]",
+    b"5",
+    b'{"command": 5}',
+    b'{"type": 5}',
+    b"\xff\xfe",
+    b'{"a": 1, "a": 2}',
+    b"[" * 99,
+)
+
+
+def test_a_refusal_keeps_nothing_alive_until_the_garbage_collector_looks():
+    def refuse_all():
+        for decode in DECODERS.values():
+            for payload in BAD:
+                with contextlib.suppress(WireError):
+                    decode(payload)
+
+    refuse_all()  # what is made once
+    gc.collect()
+    gc.disable()
+    try:
+        refuse_all()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 def test_32_mib_of_nothing_are_refused_by_all():

@@ -1,0 +1,81 @@
+"""What the edge knows of a robot whose adapter is a drop-in file: what the file's own process says of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+from pydantic import ConfigDict, Field, ValidationError
+
+from fleet.config.explain import checked
+from fleet.config.problems import Mark, Path
+from fleet.config.yaml import Document
+from fleet.probe import Case, Checked, Place, ProbeError, Steps
+from fleet.registry import Plugin, Registry
+from fleet.robot_config import AdapterConfig
+
+
+class DropInConfig(AdapterConfig):
+    """The host's own fields of a robot; the others are its adapter's, and checked where that is imported."""
+
+    model_config = ConfigDict(extra="ignore")
+    is_simulated: bool = Field(False, description="What its own Config says.")
+
+    @property
+    def simulated(self) -> bool:
+        """True when the robot is a simulation."""
+        return self.is_simulated
+
+
+def asked(
+    registry: Registry,
+    plugin: Plugin,
+    data: Any,
+    *,
+    at: Path,
+    document: Document,
+    context: Mapping[str, Any],
+) -> tuple[DropInConfig, Checked] | None:
+    """Return what a drop-in file's Config makes of a robot; None after reporting why nothing."""
+    try:
+        said = registry.check(plugin, _case(plugin, data, at, document, context["folder"]))
+    except ProbeError as error:
+        document.report(
+            document.marks[at], f"the adapter {plugin.name!r} cannot be used", f"{plugin.origin}: {error}"
+        )
+        return None
+    for flaw in said.flaws:
+        document.report(Mark(*msgspec.structs.astuple(flaw.at)), flaw.message, flaw.hint)
+    if not said.fields:
+        return None
+    try:
+        fields = json.loads(said.fields) | {"is_simulated": said.simulated}
+        return checked(DropInConfig, fields, context), said
+    except (ValueError, ValidationError) as error:
+        document.report(document.marks[at], f"what {plugin.origin} makes of it cannot be read", str(error))
+        return None
+
+
+def _case(plugin: Plugin, data: Any, at: Path, document: Document, folder: object) -> Case:
+    """Return a robot with its places in the file, and nothing else of it."""
+
+    def within(steps: Steps) -> bool:
+        return steps[: len(at)] == at or not steps
+
+    def places(marks: Mapping[Path, Mark]) -> tuple[tuple[Steps, Place], ...]:
+        return tuple(
+            (steps, Place(*msgspec.structs.astuple(mark))) for steps, mark in marks.items() if within(steps)
+        )
+
+    return Case(
+        adapter=plugin.name,
+        data=json.dumps(data),
+        at=at,
+        folder=str(folder),
+        marks=places(document.marks),
+        keys=places(document.keys),
+        texts=tuple(filter(within, document.texts)),
+        spoiled=tuple(filter(within, document.spoiled)),
+    )
