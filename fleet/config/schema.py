@@ -90,11 +90,25 @@ class SpoolConfig(Model):
     ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by what they are.")
 
 
+class HistoryConfig(Model):
+    """How much is kept of what was asked of the robots, by whom, and what became of it."""
+
+    size: int = Field(64, ge=4, le=65536, description="Most MiB on disk; beyond it the oldest is dropped.")
+    days: float = Field(
+        90.0,
+        gt=0,
+        le=3650,
+        allow_inf_nan=False,
+        description="How long it is kept; the newest 1000 events always are.",
+    )
+
+
 class EdgeConfig(Model):
     """The computer that this file is for."""
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
     spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
+    history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 
 
 class CloudConfig(Topics):

@@ -19,14 +19,14 @@ from fleet.bus.session import open_edge
 from fleet.clock import Clock
 from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
-from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
-from fleet.host.begun import begun_file
-from fleet.host.journal import Journal
+from fleet.host.keeping import open_kept
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
+from fleet.host.metrics_port import MetricsPort
 from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.recall import Recall
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
     bridge_rules,
@@ -37,6 +37,7 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
+from fleet.host.stop_cause import local_cause
 from fleet.host.stop_inputs import StopInputs
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
@@ -44,7 +45,6 @@ from fleet.host.workers import Worker, names_of
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
-from fleet.spool.place import state_folder
 from fleet.spool.spool import Spool
 from fleet.supervisor.client import Supervised
 from fleet.version import __version__
@@ -81,14 +81,15 @@ class Edge:
         self.bus = open_edge(bus_settings(config), directory)
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
-            folder = state_folder(config.edge.id, config.edge.spool.path)
-            journal = Journal(folder, clock, begun_file(directory, config.edge.id))
+            journal, history = open_kept(config, directory, clock)
+            undo.callback(history.close)
             undo.callback(journal.close)
             self.process = RobotProcess(
                 config.edge.id,
                 self.bus,
                 _here(loaded),
                 journal=journal,
+                history=history,
                 clock=clock,
                 settle=settle_time(config),
                 supervised=supervised,
@@ -104,7 +105,7 @@ class Edge:
             self.bridge = self._bridge([robot for robot, _ in loaded.robots])
             if self.bridge is not None:
                 self.process.on_holder = self.bridge.hold
-            self.metrics = self._make_metrics()
+            self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
         self._stop_inputs = StopInputs(
@@ -117,7 +118,7 @@ class Edge:
             clock=clock,
         )
         self._cloud_holders: dict[str, str] = {}
-        self._metrics_problem = ""
+        self._recall = Recall(self.process.history)
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -159,7 +160,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process)
         workers: list[asyncio.Task[None]] = []
         try:
-            self._serve_metrics()
+            if self._metrics_port is not None:
+                self._metrics_port.serve()
             self._declare(ended)
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
@@ -186,28 +188,17 @@ class Edge:
                 self.metrics.close()
             stop_logs()
             self.bus.close()
+            await asyncio.to_thread(self._recall.close)
             await self.process.close()
 
-    def _make_metrics(self) -> Metrics | None:
+    def _make_metrics(self) -> tuple[Metrics | None, MetricsPort | None]:
         """Build what serves the edge's figures, where fleet.yaml asks for it."""
         if self._config.metrics is None:
-            return None
+            return None, None
         from fleet.host.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
 
-        return Metrics(self)
-
-    def _serve_metrics(self) -> None:
-        """Serve the figures, unless that is done; a port that is taken is told, and tried again."""
-        if self.metrics is None or self._config.metrics is None or self.metrics.port:
-            return
-        try:
-            self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
-        except MetricsError as error:
-            if str(error) != self._metrics_problem:
-                log.error("%s; it is tried again", error)  # noqa: TRY400 - one line for a person
-            self._metrics_problem = str(error)
-        else:
-            self._metrics_problem = ""
+        metrics = Metrics(self)
+        return metrics, MetricsPort(metrics, self._config.metrics)
 
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
@@ -221,8 +212,9 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
+        kept = (self.process.journal.problem, self.process.history.problem)
+        metrics = self._metrics_port.problem if self._metrics_port else ""
+        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -296,6 +288,7 @@ class Edge:
             self.process.outbox.bridge = self.bridge.uplink
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
         self.bus.control.answer(keys.health(edge), self._asked_health)
+        self.bus.control.answer(keys.history(edge), self._recall.asked)
         health = self.bus.control.publisher(keys.health(edge))
 
         def tell_health() -> None:
@@ -307,8 +300,8 @@ class Edge:
             self.process.wheel.every(HEALTH_EVERY, self._tell_holders)
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
-        if self.metrics is not None:
-            self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
+        if self._metrics_port is not None:
+            self.process.wheel.every(METRICS_EVERY, self._metrics_port.serve)
         self.bus.control.token(keys.edge(edge))
 
     def _held_in_the_cloud(self, twin: str, holder: str) -> None:
@@ -364,7 +357,7 @@ class Edge:
 
     def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
-        self.process.stop_robots(names, why)
+        self.process.stop_robots(names, local_cause("", why))
         for robot in self.remote.values():
             if not names or robot.name in names:
                 robot.emergency(why)

@@ -21,11 +21,12 @@ from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
 from fleet.event_loop import run as run_loop
-from fleet.host.begun import begun_file
-from fleet.host.journal import Journal
+from fleet.host.keeping import open_kept
 from fleet.host.leave import leave
-from fleet.host.logs import log_to_stderr, publish_robot_logs
+from fleet.host.log_place import log_folder
+from fleet.host.logs import Logging, publish_robot_logs, start_logging
 from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.recall import Recall
 from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.signals import end_by_signal
 from fleet.host.stops import take_stops
@@ -52,14 +53,16 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     ]
     edge = loaded.config.edge.id
     clock = SystemClock()
-    folder = state_folder(edge, loaded.config.edge.spool.path)
-    journal = Journal(folder, clock, begun_file(directory, edge, name))
+    kept = log_folder(state_folder(edge, loaded.config.edge.spool.path))
+    end_logs = start_logging(Logging.of_a_worker(name), kept / f"worker-{name}.jsonl")
+    journal, history = open_kept(loaded.config, directory, clock, name)
     settle = settle_time(loaded.config)
     process = RobotProcess(
         edge,
         bus,
         specs,
         journal=journal,
+        history=history,
         clock=clock,
         worker=name,
         settle=settle,
@@ -73,6 +76,9 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     process.follow_supervisor(stop, ended)
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
+    recall = Recall(history)
+    if parent is None:  # on another computer, with a file of its own
+        bus.control.answer(keys.history(edge), recall.asked)
     # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))
@@ -93,7 +99,9 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
         await process.stop()
         stop_logs()
         bus.close()
+        recall.close()
         await process.close()
+        end_logs()
 
 
 def main() -> int:
@@ -104,7 +112,7 @@ def main() -> int:
     parser.add_argument("--directory", type=Path, help="where the edge's sockets are")
     parser.add_argument("--parent", type=int, help="end when this process, the edge, is gone")
     given = parser.parse_args()
-    log_to_stderr(logging.INFO)
+    start_logging(Logging(logging.INFO))
     if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
         command = [sys.executable, "-P", "-m", "fleet.host.worker", *sys.argv[1:]]
         path = socket_of(runtime_dir(), os.getpid())

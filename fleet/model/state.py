@@ -17,6 +17,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
     lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
 
+    ``stop_cause`` says who set the emergency stop, and why; empty while it is not set.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -37,6 +39,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     position: Vector3 | None = None
     activity: str = ""
     emergency_stop: bool = False
+    stop_cause: str = ""
     last_command: str = ""
     last_outcome: str = ""
     senders: dict[str, float] = {}

@@ -37,12 +37,12 @@ def kestrel(play_edge):
 
 
 def test_logs_are_listed(fleet, kestrel):
-    result = fleet("logs", "kestrel", "list")
+    result = fleet("flight-logs", "kestrel", "list")
     assert result.out.splitlines()[1].split() == ["3", "80000", "2026-09-21", "14:13:20"]
 
 
 def test_a_log_is_fetched_whole(fleet, kestrel, place):
-    result = fleet("logs", "kestrel", "get", "3")
+    result = fleet("flight-logs", "kestrel", "get", "3")
     assert (result.code, result.out) == (0, "kestrel-3.bin: 80000 bytes\n")
     assert (place / "kestrel-3.bin").read_bytes() == LOG
     assert not (place / "kestrel-3.bin.part").exists()
@@ -51,14 +51,14 @@ def test_a_log_is_fetched_whole(fleet, kestrel, place):
 def test_a_fetch_goes_on_where_it_was_interrupted(fleet, kestrel, place):
     refused = Reply("read_log", ReplyStatus.DENIED, "it was armed meanwhile")
     kestrel.spoil = lambda reply: refused if len(kestrel.read) == 2 else reply
-    result = fleet("logs", "kestrel", "get", "3", "one.bin")
+    result = fleet("flight-logs", "kestrel", "get", "3", "one.bin")
     assert (result.code, result.err.splitlines()[-1]) == (
         5,
         "fleet: kestrel: read_log: it was armed meanwhile",
     )
     kestrel.spoil = None
     del kestrel.read[:]
-    assert fleet("logs", "kestrel", "get", "3", "one.bin").code == 0
+    assert fleet("flight-logs", "kestrel", "get", "3", "one.bin").code == 0
     assert (place / "one.bin").read_bytes() == LOG
     assert kestrel.read[0][0] == 32768
 
@@ -68,14 +68,14 @@ def test_a_fetch_goes_on_where_it_was_interrupted(fleet, kestrel, place):
 )
 def test_an_answer_that_is_not_what_was_asked_is_refused(fleet, kestrel, place, data):
     kestrel.spoil = lambda reply: msgspec.structs.replace(reply, data=data) if kestrel.read else reply
-    assert fleet("logs", "kestrel", "get", "3").code == 5
+    assert fleet("flight-logs", "kestrel", "get", "3").code == 5
     assert not (place / "kestrel-3.bin").exists()
 
 
 def test_a_log_that_is_not_there_is_told(fleet, kestrel):
-    assert "has no log 4" in fleet("logs", "kestrel", "get", "4").err
+    assert "has no log 4" in fleet("flight-logs", "kestrel", "get", "4").err
 
 
 def test_a_part_of_another_log_is_not_taken_for_this_one(fleet, kestrel, place):
     (place / "kestrel-3.bin.part").write_bytes(bytes(len(LOG) + 1))
-    assert "remove it" in fleet("logs", "kestrel", "get", "3").err
+    assert "remove it" in fleet("flight-logs", "kestrel", "get", "3").err
