@@ -10,6 +10,7 @@ from uuid import UUID
 
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
+from fleet.config.notify import NotifyConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
@@ -305,6 +306,9 @@ class Sections(Model):
     groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
     stop_inputs: tuple[StopInputConfig, ...] = Field(
         (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
+    )
+    notify: tuple[NotifyConfig, ...] = Field(
+        (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
     )
 
 

@@ -20,6 +20,7 @@ import contextlib
 import logging
 import sqlite3
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -65,10 +66,14 @@ class Bounds(msgspec.Struct, frozen=True):
 
 
 class History:
-    """The event store of one process. ``problem`` says why events are not on disk, empty while they are."""
+    """The event store of one process. ``problem`` says why events are not on disk, empty while they are.
+
+    ``told`` hears of each event, with its robot, on the thread that added it: it must not wait.
+    """
 
     def __init__(self, folder: Path, clock: Clock, bounds: Bounds | None = None) -> None:
         self.problem = ""
+        self.told: Callable[[str, EventReport], None] = lambda _robot, _event: None
         self.folder = folder
         self._clock = clock
         self._bounds = bounds or Bounds()
@@ -81,6 +86,7 @@ class History:
     def add(self, robot: str, event: EventReport) -> None:
         """Take an event of a robot, empty for the edge's own; from any thread. Never blocks, never raises."""
         self._waiting.append(row_of(robot, event))
+        self.told(robot, event)
         if len(self._waiting) > WAITING:
             with contextlib.suppress(IndexError):  # the writer has taken them meanwhile
                 self._waiting.popleft()

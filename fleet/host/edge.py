@@ -25,7 +25,8 @@ from fleet.host.keeping import open_kept
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
 from fleet.host.metrics_port import MetricsPort
-from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.notify import Notifier
+from fleet.host.process import RobotProcess
 from fleet.host.recall import Recall
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
@@ -37,11 +38,13 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
+from fleet.host.specs import specs_of
 from fleet.host.stop_cause import local_cause
 from fleet.host.stop_inputs import StopInputs
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
+from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
@@ -87,7 +90,7 @@ class Edge:
             self.process = RobotProcess(
                 config.edge.id,
                 self.bus,
-                _here(loaded),
+                specs_of(loaded),
                 journal=journal,
                 history=history,
                 clock=clock,
@@ -119,6 +122,8 @@ class Edge:
         )
         self._cloud_holders: dict[str, str] = {}
         self._recall = Recall(self.process.history)
+        self._notifier = Notifier(config.notify, config.edge.id, clock)
+        self.process.history.told = self._notifier.take
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -190,6 +195,7 @@ class Edge:
             self.bus.close()
             await asyncio.to_thread(self._recall.close)
             await self.process.close()
+            await asyncio.to_thread(self._notifier.close)
 
     def _make_metrics(self) -> tuple[Metrics | None, MetricsPort | None]:
         """Build what serves the edge's figures, where fleet.yaml asks for it."""
@@ -289,6 +295,7 @@ class Edge:
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
         self.bus.control.answer(keys.health(edge), self._asked_health)
         self.bus.control.answer(keys.history(edge), self._recall.asked)
+        self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
         def tell_health() -> None:
@@ -354,6 +361,9 @@ class Edge:
         for robot in self.remote.values():
             if robot.worker == worker:
                 robot.worker_is(cause)
+                if cause:
+                    lost = EventReport(self._clock.time(), EventKind.LOST, cause, Severity.ERROR)
+                    self.process.history.add(robot.name, lost)
 
     def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
@@ -380,12 +390,3 @@ class Edge:
 def _degraded(problem: str) -> Health:
     """Return the health of something that works with a problem, or without."""
     return Health(Level.DEGRADED, problem) if problem else Health()
-
-
-def _here(loaded: Loaded) -> list[RobotSpec]:
-    """Return the robots that run in the edge's own process."""
-    return [
-        RobotSpec(robot, plugin.adapter, plugin.name)
-        for robot, plugin in loaded.robots
-        if not worker_of(robot, plugin)
-    ]

@@ -25,10 +25,11 @@ from fleet.host.keeping import open_kept
 from fleet.host.leave import leave
 from fleet.host.log_place import log_folder
 from fleet.host.logs import Logging, publish_robot_logs, start_logging
-from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.process import RobotProcess
 from fleet.host.recall import Recall
-from fleet.host.settings import bus_settings, settle_time, worker_of
+from fleet.host.settings import bus_settings, settle_time
 from fleet.host.signals import end_by_signal
+from fleet.host.specs import specs_of
 from fleet.host.stops import take_stops
 from fleet.host.traffic import traffic_of
 from fleet.spool.place import state_folder
@@ -46,11 +47,6 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
     loaded = load(config, os.environ, partial=True)
     bus = join(bus_settings(loaded.config), directory)
-    specs = [
-        RobotSpec(robot, plugin.adapter, plugin.name)
-        for robot, plugin in loaded.robots
-        if worker_of(robot, plugin) == name
-    ]
     edge = loaded.config.edge.id
     clock = SystemClock()
     kept = log_folder(state_folder(edge, loaded.config.edge.spool.path))
@@ -60,7 +56,7 @@ async def run(name: str, config: Path, directory: Path, parent: int | None) -> N
     process = RobotProcess(
         edge,
         bus,
-        specs,
+        specs_of(loaded, name),
         journal=journal,
         history=history,
         clock=clock,
