@@ -10,16 +10,14 @@ from fleet.model.event import EventKind
 from fleet.robot_config import Name
 from fleet.yaml_model import Model, wrong
 
-TOLD = frozenset(
-    {
-        EventKind.STOP,
-        EventKind.EMERGENCY_STOP,
-        EventKind.RELEASE,
-        EventKind.AUTHORITY_LOST,
-        EventKind.LOST,
-        EventKind.FAILSAFE,
-        EventKind.FENCE,
-    }
+TOLD = (
+    EventKind.STOP,
+    EventKind.EMERGENCY_STOP,
+    EventKind.RELEASE,
+    EventKind.AUTHORITY_LOST,
+    EventKind.LOST,
+    EventKind.FAILSAFE,
+    EventKind.FENCE,
 )
 
 
@@ -33,9 +31,9 @@ class NotifyConfig(Model):
     command: tuple[str, ...] = Field(
         (), description="A program and its arguments; each notice is JSON on its stdin. No shell."
     )
-    events: frozenset[EventKind] = Field(
+    events: tuple[EventKind, ...] = Field(
         TOLD,
-        description="Kinds of events, as `fleet history` names them; errors are told whatever their kind.",
+        description="Kinds of events, as `fleet history` names them; errors are always told.",
     )
     robots: tuple[Name, ...] = Field((), description="Only of these robots. None: all.")
     timeout: float = Field(5.0, gt=0, le=60, description="Seconds that it may take; it is tried three times.")
