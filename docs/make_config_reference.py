@@ -5,6 +5,7 @@ python docs/make_config_reference.py
 
 from __future__ import annotations
 
+import enum
 import pathlib
 import types
 import typing
@@ -98,6 +99,8 @@ def _metadata(annotation: Any) -> tuple[Any, ...]:
 def default(field: FieldInfo) -> str:
     """Return a field's default as it is written in YAML."""
     value = field.get_default(call_default_factory=True)
+    if isinstance(value, tuple) and value and all(isinstance(each, enum.Enum) for each in value):
+        return f"`[{', '.join(each.value for each in value)}]`"
     if value is PydanticUndefined:
         return "**required**"
     if value is None or isinstance(value, BaseModel) or value in ((), {}, "", frozenset()):

@@ -95,7 +95,7 @@ def rules_of(role: Role, name: str, edge: str, access: Access) -> tuple[_Rule, .
     if role == "router":
         return (_Rule(_ALL, ("**",)),)
     if role == "console":
-        return (_Rule(("query",), ("fleet/*/robots/*/command",)),)
+        return (_Rule(("query",), ("fleet/*/robots/*/command", "fleet/*/history")),)
     if role == "program":
         channels = (*PROGRAM_CHANNELS, *access.channels)
         return (
@@ -121,6 +121,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
+        _Rule(_ANSWER, (f"fleet/{edge}/history",)),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import time
 from typing import Any
 
 from fleet.cli.connect import Edges
+from fleet.cli.send import stamped
 from fleet.errors import Refused, TimedOut
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
@@ -24,8 +23,7 @@ class Asker:
 
     def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> Any:
         """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
-        message = {"command": command, "data": data or {}, "timestamp": time.time()}  # it is sent now
-        payload = json.dumps(message, allow_nan=False).encode()
+        payload = stamped({"command": command, "data": data or {}})
         last: Reply | None = None
         for last in self._edges.command(self.robot, payload, kind="command", wait=True, timeout=timeout):
             if last.done is not None or not last.ok:

@@ -18,12 +18,15 @@ from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
 from fleet.decoding import decode_json
 from fleet.errors import BusError, Refused
+from fleet.history.record import Record
+from fleet.history.wanted import Wanted, newest
 from fleet.model.command import Reply
 from fleet.model.state import EdgeState, RobotState
 
 log = logging.getLogger(__name__)
 
 ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
+HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
 START = "start one with: fleet run fleet.yaml (or: fleet demo)"
 
 T = TypeVar("T")
@@ -125,9 +128,18 @@ class Edges:
         answers = lane.ask(key, payload, timeout=timeout, parameters=parameters)
         return (reply for _, reply in decoded(answers, Reply))
 
-    def _asked(self, key: str, kind: type[T]) -> Iterator[tuple[Lane, str, T]]:
+    def history(self, wanted: Wanted) -> list[Record]:
+        """Return what the edges know of what happened to their robots, the oldest first."""
+        asked = msgspec.json.encode(wanted)
+        parts = self._asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
+        told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
+        return newest((msgspec.structs.replace(record, edge=edge) for edge, record in told), wanted)
+
+    def _asked(
+        self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
+    ) -> Iterator[tuple[Lane, str, T]]:
         """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
-        asked = [(lane, lane.ask(key, b"", timeout=ANSWER_WITHIN)) for lane in self._lanes]
+        asked = [(lane, lane.ask(key, payload, timeout=within)) for lane in self._lanes]
         for lane, answers in asked:
             for answered, answer in decoded(answers, kind):
                 yield lane, answered, answer

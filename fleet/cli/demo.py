@@ -12,13 +12,14 @@ import tempfile
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
 from fleet.bus.settings import is_running, running_edges, runtime_dir
+from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.serve import serve
+from fleet.cli.serve import logs_to, serve
 from fleet.config.load import load
 from fleet.errors import BusError
 from fleet.host.edge import Edge
@@ -113,10 +114,10 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
 )
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
 @click.option("--edge-id", default=EDGE, show_default=True, help="Name of the edge; another for each demo.")
-@click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
+@log_options
 @with_output
 def demo(  # noqa: PLR0917 - click's options
-    out: Output, drones: int, ugvs: int, dogs: int, broker: str | None, edge_id: str, verbose: int
+    out: Output, drones: int, ugvs: int, dogs: int, broker: str | None, edge_id: str, **logs: Any
 ) -> ExitCode:
     """Run simulated robots; nothing else is needed.
 
@@ -141,7 +142,8 @@ def demo(  # noqa: PLR0917 - click's options
             there = {config.name for config, _ in loaded.robots}
             _welcome(out, host, port, [one for one in TRIES if one.robot in there], edge_id)
 
-        return serve(loaded, out, verbose=verbose, started=started)
+        wanted = logs_to(logs["verbose"], logs["log_file"], logs["log_format"])
+        return serve(loaded, out, logs=wanted, started=started)
 
 
 def _require_free(edge: str) -> None:

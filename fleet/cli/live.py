@@ -38,7 +38,9 @@ async def _table(edge: Edge) -> None:
     from rich.console import Console  # noqa: PLC0415 - slow to import and only for terminals
     from rich.live import Live  # noqa: PLC0415
 
-    with Live(_drawn(edge), console=Console(), auto_refresh=False, redirect_stderr=True) as live:
+    # What goes to a file must not be drawn above the table instead.
+    on_it = sys.stderr.isatty()
+    with Live(_drawn(edge), console=Console(), auto_refresh=False, redirect_stderr=on_it) as live:
         while True:
             await asyncio.sleep(REFRESH)
             live.update(_drawn(edge), refresh=True)

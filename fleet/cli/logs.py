@@ -1,132 +1,139 @@
-"""``fleet logs``: the logs that a robot keeps on board, by its commands list_logs and read_log."""
+"""``fleet logs``: the log of an edge and of its workers, as they keep it on this computer."""
 
 from __future__ import annotations
 
-import base64
-import binascii
-import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
 import msgspec
 
-from fleet.cli.ask import Asker
-from fleet.cli.connect import Edges
-from fleet.cli.options import reach_option
-from fleet.cli.output import ExitCode, Output, with_output
-from fleet.decoding import convert
-from fleet.errors import Refused
+from fleet.bus.settings import runtime_dirs
+from fleet.cli.options import edge_file_option
+from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.times import since_option
+from fleet.config.load import load
+from fleet.decoding import json_decoder
+from fleet.host.log_lines import Line, as_text
+from fleet.host.log_place import log_folder, log_folders
+from fleet.spool.place import state_folder
 
-_PIECE = 32 * 1024  # bytes asked for at once
-_LIST_WITHIN = 35.0  # s
-_PIECE_WITHIN = 95.0  # s
-
-
-class _Log(msgspec.Struct):
-    """One log: its number, bytes, and Unix seconds of its begin (0: unknown)."""
-
-    id: int
-    size: int
-    time: int
+LOOK = 0.25  # s between looks for more
+_LAST = 100
+_decode = json_decoder(Line).decode
 
 
-class _Piece(msgspec.Struct):
-    """A part of a log, as base64."""
-
-    offset: int
-    data: str
-
-
-@click.group()
-@click.argument("robot")
-@click.pass_context
-def logs(context: click.Context, robot: str) -> None:
-    """List and fetch the logs that ROBOT keeps on board; it must be disarmed."""
-    context.obj = robot
-
-
-@logs.command("list")
-@reach_option
-@click.pass_obj
+@click.command()
+@click.argument("robot", required=False)
+@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@since_option
+@click.option(
+    "-n",
+    "--last",
+    type=click.IntRange(min=0),
+    help=f"So many of the newest lines; left out: {_LAST}, or with --since all.",
+)
+@edge_file_option
 @with_output
-def list_logs(out: Output, robot: str, *, file: str | None) -> ExitCode:
-    """List the logs of ROBOT."""
-    with Edges.reach(file) as edges:
-        found = _list(Asker(edges, robot))
-    out.data(msgspec.to_builtins(found))
-    out.table(("log", "bytes", "begun"), [(str(log.id), str(log.size), _when(log.time)) for log in found])
-    return ExitCode.OK
+def logs(
+    out: Output, robot: str | None, *, follow: bool, since: float, last: int | None, file: str | None
+) -> None:
+    """Show the log of the edges of this computer and their workers, or what is in it about ROBOT.
 
-
-@logs.command("get")
-@click.argument("log", type=int)
-@click.argument("path", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
-@reach_option
-@click.pass_obj
-@with_output
-def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | None) -> ExitCode:
-    """Fetch a log of ROBOT to FILE (ROBOT-LOG.bin when left out).
-
-    What was interrupted is kept as FILE.part, and asked again it goes on from there.
+    It is there while the edge runs and after its end, from level INFO on, whatever -v says. With --json
+    each line is one JSON object. What a robot keeps on board has  fleet flight-logs.
     """
-    path = path or Path(f"{robot.rpartition('/')[2]}-{log}.bin")
-    if path.exists():
-        raise Refused(f"{path} exists", hint="name another file")
-    with Edges.reach(file) as edges:
-        asker = Asker(edges, robot)
-        wanted = next((each for each in _list(asker) if each.id == log), None)
-        if wanted is None:
-            raise Refused(f"{robot} has no log {log}", hint=f"fleet logs {robot} list")
-        _fetch(asker, wanted, path)
-    out.data({"file": str(path), "bytes": wanted.size})
-    out.say(f"{path}: {wanted.size} bytes")
-    return ExitCode.OK
+    folders = _folders(file)
+    if not folders:
+        raise NotRunning("no edge has left a log here; another computer's is read there")
+    name = (robot or "").rpartition("/")[2]
+    tails: dict[Path, Tail] = {}
+    before = [line for line in _more(folders, tails) if line.stamp >= since and _is_about(line, name)]
+    most = len(before) if since and last is None else _LAST if last is None else last
+    for line in before[max(len(before) - most, 0) :]:
+        _show(out, line)
+    if not before:
+        out.note(f"nothing is logged{f' about {name}' if name else ''}")
+    while follow:
+        time.sleep(LOOK)
+        for line in _more(folders, tails):
+            if _is_about(line, name):
+                _show(out, line)
 
 
-def _fetch(asker: Asker, log: _Log, path: Path) -> None:
-    """Write a log to a file, going on where an earlier attempt ended; the bar is drawn on a terminal."""
-    part = path.with_name(f"{path.name}.part")
-    done = part.stat().st_size if part.exists() else 0
-    if done > log.size:
-        raise Refused(f"{part} is longer than the log", hint="it is of another log: remove it")
-    bar = click.progressbar(length=log.size, label=path.name, file=sys.stderr)
-    with part.open("ab") as kept, bar:
-        bar.update(done)
-        for data in _pieces(asker, log, done):
-            kept.write(data)
-            kept.flush()
-            bar.update(len(data))
-    part.replace(path)
+def _more(folders: Iterable[Path], tails: dict[Path, Tail]) -> list[Line]:
+    """Return what has come since the last time, of all processes, in order; ``tails`` are those known."""
+    for path in (path for folder in folders for path in folder.glob("*.jsonl")):
+        tails.setdefault(path, Tail(path))
+    return sorted((line for tail in tails.values() for line in tail.more()), key=lambda line: line.stamp)
 
 
-def _pieces(asker: Asker, log: _Log, at: int) -> Iterator[bytes]:
-    """Yield a log from an offset on, a piece at a time; raises Refused for one that is not what was asked."""
-    while at < log.size:
-        count = min(_PIECE, log.size - at)
-        asked = {"id": log.id, "offset": at, "count": count}
-        said = asker.ask("read_log", asked, timeout=_PIECE_WITHIN)
+def _show(out: Output, line: Line) -> None:
+    """Show a line at once: for programs it is one JSON object."""
+    click.echo(msgspec.json.encode(line).decode() if out.as_json else as_text(line))
+
+
+class Tail:
+    """One file that grows, with those that it was before it was rotated."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._inode = 0
+        self._at = 0
+
+    def more(self) -> Iterator[Line]:
+        """Yield what has come since; the first time all there is. Half a line waits for its other half."""
         try:
-            piece = convert(said, _Piece)
-            data = base64.b64decode(piece.data, validate=True)
-        except (msgspec.ValidationError, binascii.Error) as error:
-            raise Refused(f"{asker.robot.name} answers what is no log: {error}") from None
-        if piece.offset != at or not 0 < len(data) <= count:
-            raise Refused(f"{asker.robot.name} gave {len(data)} bytes at {piece.offset}, not {count} at {at}")
-        yield data
-        at += len(data)
+            found = self.path.stat()
+        except OSError:
+            return
+        if found.st_ino != self._inode or found.st_size < self._at:
+            older = sorted(self.path.parent.glob(f"{self.path.name}.*"), key=_number, reverse=True)
+            yield from self._rest(older)
+            self._inode, self._at = found.st_ino, 0
+        whole = _content(self.path)[self._at :].rpartition(b"\n")[0]
+        self._at += len(whole) + bool(whole)
+        yield from _lines(whole)
+
+    def _rest(self, older: list[Path]) -> Iterator[Line]:
+        """Yield what was rotated away: the first time all, later what came at the end of the last file."""
+        for path in older if not self._inode else older[-1:]:
+            yield from _lines(_content(path)[self._at if self._inode else 0 :])
 
 
-def _list(asker: Asker) -> list[_Log]:
-    """Return the logs of a robot."""
-    said = asker.ask("list_logs", timeout=_LIST_WITHIN)
+def _lines(content: bytes) -> Iterator[Line]:
+    """Yield the lines of a file; what is none is left out."""
+    for each in content.splitlines():
+        try:
+            yield _decode(each)
+        except msgspec.DecodeError:
+            continue
+
+
+def _content(path: Path) -> bytes:
+    """Return a file's content; nothing of one that is gone."""
     try:
-        return convert(said, list[_Log])
-    except msgspec.ValidationError as error:
-        raise Refused(f"{asker.robot.name} answers what are no logs: {error}") from None
+        return path.read_bytes()
+    except OSError:
+        return b""
 
 
-def _when(seconds: int) -> str:
-    """Return a time as text, in UTC."""
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(seconds)) if seconds else "-"
+def _number(path: Path) -> int:
+    """Return how often a file was rotated."""
+    suffix = path.suffix.removeprefix(".")
+    return int(suffix) if suffix.isdecimal() else 0
+
+
+def _is_about(line: Line, robot: str) -> bool:
+    """Return whether a line is about a robot; the host's own lines begin with its name."""
+    return not robot or line.robot == robot or line.message.startswith(f"{robot}: ")
+
+
+def _folders(file: str | None) -> list[Path]:
+    """Return the folders of the logs of a fleet file's edge, else of all edges of this user."""
+    if file is None:
+        return list(log_folders(runtime_dirs()).values())
+    edge = load(file, partial=True).config.edge
+    folder = log_folder(state_folder(edge.id, edge.spool.path))
+    return [folder] if folder.is_dir() else []

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import click
 
 LONGEST = 86_400.0  # s
@@ -16,6 +19,10 @@ def _seconds(_context: click.Context, _option: click.Parameter, value: float) ->
 
 reach_option = click.option("-f", "--file", type=click.Path(), help="Reach the edge of this fleet file.")
 """Which edge is asked; left out: all that run on this computer."""
+edge_file_option = click.option(
+    "--file", type=click.Path(), help="Only the edge of this fleet file; needed where edge.spool.path is set."
+)
+"""Whose log it is, where -f means to follow."""
 wait_option = click.option("--wait", is_flag=True, help="Wait until the robot was seen to have done it.")
 timeout_option = click.option(
     "--timeout",
@@ -25,3 +32,22 @@ timeout_option = click.option(
     callback=_seconds,
     help="Seconds to wait at the most.",
 )
+
+
+def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command that runs an edge the options of its log."""
+    for option in (
+        click.option(
+            "--log-format",
+            type=click.Choice(["text", "json"]),
+            default="text",
+            show_default=True,
+            help="Lines for people, or one JSON object a line.",
+        ),
+        click.option(
+            "--log-file", type=click.Path(dir_okay=False), help="Also log to this file; it is rotated."
+        ),
+        click.option("-v", "--verbose", count=True, help="Log more; twice for everything."),
+    ):
+        function = option(function)
+    return function

@@ -12,6 +12,7 @@ import sys
 import click
 
 from fleet.bus.settings import runtime_dir
+from fleet.cli.options import log_options
 from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
 from fleet.supervisor.place import socket_of
@@ -21,9 +22,9 @@ from fleet.supervisor.told import told_aside
 
 @click.command()
 @click.argument("file", default="fleet.yaml", type=click.Path())
-@click.option("-v", "--verbose", count=True, help="Log more; twice for everything.")
+@log_options
 @with_output
-def run(out: Output, file: str, verbose: int) -> int:
+def run(out: Output, file: str, *, verbose: int, log_file: str | None, log_format: str) -> int:
     """Run the fleet of FILE (fleet.yaml when left out) until Ctrl-C.
 
     Robots that cannot run are told and left out; the others run, and the exit code is then 7. With --json
@@ -31,6 +32,7 @@ def run(out: Output, file: str, verbose: int) -> int:
     are halted meanwhile.
     """
     options = ["--json"] * out.as_json + ["--no-color"] * (not out.color) + ["-v"] * verbose
+    options += ["--log-format", log_format, *(["--log-file", log_file] if log_file else [])]
     # -P: what lies in the user's folder is not to be imported in place of our own modules.
     command = [sys.executable, "-P", "-m", "fleet", "run-edge", *options, "--", file]
     path = socket_of(runtime_dir(), os.getpid())

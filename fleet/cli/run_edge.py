@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import click
 
+from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.serve import serve
+from fleet.cli.serve import logs_to, serve
 from fleet.config.load import load
 from fleet.host.edge import Edge
+from fleet.host.log_lines import Format
 from fleet.supervisor.client import supervised
 
 
 @click.command(hidden=True)
 @click.argument("file", type=click.Path())
-@click.option("-v", "--verbose", count=True)
+@log_options
 @with_output
-def run_edge(out: Output, file: str, verbose: int) -> ExitCode:
+def run_edge(out: Output, file: str, *, verbose: int, log_file: str | None, log_format: Format) -> ExitCode:
     """Run the fleet of FILE until a signal ends it."""
     loaded = load(file, partial=True)
     for problem in loaded.problems:
@@ -26,4 +28,5 @@ def run_edge(out: Output, file: str, verbose: int) -> ExitCode:
     def started(_edge: Edge) -> None:
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
 
-    return serve(loaded, out, verbose=verbose, started=started, supervised=supervised())
+    logs = logs_to(verbose, log_file, log_format)
+    return serve(loaded, out, logs=logs, started=started, supervised=supervised())

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from fleet.cli.asker import asker
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -61,7 +62,7 @@ def send(
 
     While an emergency stop is set, a drone still obeys  land, return_to_home, cancel_takeoff, cancel_landing
     and cancel_return_to_home,  wheeled robots and dogs obey nothing that moves them, until
-    release_emergency_stop.
+    fleet release ROBOT.
 
     For example:  fleet send kestrel takeoff altitude=5 --wait
     """
@@ -125,11 +126,13 @@ def ask_each(
             ]
         ]
         with around(out, edges, robots) if wait else contextlib.nullcontext():
-            last = [(robot, _last(out, robot, replies, command, within)) for robot, command, replies in asked]
+            last = [
+                (robot, last_reply(out, robot, replies, command, within)) for robot, command, replies in asked
+            ]
     if wait:
         last = [(robot, _ended(out, robot, reply, within)) for robot, reply in last]
     out.data({"answers": [{"robot": robot.name, **for_programs(reply)} for robot, reply in last]})
-    codes = {_code(reply) for _, reply in last}
+    codes = {code_of(reply) for _, reply in last}
     return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
 
 
@@ -144,10 +147,12 @@ def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def stamped(message: dict[str, Any]) -> bytes:
     """Return a message that is sent now."""
-    return json.dumps({**message, "timestamp": time.time()}).encode()
+    return json.dumps({**message, "session_id": asker(), "timestamp": time.time()}, allow_nan=False).encode()
 
 
-def _last(out: Output, robot: RobotState, replies: Iterator[Reply], command: str, timeout: float) -> Reply:
+def last_reply(
+    out: Output, robot: RobotState, replies: Iterator[Reply], command: str, timeout: float
+) -> Reply:
     """Show a robot's answers and return the last of them, or that there was none."""
     last = None
     for last in replies:
@@ -178,7 +183,7 @@ def _sentence(reply: Reply) -> str:
     return f"{text} ({reply.hint})" if reply.hint else text
 
 
-def _code(reply: Reply) -> ExitCode:
+def code_of(reply: Reply) -> ExitCode:
     """Return the exit code of one robot's answer."""
     if reply.status is ReplyStatus.TIMEOUT:
         return ExitCode.TIMEOUT

@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from fleet.bus.settings import runtime_dir
 from fleet.cli.live import show
@@ -17,8 +18,12 @@ from fleet.clock import SystemClock
 from fleet.config.load import Loaded
 from fleet.event_loop import run as run_loop
 from fleet.host.edge import Edge
-from fleet.host.logs import log_to_stderr
+from fleet.host.log_lines import Format
+from fleet.host.log_place import log_folder, show_log
+from fleet.host.logs import Logging, start_logging
 from fleet.host.signals import end_by_signal
+from fleet.robot_config import MAIN
+from fleet.spool.place import state_folder
 from fleet.supervisor.client import Supervised
 
 TOGETHER = 1.0  # s in which signals count as one
@@ -26,17 +31,29 @@ STOPPING = "\nstopping: robots are brought to a standstill (Ctrl-C again to leav
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 
+def logs_to(verbose: int, file: str | None, form: Format) -> Logging:
+    """Return what the options of the log mean."""
+    return Logging(LEVELS[min(verbose, 2)], form, Path(file) if file else None)
+
+
 def serve(
     loaded: Loaded,
     out: Output,
     *,
-    verbose: int,
+    logs: Logging,
     started: Callable[[Edge], None],
     supervised: Supervised | None = None,
 ) -> ExitCode:
     """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
-    log_to_stderr(LEVELS[min(verbose, 2)])
-    run_loop(_serve(loaded, out, started, supervised))
+    edge = loaded.config.edge
+    kept = log_folder(state_folder(edge.id, edge.spool.path))
+    logs.told()
+    end_logs = start_logging(logs, kept / f"{MAIN}.jsonl")
+    show_log(edge.id, kept, runtime_dir())
+    try:
+        run_loop(_serve(loaded, out, started, supervised))
+    finally:
+        end_logs()
     return ExitCode.SOME_FAILED if loaded.problems else ExitCode.OK
 
 

@@ -6,6 +6,7 @@ this computer before a fleet file is so much as opened. Keep what this module im
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -19,11 +20,12 @@ from fleet.bus import keys
 from fleet.bus.lane import Lane
 from fleet.bus.session import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
+from fleet.cli.asker import asker
 from fleet.cli.connect import ANSWER_WITHIN, START, Edges, decoded
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, NotRunning, Output, with_output
 from fleet.errors import BusError
-from fleet.host.safety.latch import RELEASE
+from fleet.host.stop_cause import parameters_of
 from fleet.model.command import ReplyStatus
 from fleet.model.state import RobotState
 from fleet.supervisor.ask import stop_all
@@ -37,20 +39,29 @@ UNSEEN = "no state of it came after the stop"
 OPEN = ("under way", ReplyStatus.ACCEPTED.value, UNSEEN)
 
 
+class Asked(msgspec.Struct, frozen=True):
+    """A stop: of whom (none: all), and why; ``request`` makes it one, whichever ways it goes."""
+
+    names: tuple[str, ...]
+    reason: str
+    request: str
+
+
 class Attempt:
-    """One edge that is reached and stopped; ``names`` empty: all its robots.
+    """One edge that is reached and stopped, all its robots where the stop names none.
 
     ``hit`` has edge and name of who was stopped, ``problem`` why the edge was not reached.
     """
 
-    def __init__(self, settings: BusSettings, directory: Path, names: tuple[str, ...]) -> None:
+    def __init__(self, settings: BusSettings, directory: Path, asked: Asked) -> None:
         self.settings = settings
         self.lane: Lane | None = None
         self.hit: set[tuple[str, str]] = set()
         self.problem = ""
         self._directory = directory
         # A name that is no text must not hold up the others.
-        self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in names])
+        self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in asked.names])
+        self._parameters = parameters_of(asker(), asked.reason, asked.request)
         self._thread = threading.Thread(target=self._stop, name=f"stop:{settings.edge}", daemon=True)
         self._thread.start()
 
@@ -62,7 +73,13 @@ class Attempt:
         """Join, and stop there and then."""
         try:
             self.lane = join_control(self.settings, self._directory)
-            answers = self.lane.ask(keys.stop("*"), self._payload, timeout=ANSWER_WITHIN, urgent=True)
+            answers = self.lane.ask(
+                keys.stop("*"),
+                self._payload,
+                timeout=ANSWER_WITHIN,
+                parameters=self._parameters,
+                urgent=True,
+            )
             for key, names in decoded(answers, list[str]):
                 self.hit.update((key.split("/")[1], name) for name in names)
         except BusError as error:
@@ -74,9 +91,10 @@ class Attempt:
 class Supervisors:
     """The supervisors of one runtime folder: asked without the bus, so also while their edges are away."""
 
-    def __init__(self, directory: Path, names: tuple[str, ...]) -> None:
+    def __init__(self, directory: Path, asked: Asked) -> None:
         self.answers: list[Stopped] = []
-        self._asked = directory, names
+        self._directory = directory
+        self._asked = asked
         self._thread = threading.Thread(target=self._stop, name="stop:supervisors", daemon=True)
         self._thread.start()
 
@@ -86,14 +104,16 @@ class Supervisors:
 
     def _stop(self) -> None:
         """Ask all of them."""
-        self.answers = stop_all(*self._asked)
+        asked = self._asked
+        self.answers = stop_all(self._directory, asked.names, why=asked.reason, request=asked.request)
 
 
 class Effort:
     """All that is tried to stop some robots, together; used as a context, which closes it."""
 
-    def __init__(self, names: Iterable[str]) -> None:
-        self._names = tuple(name.rpartition("/")[2] for name in names)
+    def __init__(self, names: Iterable[str], reason: str = "") -> None:
+        plain = tuple(name.rpartition("/")[2] for name in names)
+        self._asked = Asked(plain, reason, os.urandom(8).hex())
         self._attempts: list[Attempt] = []
         self._supervisors: list[Supervisors] = []
         self.problems: list[str] = []
@@ -109,9 +129,9 @@ class Effort:
     def try_here(self) -> None:
         """Begin to stop every edge that runs on this computer."""
         for directory in runtime_dirs():
-            self._supervisors.append(Supervisors(directory, self._names))
+            self._supervisors.append(Supervisors(directory, self._asked))
             for edge in running_edges(directory):
-                self._attempts.append(Attempt(BusSettings(edge), directory, self._names))
+                self._attempts.append(Attempt(BusSettings(edge), directory, self._asked))
 
     def try_file(self, file: str) -> None:
         """Begin to stop the edge of a fleet file, which need not be right."""
@@ -121,7 +141,7 @@ class Effort:
         self.problems += found.problems
         if found.settings.edge or found.settings.connect:
             directories = runtime_dirs() or [Path()]
-            self._attempts += [Attempt(found.settings, place, self._names) for place in directories]
+            self._attempts += [Attempt(found.settings, place, self._asked) for place in directories]
 
     def end(self) -> set[tuple[str, str]]:
         """Wait for all; return edge and name of who was stopped."""
@@ -169,13 +189,16 @@ class Effort:
 @click.command()
 @click.argument("robots", nargs=-1)
 @click.option("--all", "everything", is_flag=True, help="Every robot of every edge that is reached.")
+@click.option("--reason", default="", help="Why; whoever releases the robots is shown it.")
 @reach_option
 @with_output
-def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
+def stop(
+    out: Output, robots: tuple[str, ...], *, everything: bool, reason: str, file: str | None
+) -> ExitCode:
     """Stop ROBOTS (or groups) at once and keep them stopped.
 
     This is the emergency stop: aircraft brake and hold in the air, and nothing moves until it is released
-    with  fleet send ROBOT release_emergency_stop.  It never asks and never waits its turn. Every edge that
+    with  fleet release ROBOT.  It never asks and never waits its turn. Every edge that
     runs on this computer is asked, and that of the file as well, even if there are errors in it.
 
     What only makes a robot safer is let through meanwhile. Aircraft: land, return_to_home, and what cancels
@@ -186,7 +209,7 @@ def stop(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | 
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
-    with Effort(robots) as effort:
+    with Effort(robots, reason) as effort:
         effort.try_here()
         if file is not None:
             effort.try_file(file)
@@ -273,7 +296,7 @@ def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode
         out.say(f"edge {edge} is away: its stop is set when it is back; halted now: {halted_now}")
     out.note(f"reached: {', '.join(f'edge {edge}' for edge in reached) or 'no edge'}")
     if result.hit:
-        out.note(f"released with: fleet send ROBOT {RELEASE}")
+        out.note("released with: fleet release ROBOT")
     for name in result.missing:
         out.note(f"{name}: NOT STOPPED; fleet ps shows the robots there are")
     for problem in problems:

@@ -16,7 +16,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.clock import SystemClock
 from fleet.errors import Refused
 from fleet.event_loop import run
-from fleet.host.logs import log_to_stderr
+from fleet.host.logs import Logging, start_logging
 from fleet.host.signals import end_by_signal
 from fleet.model.state import RobotState
 
@@ -108,7 +108,7 @@ def video(
         )
     servers = [RTCIceServer(url, ice_user, ice_password) for url in ice_urls]
     source = Source(state.name, state.twin, used, sensor, rate, servers)
-    log_to_stderr(logging.INFO)
+    start_logging(Logging(logging.INFO))
     logging.getLogger("aioice").setLevel(logging.WARNING)
     out.note(f"video of {state.name} ({sensor}) is sent when start_video asks for it; Ctrl-C ends it")
 

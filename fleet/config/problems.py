@@ -96,7 +96,7 @@ def masked(line: str) -> str:
         value = _value_after(key)
         shown += line[at : key.end()]
         at = key.end()
-        if _is_secret(key["word"]) and not value.startswith(("!secret", "!include", "${")):
+        if is_secret(key["word"]) and not value.startswith(("!secret", "!include", "${")):
             shown += "*" * len(value)  # as long as it was: carets stay aligned
             at += len(value)
     return shown + line[at:]
@@ -110,7 +110,7 @@ def _value_after(key: re.Match[str]) -> str:
     return found[0] if found else ""
 
 
-def _is_secret(key: str) -> bool:
+def is_secret(key: str) -> bool:
     """Return True when a key names a secret, or nearly so."""
     word = key.lower()
     if word in _SHORT_SECRETS or word.endswith(_TAIL_OF_SECRET):

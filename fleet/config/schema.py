@@ -9,6 +9,7 @@ from uuid import UUID
 from pydantic import AfterValidator, Field, SecretStr, model_validator
 
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
+from fleet.config.notify import NotifyConfig
 from fleet.robot_config import AdapterConfig, Name
 from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
@@ -64,11 +65,25 @@ class SpoolConfig(Model):
     ages: SpoolAges = Field(SpoolAges(), description="How long messages are kept, by what they are.")
 
 
+class HistoryConfig(Model):
+    """How much is kept of what was asked of the robots, by whom, and what became of it."""
+
+    size: int = Field(64, ge=4, le=65536, description="Most MiB on disk; beyond it the oldest is dropped.")
+    days: float = Field(
+        90.0,
+        gt=0,
+        le=3650,
+        allow_inf_nan=False,
+        description="How long it is kept; the newest 1000 events always are.",
+    )
+
+
 class EdgeConfig(Model):
     """The computer that this file is for."""
 
     id: Name = Field(description="The edge's name on the bus; no two edges of a site share it.")
     spool: SpoolConfig = Field(SpoolConfig(), description="What outlives the edge, on its disk.")
+    history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 
 
 class CloudConfig(Topics):
@@ -269,6 +284,9 @@ class Sections(Model):
     groups: dict[Name, tuple[Name, ...]] = Field({}, description="Names for several robots at once.")
     stop_inputs: tuple[StopInputConfig, ...] = Field(
         (), description="Devices whose heartbeat lets robots move; docs/stops.md says what they are not."
+    )
+    notify: tuple[NotifyConfig, ...] = Field(
+        (), description="Webhooks and programs that are told of faults and stops, also without a cloud."
     )
 
 

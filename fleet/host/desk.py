@@ -267,9 +267,9 @@ class Desk:
     def _stop(self, ask: Command, ticket: Ticket) -> None:
         """End all motion; never refused, never a repeat."""
         if ask.name == EMERGENCY:
-            self.emergency(who := f"asked by {ask.origin.session or ask.origin.way}")
+            self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
             if self.latch.is_news():
-                self.teller.emergency_stop(ask, who)
+                self.teller.emergency_stop(ask, self.latch.why)
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()

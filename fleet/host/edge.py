@@ -20,17 +20,18 @@ from fleet.bus.session import open_edge
 from fleet.clock import Clock
 from fleet.cloud.values import CloudState
 from fleet.config.load import Loaded
-from fleet.errors import MetricsError
 from fleet.health.aggregate import edge_health, robots_by_health
 from fleet.health.load import read_load
-from fleet.host.begun import begun_file
 from fleet.host.cloud_claims import CloudClaims
 from fleet.host.expiry import Expiry, files_of
-from fleet.host.journal import Journal
+from fleet.host.keeping import bounds_of, open_kept
 from fleet.host.local import LocalRobot
 from fleet.host.logs import publish_robot_logs
+from fleet.host.metrics_port import MetricsPort
+from fleet.host.notify import Notifier
 from fleet.host.presence import Presence
-from fleet.host.process import RobotProcess, RobotSpec
+from fleet.host.process import RobotProcess
+from fleet.host.recall import Recall
 from fleet.host.remote import RemoteRobot
 from fleet.host.settings import (
     bridge_rules,
@@ -42,11 +43,13 @@ from fleet.host.settings import (
     topics,
     worker_of,
 )
+from fleet.host.stop_cause import local_cause
 from fleet.host.stop_inputs import TELL, StopInputs
 from fleet.host.stops import take_stops
-from fleet.host.task import Importer, Task, robot_tasks, task_of
+from fleet.host.task import Task, specs_here, task_of
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
+from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.health import Health, Level
 from fleet.model.state import EdgeState, RobotState
 from fleet.robot_config import AdapterConfig
@@ -87,13 +90,15 @@ class Edge:
         with contextlib.ExitStack() as undo:
             undo.callback(self.bus.close)
             folder = state_folder(config.edge.id, config.edge.spool.path)
-            journal = Journal(folder, clock, begun_file(directory, config.edge.id))
+            journal, history = open_kept(config.edge.id, folder, bounds_of(config), directory, clock=clock)
+            undo.callback(history.close)
             undo.callback(journal.close)
             self.process = RobotProcess(
                 config.edge.id,
                 self.bus,
-                _here(loaded),
+                specs_here(loaded),
                 journal=journal,
+                history=history,
                 clock=clock,
                 settle=settle_time(config),
                 supervised=supervised,
@@ -116,7 +121,7 @@ class Edge:
             self._presence = Presence(self.bridge, self.process.supervised) if self.bridge else None
             if self._presence is not None:
                 self.process.on_holder = self._presence.hold
-            self.metrics = self._make_metrics()
+            self.metrics, self._metrics_port = self._make_metrics()
             undo.pop_all()
         self._groups = {name: list(robots) for name, robots in config.groups.items()}
         self._stop_inputs = StopInputs(
@@ -129,7 +134,9 @@ class Edge:
             clock=clock,
         )
         self._expiry = Expiry(files_of(config.bus.tls), clock)
-        self._metrics_problem = ""
+        self._recall = Recall(self.process.history)
+        self._notifier = Notifier(config.notify, config.edge.id, clock)
+        self.process.history.told = self._notifier.take
 
     def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
         """Build this side of the robots that run in workers."""
@@ -172,7 +179,8 @@ class Edge:
         stop_logs = publish_robot_logs(self.process, self.remote)
         workers: list[asyncio.Task[None]] = []
         try:
-            self._serve_metrics()
+            if self._metrics_port is not None:
+                self._metrics_port.serve()
             self._declare(ended)
             self.process.start()
             self._stop_inputs.start(self.process.watchdog.add)
@@ -199,28 +207,18 @@ class Edge:
                 self.metrics.close()
             stop_logs()
             self.bus.close()
+            await asyncio.to_thread(self._recall.close)
             await self.process.close()
+            await asyncio.to_thread(self._notifier.close)
 
-    def _make_metrics(self) -> Metrics | None:
+    def _make_metrics(self) -> tuple[Metrics | None, MetricsPort | None]:
         """Build what serves the edge's figures, where fleet.yaml asks for it."""
         if self._config.metrics is None:
-            return None
+            return None, None
         from fleet.host.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
 
-        return Metrics(self)
-
-    def _serve_metrics(self) -> None:
-        """Serve the figures, unless that is done; a port that is taken is told, and tried again."""
-        if self.metrics is None or self._config.metrics is None or self.metrics.port:
-            return
-        try:
-            self.metrics.serve(self._config.metrics.host, self._config.metrics.port)
-        except MetricsError as error:
-            if str(error) != self._metrics_problem:
-                log.error("%s; it is tried again", error)  # noqa: TRY400 - one line for a person
-            self._metrics_problem = str(error)
-        else:
-            self._metrics_problem = ""
+        metrics = Metrics(self)
+        return metrics, MetricsPort(metrics, self._config.metrics)
 
     def robots(self) -> list[LocalRobot | RemoteRobot]:
         """Return every robot of this edge, also those in its workers."""
@@ -234,15 +232,10 @@ class Edge:
         """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
         states = self.states()
         cloud = self._cloud_health()
-        journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (
-            self.bus.problem,
-            journal,
-            inputs,
-            self._metrics_problem,
-            self._expiry.problem,
-            self.cloud_claims.problem,
-        )
+        kept = (self.process.journal.problem, self.process.history.problem)
+        metrics = self._metrics_port.problem if self._metrics_port else ""
+        claims, expiry = self.cloud_claims.problem, self._expiry.problem
+        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge
@@ -319,6 +312,8 @@ class Edge:
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)
+        self.bus.control.answer(keys.history(edge), self._recall.asked)
+        self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
         health = self.bus.control.publisher(keys.health(edge))
 
         def tell_health() -> None:
@@ -333,8 +328,8 @@ class Edge:
             self.process.wheel.every(TELL, lambda: held.put(self._stop_inputs.held))
         if self.bridge is not None:
             self.process.wheel.every(HEARTBEAT_EVERY, self._beat)
-        if self.metrics is not None:
-            self.process.wheel.every(METRICS_EVERY, self._serve_metrics)
+        if self._metrics_port is not None:
+            self.process.wheel.every(METRICS_EVERY, self._metrics_port.serve)
         self.bus.control.token(keys.edge(edge))
 
     def _moves(self, twin: str) -> bool:
@@ -375,10 +370,13 @@ class Edge:
         for robot in self.remote.values():
             if robot.worker == worker:
                 robot.worker_is(cause)
+                if cause:
+                    lost = EventReport(self._clock.time(), EventKind.LOST, cause, Severity.ERROR)
+                    self.process.history.add(robot.name, lost)
 
     def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
-        self.process.stop_robots(names, why)
+        self.process.stop_robots(names, local_cause("", why))
         for robot in self.remote.values():
             if not names or robot.name in names:
                 robot.emergency(why)
@@ -397,12 +395,3 @@ class Edge:
 def _degraded(problem: str) -> Health:
     """Return the health of something that works with a problem, or without."""
     return Health(Level.DEGRADED, problem) if problem else Health()
-
-
-def _here(loaded: Loaded) -> list[RobotSpec]:
-    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
-
-    Raises ConfigError for one that cannot be imported here.
-    """
-    importer = Importer(loaded.folder, loaded.registry)
-    return [importer.spec(task) for task in robot_tasks(loaded, "")]

@@ -192,10 +192,15 @@ class Journal:
 
     A stop that is set stays in ``begun``, too, until it is released: whoever loses one of the two files has
     the other.
+
+    ``also`` is called on the journal's thread after each turn: what else may wait for the disk; never raises.
     """
 
-    def __init__(self, folder: Path, clock: Clock, begun: Path) -> None:
+    def __init__(
+        self, folder: Path, clock: Clock, begun: Path, also: Callable[[], None] = lambda: None
+    ) -> None:
         self.problem = ""
+        self._also = also
         self._clock = clock
         self._adding = threading.Lock()  # what is added waits, or is done with, in both places
         self._set: dict[str, str] = {}  # why, by robot: the emergency stops that are set
@@ -319,14 +324,18 @@ class Journal:
         while not closing:
             closing = self._closing.wait(GATHER)
             changes = [self._waiting.popleft() for _ in range(len(self._waiting))]
-            if not changes:
-                continue
-            with self._using:
-                self._commit(changes)
-            with self._adding:
-                full = self._begun is not None and self._begun.length > LONGEST
-                if not self._waiting and (full or not self.problem):
-                    self._clear()
+            if changes:
+                self._keep(changes)
+            self._also()
+
+    def _keep(self, changes: Sequence[Change]) -> None:
+        """Write changes; what is on disk need not be in the file in memory any more."""
+        with self._using:
+            self._commit(changes)
+        with self._adding:
+            full = self._begun is not None and self._begun.length > LONGEST
+            if not self._waiting and (full or not self.problem):
+                self._clear()
 
     def _commit(self, changes: Sequence[Change]) -> None:
         """Write changes; what the disk does not take is told, once for each kind of trouble.

@@ -20,16 +20,19 @@ from fleet.host.happenings import Happenings
 from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
+from fleet.host.recorder import Recorder
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot
-from fleet.host.teller import robot_log
+from fleet.host.stop_cause import StopCause
+from fleet.host.teller import asker_of, request_of, robot_log
 from fleet.host.ticket import Ticket
 from fleet.host.traffic import Traffic
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Answer, Asked, Command, Origin, Reply, Setpoint, Way
+from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState, Control, Navigate
 from fleet.model.report import (
@@ -92,6 +95,7 @@ class LocalRobot:
         shared: Shared,
         outbox: Outbox,
         journal: RobotJournal,
+        record: Callable[[EventReport], None],
         arrival: Callable[[], float],
         changed: Callable[[str], None],
         supervised: Supervised,
@@ -121,6 +125,8 @@ class LocalRobot:
         self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
         self._log = robot_log(config.name)
         self._refusals = Tally(self._log, clock)
+        self._record = record  # into the edge's history
+        self._recorder = Recorder(self.publish, clock)
         self._can = can = timed(capabilities(plugin), config)
         self.desk = Desk(
             config,
@@ -201,11 +207,11 @@ class LocalRobot:
             ask = goal_of(ask, self._can, self.desk.speeds.of)
         except WireError as error:
             name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
-            return Asked(partial(self._refuse, kind, name, action_id, str(error)))
+            return Asked(partial(self._refuse, kind, way, name, action_id, str(error)))
         if ask is None:
             return None
         if ask.name == EMERGENCY:
-            self._stop_at_once(ask.origin)
+            self._stop_at_once(ask.origin, request_of(ask))
         return Asked(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_once(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
@@ -214,6 +220,7 @@ class LocalRobot:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = told_flaw(answer, ask.flaw)
         ticket = Ticket(ask.name, answer, waits=waits)
+        self._recorder.asked(ask, ticket)
         waited = self._clock.monotonic() - arrived
         if waited <= patience(ask, self.config):
             self._context.run(self.desk.receive, ask, ticket)
@@ -229,18 +236,23 @@ class LocalRobot:
         if not reply.ok:
             self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
 
-    def _refuse(self, kind: Kind, name: str, action_id: str, why: str, answer: Answer) -> None:
+    def _refuse(  # noqa: PLR0917 - by position
+        self, kind: Kind, way: Way, name: str, action_id: str, why: str, answer: Answer
+    ) -> None:
         """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
         self._refusals.add(kind, "refused a %s message: %s", kind, why)
-        Ticket(name, answer).reject(why)
+        ticket = Ticket(name, answer)
+        self._recorder.unread(kind, Origin(way), ticket)
+        ticket.reject(why)
         self._tell_failed(kind, action_id, why)
 
-    def _stop_at_once(self, origin: Origin) -> None:
+    def _stop_at_once(self, origin: Origin, request: str) -> None:
         """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
         try:
-            self.desk.emergency(f"asked over the {origin.way}")
+            self.desk.emergency(StopCause(asker_of(origin)).why)
         except Exception:  # noqa: BLE001 - told below
             self._log.exception("the emergency stop did not go through at once")
+        self._recorder.emergency(origin, request)
 
     def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
         """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
@@ -259,16 +271,19 @@ class LocalRobot:
         self.in_use = False
         self.runner.stand_by(why)
 
-    def follow_emergency(self, why: str) -> None:
+    def follow_emergency(self, cause: StopCause) -> None:
         """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
-        self._loop.call_soon_threadsafe(self._follow_emergency, why)
+        self._recorder.stopped(cause)
+        self._loop.call_soon_threadsafe(self._follow_emergency, cause)
 
     def watched(self) -> Watched:
         """Return what the watchdog needs."""
         return Watched(self.desk.deadman, self.desk.halt, self._expired)
 
     def publish(self, report: Report) -> None:
-        """Send a report on its way."""
+        """Send a report on its way; what happened goes into the edge's history too."""
+        if isinstance(report, EventReport):
+            self._record(report)
         if type(report) in READ and _is_known(report):
             self._seen.take(report)
             self.happenings.see(report)
@@ -301,6 +316,7 @@ class LocalRobot:
             position=self._seen.position,
             activity=self.desk.activity,
             emergency_stop=self.desk.latched,
+            stop_cause=self.desk.latch.why,
             last_command=self.desk.last.command,
             last_outcome=self.desk.last.outcome,
             senders=self.desk.senders(),
@@ -341,12 +357,20 @@ class LocalRobot:
 
     def _expired(self) -> None:
         """Follow the watchdog's halt on the loop."""
-        self._loop.call_soon_threadsafe(self.desk.lease_ran_out)
+        self._loop.call_soon_threadsafe(self._lease_ran_out)
 
-    def _follow_emergency(self, why: str) -> None:
+    def _lease_ran_out(self) -> None:
+        """Follow the watchdog's halt."""
+        self._recorder.lease_ran_out()
+        self.desk.lease_ran_out()
+
+    def _follow_emergency(self, cause: StopCause) -> None:
         """Let the adapter bring the robot to its own standstill."""
-        ask = Command(EMERGENCY, origin=Origin(Way.BUS, session=why))
-        self.desk.receive(ask, Ticket(EMERGENCY, lambda _: None))
+        asker = cause.asker
+        ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
+        ticket = Ticket(EMERGENCY, lambda _: None)
+        self._recorder.followed(cause, ticket)
+        self.desk.receive(ask, ticket)
         self._changed(self.name)
 
     def _health_changed(self) -> None:

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
+import msgspec
+
 from fleet.host.flood import Flood
+from fleet.host.log_file import LogFile
+from fleet.host.log_lines import AsJson, Format, formatter_of
 from fleet.host.process import RobotProcess
 from fleet.host.teller import ROBOT_LOGGER
 from fleet.model.report import LogReport
+
+FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
+"""Variables of the environment by which workers hear how to log."""
 
 
 class _Robot(Protocol):
@@ -58,8 +67,8 @@ def publish_robot_logs(
 class _ToStderr(logging.Handler):
     """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
         self._flood = Flood()
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -74,10 +83,46 @@ class _ToStderr(logging.Handler):
             self.handleError(record)
 
 
-def log_to_stderr(level: int) -> None:
-    """Log one line each to stderr: time, level, where, what."""
-    handler = _ToStderr()
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S"))
+class Logging(msgspec.Struct, frozen=True):
+    """What somebody wants of the log: from which ``level`` on stderr, in which form, and in which file.
+
+    Workers get form and file by the environment; each writes to a file of its own.
+    """
+
+    level: int = logging.WARNING
+    form: Format = "text"
+    file: Path | None = None
+
+    def told(self) -> None:
+        """Leave form and file to the workers that are started from here."""
+        os.environ[FORM] = self.form
+        if self.file is not None:
+            os.environ[FILE] = str(self.file.absolute())
+
+    @classmethod
+    def of_a_worker(cls, name: str, environ: Mapping[str, str] = os.environ) -> Logging:
+        """Return what the edge wants of a worker's log."""
+        given = environ.get(FILE)
+        path = Path(given) if given else None
+        own = path.with_name(f"{path.stem}.{name}{path.suffix}") if path else None
+        return cls(logging.INFO, "json" if environ.get(FORM) == "json" else "text", own)
+
+
+def start_logging(wanted: Logging, kept: Path | None = None) -> Callable[[], None]:
+    """Log to stderr, to the file that is wanted, and to ``kept`` for ``fleet logs``; return what ends it."""
+    stderr = _ToStderr(wanted.level)
+    stderr.setFormatter(formatter_of(wanted.form))
+    files = [LogFile(wanted.file, formatter_of(wanted.form))] if wanted.file else []
+    files += [LogFile(kept, AsJson())] if kept else []
+    for file in files:
+        file.setLevel(min(wanted.level, logging.INFO))
     root = logging.getLogger()
-    root.handlers[:] = [handler]
-    root.setLevel(level)
+    root.handlers[:] = [stderr, *files]
+    root.setLevel(min(handler.level for handler in root.handlers))
+
+    def end() -> None:
+        for file in files:
+            root.removeHandler(file)
+            file.close()
+
+    return end

@@ -19,6 +19,7 @@ from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.clock import Clock
 from fleet.decoding import decode_json
+from fleet.history.store import History
 from fleet.host.aside import HALT_WAIT, aside, in_turn
 from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
@@ -26,6 +27,7 @@ from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
+from fleet.host.stop_cause import StopCause, local_cause
 from fleet.host.traffic import TELL, Traffic
 from fleet.host.video import relay_video
 from fleet.host.watchdog import LoopWatch, Watchdog
@@ -33,6 +35,7 @@ from fleet.host.wheel import Wheel
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.robot_config import MAIN
 from fleet.supervisor.client import Supervised
+from fleet.supervisor.messages import Stop
 from fleet.wire.rules import Kind
 from fleet.wire.stops import stop_in
 
@@ -56,8 +59,9 @@ class RobotSpec(msgspec.Struct, frozen=True):
 
 
 class RobotProcess:
-    """The robots of one process; ``close`` closes the journal, after ``stop``.
+    """The robots of one process; ``close`` closes journal and history, after ``stop``.
 
+    ``history`` takes what is asked, by whom, and what came of it; the journal's thread writes it.
     ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
     ``traffic``: where all robots of the edge are; left out, they are not kept apart.
     """
@@ -69,6 +73,7 @@ class RobotProcess:
         specs: Iterable[RobotSpec],
         *,
         journal: Journal,
+        history: History,
         clock: Clock,
         worker: str = "",
         settle: float = 0.0,
@@ -80,6 +85,7 @@ class RobotProcess:
         self.clock = clock
         self.worker = worker
         self.journal = journal
+        self.history = history
         self.loop = asyncio.get_running_loop()
         self.wheel = Wheel(self.loop, clock)
         self.outbox = Outbox(bus.reports)
@@ -130,6 +136,7 @@ class RobotProcess:
             shared=self._shared,
             outbox=self.outbox,
             journal=self.journal.robot(spec.config.name),
+            record=partial(self.history.add, spec.config.name),
             arrival=self.watchdog.arrival,
             changed=self.publish_state,
             supervised=self.supervised,
@@ -267,30 +274,32 @@ class RobotProcess:
         self.supervised.close()
 
     async def close(self) -> None:
-        """Close the journal: last, once nobody can ask for a stop any more that would have to be kept."""
+        """Close journal and history: last, once nobody can ask for a stop that would have to be kept."""
         await asyncio.to_thread(self.journal.close)
+        await asyncio.to_thread(self.history.close)
 
-    def stop_robots(self, names: tuple[str, ...], why: str) -> list[str]:
+    def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
         """Emergency-stop robots at once, from any thread; no name means all of this process."""
         stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
         for robot in stopped:
-            robot.desk.latch.pull(why)
+            robot.desk.latch.pull(cause.why)
         # One whose halt is held up must not keep the next one moving.
         in_turn((partial(robot.desk.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
         in_turn((robot.desk.latch.record for robot in stopped), wait=HALT_WAIT)
         for robot in stopped:
-            robot.follow_emergency(why)
+            robot.follow_emergency(cause)
         return [robot.name for robot in stopped]
 
-    def follow_supervisor(self, stop: Callable[[bytes, str], list[str]], ended: asyncio.Event) -> None:
+    def follow_supervisor(self, stop: Callable[[bytes, StopCause], list[str]], ended: asyncio.Event) -> None:
         """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
 
         def end(why: str) -> None:
             log.error("%s: this process ends", why)
             self.loop.call_soon_threadsafe(ended.set)
 
-        def stop_named(names: tuple[str, ...]) -> list[str]:
-            return stop(msgspec.json.encode(names), "asked by the supervisor")
+        def stop_named(asked: Stop) -> list[str]:
+            cause = local_cause(asked.by, asked.why, asked.request)
+            return stop(msgspec.json.encode(asked.names), cause)
 
         self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
 

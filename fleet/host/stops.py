@@ -1,6 +1,7 @@
 """The stop lane: an emergency stop for a robot, a group, an edge, or everything there is.
 
-Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list, or nothing, means all.
+Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list, or nothing, means all. Who
+asks may say so, and why, beside it (``stop_cause``).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.decoding import decode_json
 from fleet.host.process import RobotProcess
+from fleet.host.stop_cause import THE_KEY, StopCause, cause_in
 
 LARGEST = 1 << 20  # bytes of a stop that is read for names
 
@@ -30,28 +32,28 @@ class Elsewhere(Protocol):
 
 def take_stops(
     process: RobotProcess, bus: Bus, groups: dict[str, list[str]], elsewhere: Iterable[Elsewhere] = ()
-) -> Callable[[bytes, str], list[str]]:
+) -> Callable[[bytes, StopCause], list[str]]:
     """Stop this process's robots when the stop key is published or asked; on the bus's threads.
 
-    Returns what does so for whoever else asks, from any thread: it takes what the key would, and why.
+    Returns what does so for whoever else asks, from any thread: it takes what the key would, and the cause.
     """
     others = tuple(elsewhere)
     key = keys.stop(process.edge)
 
-    def stop(payload: bytes, why: str = "the stop key") -> list[str]:
+    def stop(payload: bytes, cause: StopCause) -> list[str]:
         names = names_in(payload, groups)
         for robot in others:
             if not names or robot.name in names:
                 robot.stop_later()
-        return process.stop_robots(names, why)
+        return process.stop_robots(names, cause)
 
     def asked(question: Question) -> None:
-        stopped = stop(question.payload)
+        stopped = stop(question.payload, cause_in(question.parameters))
         question.reply(msgspec.json.encode(stopped))
         question.close()
 
     def published(_key: str, payload: bytes) -> None:
-        stop(payload)
+        stop(payload, THE_KEY)
 
     for lane in (bus.control, bus.reports):
         lane.subscribe(key, published)

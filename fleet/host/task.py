@@ -19,6 +19,8 @@ from fleet.config.load import Loaded
 from fleet.decoding import decode_json
 from fleet.dropin import Imported, import_file, insecure
 from fleet.errors import ConfigError
+from fleet.history.store import Bounds
+from fleet.host.keeping import bounds_of
 from fleet.host.process import RobotSpec
 from fleet.host.settings import bus_settings, settle_time, worker_of
 from fleet.host.stop_inputs import robots_of
@@ -39,15 +41,16 @@ class RobotTask(msgspec.Struct, frozen=True):
 class Task(msgspec.Struct, frozen=True):
     """What one worker runs.
 
-    ``state``: the edge's folder of lasting state; ``settle``: seconds to listen for other edges' claims;
-    ``folder``: where relative paths begin; ``names``: of all robots of the edge;
-    ``held``: robots of this worker that a stop input stops.
+    ``state``: the edge's folder of lasting state, with ``history`` of such bounds; ``settle``: seconds to
+    listen for other edges' claims; ``folder``: where relative paths begin; ``names``: of all robots of the
+    edge; ``held``: robots of this worker that a stop input stops.
     """
 
     worker: str
     edge: str
     bus: BusSettings
     state: str
+    history: Bounds
     settle: float
     folder: str
     names: tuple[str, ...]
@@ -67,6 +70,7 @@ def task_of(loaded: Loaded, worker: str) -> Task:
         edge=config.edge.id,
         bus=bus_settings(config),
         state=str(state_folder(config.edge.id, config.edge.spool.path).absolute()),
+        history=bounds_of(config),
         settle=settle_time(config),
         folder=str(loaded.folder.absolute()),
         names=tuple(robot.name for robot in config.robots),
@@ -83,6 +87,15 @@ def robot_tasks(loaded: Loaded, worker: str) -> Iterable[RobotTask]:
         if worker_of(robot, plugin) == worker:
             file = str(plugin.file.absolute()) if plugin.file else ""
             yield RobotTask(robot.name, plugin.name, file, loaded.given[robot.name])
+
+
+def specs_here(loaded: Loaded) -> list[RobotSpec]:
+    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
+
+    Raises ConfigError for one that cannot be imported here.
+    """
+    importer = Importer(loaded.folder, loaded.registry)
+    return [importer.spec(task) for task in robot_tasks(loaded, "")]
 
 
 def read_task(payload: bytes) -> Task:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from fleet.clock import Clock
-from fleet.model.command import Command, Origin, Setpoint
+from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.event import Asker, EventKind, EventReport, Severity
 from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -28,6 +28,7 @@ LEVELS = MappingProxyType(
     }
 )
 
+_OURS = frozenset({Way.MISSION, Way.LOCAL})  # which no message from outside can claim
 Ask = Command | Setpoint | Navigate
 
 
@@ -37,8 +38,8 @@ def robot_log(name: str) -> logging.Logger:
 
 
 def asker_of(origin: Origin) -> Asker:
-    """Return who asked, as far as the message itself says."""
-    return Asker(origin.way, origin.session, origin.source_type)
+    """Return who asked, as far as the message itself says; who is on this computer is known for sure."""
+    return Asker(origin.way, origin.session, origin.source_type, proven=origin.way in _OURS)
 
 
 class Teller:
@@ -110,7 +111,7 @@ class Teller:
                 severity,
                 asker_of(ask.origin) if ask is not None else None,
                 ask.name if ask is not None else "",
-                _request_of(ask),
+                request_of(ask),
                 dict(data),
             )
         )
@@ -118,7 +119,7 @@ class Teller:
             self._publish(TelemetryReport(self._clock.time(), telemetry, dict(data)))
 
 
-def _request_of(ask: Ask | None) -> str:
+def request_of(ask: Ask | None) -> str:
     """Return the id of what was asked, empty for what has none."""
     if isinstance(ask, Navigate):
         return ask.action_id

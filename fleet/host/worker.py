@@ -22,11 +22,12 @@ from fleet.clock import SystemClock
 from fleet.config.load import load
 from fleet.errors import FleetError
 from fleet.event_loop import run as run_loop
-from fleet.host.begun import begun_file
-from fleet.host.journal import Journal
+from fleet.host.keeping import open_kept
 from fleet.host.leave import leave
-from fleet.host.logs import log_to_stderr, publish_robot_logs
+from fleet.host.log_place import log_folder
+from fleet.host.logs import Logging, publish_robot_logs, start_logging
 from fleet.host.process import RobotProcess
+from fleet.host.recall import Recall
 from fleet.host.signals import end_by_signal
 from fleet.host.stop_inputs import TELL, HeldByEdge
 from fleet.host.stops import take_stops
@@ -44,17 +45,19 @@ BEAT = 0.25  # s between signs that the event loop turns
 
 async def run(task: Task, directory: Path, parent: int | None) -> None:
     """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
-    name, edge = task.worker, task.edge
+    name, edge, kept = task.worker, task.edge, Path(task.state)
+    end_logs = start_logging(Logging.of_a_worker(name), log_folder(kept) / f"worker-{name}.jsonl")
     importer = Importer(Path(task.folder))
     specs = [importer.spec(robot) for robot in task.robots]
     bus = join(task.bus, directory)
     clock = SystemClock()
-    journal = Journal(Path(task.state), clock, begun_file(directory, edge, name))
+    journal, history = open_kept(edge, kept, task.history, directory, clock=clock, worker=name)
     process = RobotProcess(
         edge,
         bus,
         specs,
         journal=journal,
+        history=history,
         clock=clock,
         worker=name,
         settle=task.settle,
@@ -72,6 +75,9 @@ async def run(task: Task, directory: Path, parent: int | None) -> None:
         held = HeldByEdge({robot: process.robots[robot].desk.latch for robot in task.held}, clock=clock)
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
         process.wheel.every(TELL, held.look)
+    recall = Recall(history)
+    if parent is None:  # on another computer, with a file of its own
+        bus.control.answer(keys.history(edge), recall.asked)
     # Before the robots start: one that hangs at once is noticed too.
     bus.control.token(keys.worker(edge, name))
     beat = bus.control.publisher(keys.heartbeat(edge, name))
@@ -92,7 +98,9 @@ async def run(task: Task, directory: Path, parent: int | None) -> None:
         await process.stop()
         stop_logs()
         bus.close()
+        recall.close()
         await process.close()
+        end_logs()
 
 
 def main() -> int:
@@ -105,7 +113,7 @@ def main() -> int:
     given = parser.parse_args()
     if (given.name is None) != (given.config is None):
         parser.error("--name and --config come together")
-    log_to_stderr(logging.INFO)
+    start_logging(Logging(logging.INFO))
     if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
         command = [sys.executable, "-P", "-m", "fleet.host.worker", *sys.argv[1:]]
         path = socket_of(runtime_dir(), os.getpid())

@@ -19,6 +19,7 @@ from pathlib import Path
 from fleet.bus import keys
 from fleet.bus.lane import Lane
 from fleet.clock import Clock
+from fleet.host.logs import FILE, FORM
 from fleet.link.backoff import backoff
 from fleet.probe import bare_environment
 from fleet.supervisor.place import VARIABLE
@@ -162,10 +163,9 @@ class Worker:
 
 
 def _environment() -> dict[str, str]:
-    """Return what a worker gets of our environment: where its supervisor is, and nothing that is a secret."""
+    """Return what a worker gets of our environment: its supervisor, its log, and nothing that is a secret."""
     given = bare_environment()
-    if VARIABLE in os.environ:
-        given[VARIABLE] = os.environ[VARIABLE]
+    given |= {name: os.environ[name] for name in (VARIABLE, FORM, FILE) if name in os.environ}
     return given
 
 

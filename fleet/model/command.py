@@ -17,6 +17,7 @@ class Way(enum.StrEnum):
     CLOUD = "cloud"  # an MQTT topic of the twin
     BUS = "bus"  # a Zenoh query or a local setpoint
     MISSION = "mission"  # the host's own schedule
+    LOCAL = "local"  # this computer: the supervisor's socket, a stop input
 
 
 class Origin(msgspec.Struct, frozen=True):

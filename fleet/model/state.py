@@ -21,6 +21,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     ``in_use``: somebody has moved it through its edge, which did not let go of it since.
 
+    ``stop_cause`` says who set the emergency stop, and why; empty while it is not set.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -41,6 +43,7 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     position: Vector3 | None = None
     activity: str = ""
     emergency_stop: bool = False
+    stop_cause: str = ""
     last_command: str = ""
     last_outcome: str = ""
     senders: dict[str, float] = {}

@@ -18,13 +18,17 @@ log = logging.getLogger(__name__)
 STOP_WITHIN = 5.0  # s that a supervisor has to answer a stop
 
 
-def stop_all(directory: Path, names: tuple[str, ...] = ()) -> list[Stopped]:
+def stop_all(
+    directory: Path, names: tuple[str, ...] = (), *, why: str = "", request: str = ""
+) -> list[Stopped]:
     """Emergency-stop robots through every supervisor of this user; returns their answers.
 
-    Needs neither the bus nor fleet.yaml. No name means every robot.
+    Needs neither the bus nor fleet.yaml. No name means every robot. ``why`` is for the history, ``request``
+    tells there that the stop on the bus is this one.
     """
     # A name that is no text must not hold up the others.
-    message = messages.encode(Stop(tuple(name.encode(errors="replace").decode() for name in names)))
+    named = tuple(name.encode(errors="replace").decode() for name in names)
+    message = messages.encode(Stop(named, why=why.encode(errors="replace").decode(), request=request))
     asked = []
     for path in sockets_in(directory):
         try:

@@ -57,7 +57,7 @@ class Supervised:
         self._edge = ""
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Callable[[], None]] = {}
-        self._stop: Callable[[tuple[str, ...]], list[str]] = lambda _names: []
+        self._stop: Callable[[Stop], list[str]] = lambda _stop: []
         self._end: Callable[[str], None] = lambda _why: None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-supervised", daemon=True)
@@ -67,13 +67,13 @@ class Supervised:
         edge: str,
         worker: str = "",
         *,
-        stop: Callable[[tuple[str, ...]], list[str]],
+        stop: Callable[[Stop], list[str]],
         end: Callable[[str], None],
     ) -> None:
         """Say who we are, take the stops that came before us, and serve from now on, on a thread.
 
-        ``stop`` stops robots by name (all without names) and returns which; ``end`` ends this process in
-        order. Both are called on that thread.
+        ``stop`` stops the robots that a message names (all without names) and returns which; ``end`` ends
+        this process in order. Both are called on that thread.
         """
         if self._sock is None:
             return
@@ -82,13 +82,13 @@ class Supervised:
         os.register_at_fork(after_in_child=self._sock.close)
         self._sock.settimeout(WELCOME_WITHIN)
         self._send(Hello(edge, worker, os.getpid()))
-        for names in self._stops_before():
-            stop(names)
+        for each in self._stops_before():
+            stop(each)
         self._sock.settimeout(BEAT)
         self._thread.start()
 
-    def _stops_before(self) -> list[tuple[str, ...]]:
-        """Return the names in the stops that came while nobody was there: all, where nobody can know."""
+    def _stops_before(self) -> tuple[Stop, ...]:
+        """Return the stops that came while nobody was there: one for all, where nobody can know."""
         assert self._sock is not None
         try:
             welcome = messages.decode(self._sock.recv(LONGEST))
@@ -96,9 +96,9 @@ class Supervised:
             welcome = Ended()
             log.error("the supervisor does not answer: %s", error)  # noqa: TRY400 - one line for a person
         if isinstance(welcome, Welcome):
-            return [each.names for each in welcome.stops]
+            return welcome.stops
         log.error("nobody knows which stops came meanwhile: every robot is stopped")
-        return [()]
+        return (Stop(why="nobody knows which stops came while the edge was away"),)
 
     def running(self) -> None:
         """Say that the robots are served: from now on our death is followed by a new start."""
@@ -202,7 +202,7 @@ class Supervised:
         """Do what a message says."""
         match message:
             case Stop():
-                self._send(Stopped(message.number, self._edge, tuple(self._stop(message.names))))
+                self._send(Stopped(message.number, self._edge, tuple(self._stop(message))))
             case Kept() | Dropped():
                 self._waiting.pop(message.number, lambda: None)()
             case Ended():

@@ -22,10 +22,17 @@ class Hello(msgspec.Struct, tag="hello", frozen=True):
 
 
 class Stop(msgspec.Struct, tag="stop", frozen=True):
-    """An emergency stop for robots or groups by name; no name means all. ``number`` comes back in Stopped."""
+    """An emergency stop for robots or groups by name; no name means all. ``number`` comes back in Stopped.
+
+    ``why`` is the asker's reason, ``request`` its id: the same stop may come by the bus as well. ``by`` is
+    the user whose process asked, as the supervisor saw it at the socket, whatever was sent.
+    """
 
     names: tuple[str, ...] = ()
     number: int = 0
+    why: str = ""
+    request: str = ""
+    by: str = ""
 
 
 class Welcome(msgspec.Struct, tag="welcome", frozen=True):

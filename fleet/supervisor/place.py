@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import os
+import pwd
 import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +14,7 @@ VARIABLE = "FLEET_SUPERVISOR"
 """The environment variable that tells processes with robots where their supervisor listens."""
 LONGEST = 107  # bytes of a socket's path that the kernel takes
 _PREFIX, _SUFFIX = "supervisor-", ".sock"
+_PEER = struct.Struct("3i")  # what the kernel tells of a peer: process, user, group
 
 
 def socket_of(directory: Path, process: int) -> Path:
@@ -48,3 +53,24 @@ def connected(path: Path, *, within: float) -> socket.socket:
         sock.close()
         raise
     return sock
+
+
+def user_of(sock: socket.socket) -> str:
+    """Return the user whose process is at the other end, as the kernel knows it; never raises."""
+    try:
+        found = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    except OSError:
+        return "unknown user"
+    _, user, _ = _PEER.unpack(found)
+    return users().get(user, f"user {user}")
+
+
+@functools.cache
+def users() -> dict[int, str]:
+    """Return the names of who can reach the sockets, root and this user; may wait the first time."""
+    names = {0: "root"}
+    try:
+        names[os.getuid()] = pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:  # a user without a name, as containers have
+        names[os.getuid()] = f"user {os.getuid()}"
+    return names

@@ -50,7 +50,7 @@ from fleet.supervisor.messages import (
     Stopped,
     Welcome,
 )
-from fleet.supervisor.place import VARIABLE, listening
+from fleet.supervisor.place import VARIABLE, listening, user_of, users
 from fleet.supervisor.told import reason_of
 
 LOOK = 0.02  # s between looks, at most
@@ -72,6 +72,7 @@ class _Peer:
         self.name = "somebody"
         self.edge = ""  # of which edge its robots are
         self.is_edge = False  # the process that we started
+        self.user = user_of(sock)
         self.heard = now
 
     def send(self, message: Message) -> bool:
@@ -139,6 +140,7 @@ class Supervisor:
         self._ending = False
         self._in_order = False  # the edge has said that it ends
         self._signalled = 0  # the signal that asked for the end while there was no edge
+        users()  # now: it may wait for a directory service
 
     def run(self) -> int:
         """Run until the edge has ended for good; return its exit code. Raises OSError without a socket."""
@@ -343,9 +345,10 @@ class Supervisor:
     def _stop(self, asker: _Peer, stop: Stop) -> None:
         """Pass a stop on to every process with robots, or keep it for the next edge."""
         self._numbers += 1
+        stop = msgspec.structs.replace(stop, by=asker.user)
         asked = _Asked(asker, stop, self._clock.monotonic() + ANSWER_WITHIN)
         self._asked[self._numbers] = asked
-        passed_on = Stop(stop.names, self._numbers)
+        passed_on = msgspec.structs.replace(stop, number=self._numbers)
         asked.told = [peer for peer in filter(_has_robots, self._peers) if peer.send(passed_on)]
         asked.had_edge = any(peer.is_edge for peer in asked.told)
         if not asked.had_edge:
@@ -369,7 +372,7 @@ class Supervisor:
             asked = self._asked.pop(number)
             taken = asked.had_edge and not any(peer.is_edge for peer in asked.told)
             if not taken and asked.stop.names not in (each.names for each in self._stops):
-                self._stops.append(Stop(asked.stop.names))
+                self._stops.append(msgspec.structs.replace(asked.stop, number=0))
             silent = asked.told if taken else self._peers
             asked.names += (robot for peer in silent for robot in peer.halts.write())
             kept = not taken and not self._ending

@@ -32,6 +32,11 @@ class Latch:
         """True from the stop until its release."""
         return bool(self._why)
 
+    @property
+    def why(self) -> str:
+        """Why it is set; empty while it is not."""
+        return self._why
+
     def pull(self, why: str) -> None:
         """Stop, in memory; pulling again changes nothing."""
         if not self._why:

@@ -1,81 +1,144 @@
-import base64
-import json
-import random
+"""``fleet logs``, the log of edges and workers; and where ``fleet run`` writes it."""
 
-import msgspec
+import contextlib
+import json
+import logging
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import threading
+import time
+
 import pytest
 
-from fleet.bus import keys
-from fleet.model.command import Reply, ReplyStatus
+from fleet.host.log_file import LogFile
+from fleet.host.log_lines import AsJson
+from fleet.host.log_place import show_log
+from fleet.testing.waiting import DEADLINE, wait_until
 
-LOG = random.Random(1).randbytes(80_000)
-TAKEN = ReplyStatus.ACCEPTED
+NOW = time.time()
 
 
 @pytest.fixture
-def kestrel(play_edge):
-    """Play a robot that keeps one log; returns what was read of it, and lets the test spoil answers."""
-    edge = play_edge("yard-1", robots={"kestrel": {"health": "ok"}})
-    read = []
+def kept(tmp_path, monkeypatch, runtime):
+    """Return what logs lines of an edge's processes, some of them some time ago."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    folder = tmp_path / "state" / "fleet" / "yard-1" / "log"
 
-    def answer(question):
-        message = json.loads(question.payload)
-        data = [{"id": 3, "size": len(LOG), "time": 1_790_000_000}]
-        if message["command"] == "read_log":
-            at, count = message["data"]["offset"], message["data"]["count"]
-            read.append((at, count))
-            data = {"offset": at, "data": base64.b64encode(LOG[at : at + count]).decode()}
-        question.reply(msgspec.json.encode(spoil(Reply(message["command"], TAKEN, done=True, data=data))))
-        question.close()
+    def log(message, name="fleet.host", ago=0.0, process="main", **options):
+        file = LogFile(folder / f"{process}.jsonl", AsJson(), **options)
+        line = logging.LogRecord(name, logging.WARNING, "x.py", 1, message, (), None)
+        line.created = NOW - ago
+        file.handle(line)
+        file.close()
 
-    def spoil(reply):
-        return kestrel.spoil(reply) if kestrel.spoil else reply
-
-    edge._control.answer(keys.command("yard-1", "kestrel"), answer)
-    kestrel = type("Kestrel", (), {"read": read, "spoil": None})()
-    return kestrel
+    log.folder = folder
+    return log
 
 
-def test_logs_are_listed(fleet, kestrel):
-    result = fleet("logs", "kestrel", "list")
-    assert result.out.splitlines()[1].split() == ["3", "80000", "2026-09-21", "14:13:20"]
+def messages(result):
+    return [json.loads(line)["message"] for line in result.out.splitlines()]
 
 
-def test_a_log_is_fetched_whole(fleet, kestrel, place):
-    result = fleet("logs", "kestrel", "get", "3")
-    assert (result.code, result.out) == (0, "kestrel-3.bin: 80000 bytes\n")
-    assert (place / "kestrel-3.bin").read_bytes() == LOG
-    assert not (place / "kestrel-3.bin.part").exists()
+def test_the_logs_of_the_edge_and_its_workers_are_one_with_date_and_zone(fleet, kept):
+    kept("second", ago=5)
+    kept("first", ago=10, process="worker-arm")
+    result = fleet("logs")
+    first, second = result.out.splitlines()
+    assert re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d WARNING fleet\.host: first", first)
+    assert second.endswith("second")
 
 
-def test_a_fetch_goes_on_where_it_was_interrupted(fleet, kestrel, place):
-    refused = Reply("read_log", ReplyStatus.DENIED, "it was armed meanwhile")
-    kestrel.spoil = lambda reply: refused if len(kestrel.read) == 2 else reply
-    result = fleet("logs", "kestrel", "get", "3", "one.bin")
-    assert (result.code, result.err.splitlines()[-1]) == (
-        5,
-        "fleet: kestrel: read_log: it was armed meanwhile",
+def test_a_robots_lines_alone(fleet, kept):
+    kept("hot", name="fleet.robot.rex")
+    kept("rex: stopped")
+    kept("cold", name="fleet.robot.max")
+    assert messages(fleet("logs", "rex", "--json")) == ["hot", "rex: stopped"]
+    assert messages(fleet("logs", "yard-1/max", "--json")) == ["cold"]
+
+
+def test_lines_since_and_the_last_ones(fleet, kept):
+    for number in range(5):
+        kept(str(number), ago=3600.0 * (5 - number))
+    assert messages(fleet("logs", "--since", "150m", "--json")) == ["3", "4"]
+    assert messages(fleet("logs", "-n", "1", "--json")) == ["4"]
+
+
+def test_rotated_files_and_what_is_no_line(fleet, kept):
+    for number in range(10):
+        kept(f"{number} {'x' * 300}", ago=float(10 - number), size=1000)
+    with (kept.folder / "main.jsonl").open("ab") as file:
+        file.write(b'{"half": \n\xff\xfe\n')
+    assert [each[0] for each in messages(fleet("logs", "--json"))] == [str(n) for n in range(10)]
+
+
+def test_without_a_log_that_is_told(fleet, kept):
+    assert fleet("logs").code == 4
+
+
+def test_a_log_in_a_place_of_its_own_is_found_while_its_edge_runs(fleet, kept, tmp_path, runtime):
+    other = tmp_path / "elsewhere" / "log"
+    LogFile(other / "main.jsonl", AsJson()).close()
+    other.mkdir(parents=True)
+    (other / "main.jsonl").write_bytes(b"")
+    show_log("barn", other, runtime)
+    assert fleet("logs").code == 0
+
+
+def test_what_comes_is_followed_through_a_rotation(kept, place):
+    kept("before", ago=1)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fleet", "logs", "-f", "--json"], stdout=subprocess.PIPE, text=True
     )
-    kestrel.spoil = None
-    del kestrel.read[:]
-    assert fleet("logs", "kestrel", "get", "3", "one.bin").code == 0
-    assert (place / "one.bin").read_bytes() == LOG
-    assert kestrel.read[0][0] == 32768
+    seen = []
+    threading.Thread(target=lambda: seen.extend(iter(process.stdout.readline, "")), daemon=True).start()
+    try:
+        wait_until("it is shown", lambda: any("before" in line for line in seen))
+        for number in range(6):
+            kept(f"{number} {'x' * 300}", size=500)
+            wait_until("it is shown too", lambda expected=number + 2: len(seen) >= expected)
+    finally:
+        process.kill()
+        process.communicate()
+    assert [json.loads(line)["message"][:1] for line in seen] == ["b", "0", "1", "2", "3", "4", "5"]
 
 
-@pytest.mark.parametrize(
-    "data", [{"offset": 5, "data": "AAAA"}, {"offset": 0, "data": ""}, {"offset": 0, "data": "?"}, 7]
-)
-def test_an_answer_that_is_not_what_was_asked_is_refused(fleet, kestrel, place, data):
-    kestrel.spoil = lambda reply: msgspec.structs.replace(reply, data=data) if kestrel.read else reply
-    assert fleet("logs", "kestrel", "get", "3").code == 5
-    assert not (place / "kestrel-3.bin").exists()
+def test_what_is_sent_to_a_file_is_in_the_file_though_a_table_is_on_the_terminal(place, runtime, tmp_path):
+    ours, theirs = pty.openpty()
+    errors = tmp_path / "errors"
+    environment = os.environ | {"XDG_STATE_HOME": str(tmp_path / "state"), "TERM": "xterm"}
+    with errors.open("wb") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "fleet", "run", "-vv"],
+            stdin=theirs,
+            stdout=theirs,
+            stderr=file,
+            env=environment,
+        )
+    os.close(theirs)
+    shown = bytearray()
 
+    def drawn():
+        with contextlib.suppress(OSError):  # nobody has the other end any more
+            while select.select([ours], [], [], 0.05)[0]:
+                shown.extend(os.read(ours, 65536))
+        return b"HEALTH" in shown.upper() and b"fleet.robot.rex" in errors.read_bytes()
 
-def test_a_log_that_is_not_there_is_told(fleet, kestrel):
-    assert "has no log 4" in fleet("logs", "kestrel", "get", "4").err
-
-
-def test_a_part_of_another_log_is_not_taken_for_this_one(fleet, kestrel, place):
-    (place / "kestrel-3.bin.part").write_bytes(bytes(len(LOG) + 1))
-    assert "remove it" in fleet("logs", "kestrel", "get", "3").err
+    try:
+        wait_until("there are table and log", drawn)
+    finally:
+        process.terminate()
+        end = time.monotonic() + DEADLINE
+        while process.poll() is None and time.monotonic() < end:
+            drawn()
+        process.kill()
+        process.wait()
+        os.close(ours)
+    assert b"standstill" in errors.read_bytes(), "what was written beside the table"
+    assert b"standstill" not in shown
+    assert b"fleet.robot.rex" not in shown
+    assert re.search(rb"\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d \w+ +fleet", errors.read_bytes())
+    assert list((tmp_path / "state" / "fleet" / "yard-1" / "log").glob("main.jsonl"))

@@ -27,7 +27,7 @@ def yard(play_edge):
 def test_robots_are_stopped_and_how_they_are_released_is_told(fleet, yard):
     result = fleet("stop", "rex")
     assert (result.code, result.out) == (0, "rex: stopped\n")
-    assert result.err == "reached: edge yard-1\nreleased with: fleet send ROBOT release_emergency_stop\n"
+    assert result.err == "reached: edge yard-1\nreleased with: fleet release ROBOT\n"
     assert yard.stops == [["rex"]]
 
 

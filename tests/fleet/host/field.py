@@ -204,6 +204,7 @@ class Field:
             shared=Shared(),
             outbox=_Nowhere(),
             journal=RobotJournal(),
+            record=lambda _event: None,
             arrival=self.clock.monotonic,
             changed=lambda _name: None,
             supervised=Supervised(),

@@ -75,6 +75,7 @@ def robot_of(adapter, fields, **more):
         shared=Shared(),
         outbox=Nowhere(),
         journal=RobotJournal(),
+        record=lambda _event: None,
         arrival=clock.monotonic,
         changed=lambda _name: None,
         supervised=Supervised(),

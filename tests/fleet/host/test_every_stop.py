@@ -18,6 +18,7 @@ from fleet.host.journal import RobotJournal
 from fleet.host.local import LocalRobot
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
+from fleet.host.stop_cause import THE_KEY
 from fleet.host.stops import take_stops
 from fleet.model.geometry import Velocity
 from fleet.tally import Tally
@@ -103,6 +104,7 @@ class Rig:
             SimpleNamespace(control=self.lane, reports=self.lane),
             [RobotSpec(self.config, puppet, "puppet")],
             journal=self.journal,
+            history=SimpleNamespace(add=lambda _robot, _event: None),
             clock=self.clock,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
@@ -325,7 +327,7 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     async def play():
         rig = Rig(puppet, worker=False)
         rig.journal.blocked = True
-        await asyncio.to_thread(rig.process.stop_robots, (), "the stop key")
+        await asyncio.to_thread(rig.process.stop_robots, (), THE_KEY)
         told, latched = list(rig.puppet.told), list(rig.journal.latched)
         rig.journal.free.set()
         return rig, told, latched

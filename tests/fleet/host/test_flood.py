@@ -1,7 +1,7 @@
 import logging
 
 from fleet.host.flood import MOST, MOST_KINDS, WINDOW, Flood
-from fleet.host.logs import log_to_stderr
+from fleet.host.logs import Logging, start_logging
 
 
 def test_what_comes_often_is_left_out_and_told_later_how_often():
@@ -30,7 +30,7 @@ def test_the_log_on_stderr_is_bounded(capsys):
     root = logging.getLogger()
     before = root.handlers[:], root.level
     try:
-        log_to_stderr(logging.WARNING)
+        start_logging(Logging(logging.WARNING))
         for number in range(10_000):
             logging.getLogger("fleet.flood").warning("bad message %d", number)
     finally:

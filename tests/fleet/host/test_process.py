@@ -10,6 +10,7 @@ import time
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
+from fleet.host.stop_cause import local_cause
 from fleet.host.ticket import Ticket
 from fleet.host.watchdog import BLOCKED
 from fleet.model.command import Way
@@ -97,7 +98,7 @@ async def test_a_stop_for_all_is_not_held_up_by_one_whose_halt_hangs(served, ask
     free = threading.Event()
     held = []
     process.robots["rex"].desk._adapter.halt = lambda: held.append(free.wait(20))
-    stopped = await asyncio.to_thread(process.stop_robots, (), "test")
+    stopped = await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
     assert stopped == ["rex", "max"]
     await asks.until(lambda: "halt" in place.words("max"))
     assert all(robot.desk.latched for robot in process.robots.values())
@@ -111,7 +112,7 @@ async def test_all_are_latched_before_the_first_is_halted(served, asks):
     process, _ = served
     latched = []
     process.robots["rex"].desk._adapter.halt = lambda: latched.append(process.robots["max"].desk.latched)
-    await asyncio.to_thread(process.stop_robots, (), "test")
+    await asyncio.to_thread(process.stop_robots, (), local_cause("", "test"))
     await asks.until(lambda: latched)
     assert latched[0]
 
@@ -146,7 +147,7 @@ async def test_a_pose_that_is_no_place_keeps_no_robot_in_its_fence(yard, run_edg
 
 async def test_a_stop_for_one_touches_no_other(served, asks):
     process, place = served
-    assert process.stop_robots(("max", "nobody"), "test") == ["max"]
+    assert process.stop_robots(("max", "nobody"), local_cause("", "test")) == ["max"]
     await asks.until(lambda: "stop" in place.words("max"))
     assert place.words("rex") == ["run"]
 

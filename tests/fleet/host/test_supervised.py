@@ -16,6 +16,7 @@ import pytest
 from fleet.bus import keys
 from fleet.errors import BusError
 from fleet.supervisor.ask import stop_all
+from fleet.supervisor.place import users
 from fleet.testing.waiting import wait_until
 
 CART = '''
@@ -244,7 +245,7 @@ def test_a_stop_is_answered_by_the_edge_while_it_is_there(run):
     (answer,) = stop_all(it.place.runtime, ("rex",))
     assert (answer.names, answer.edge, answer.kept) == (("rex",), it.place.id, False)
     wait_until("it is told", lambda: not it.cart.moves)
-    assert b"asked by the supervisor" in it.ask(MOVE)[0]
+    assert f"asked by {users()[os.getuid()]} (proven, on this computer)".encode() in it.ask(MOVE)[0]
 
 
 def test_a_stop_reaches_the_robots_of_workers_without_the_bus(run):

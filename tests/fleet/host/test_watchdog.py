@@ -434,7 +434,7 @@ from fleet.host.safety.deadman import DeadMan
 watchdog.STUCK = 0.5
 
 async def main():
-    process = RobotProcess("yard", Mock(), [], journal=Mock(), clock=SystemClock())
+    process = RobotProcess("yard", Mock(), [], journal=Mock(), history=Mock(), clock=SystemClock())
     for name in ("a", "b"):
         process.watchdog.add(name, Watched(DeadMan(), lambda n=name: print("halt", n, flush=True), print))
     process.start()

@@ -124,7 +124,7 @@ def test_a_process_whose_supervisor_goes_ends():
     theirs.send(messages.encode(Welcome((Stop(("rex",)),))))
     stopped, ended = [], []
     supervised = Supervised(ours)
-    supervised.begin("yard", stop=lambda names: stopped.append(names) or ["rex"], end=ended.append)
+    supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or ["rex"], end=ended.append)
     assert stopped == [("rex",)], "before anything is served"
     theirs.send(messages.encode(Stop((), 7)))
     said = lambda: [messages.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
@@ -171,7 +171,7 @@ def test_a_process_that_nobody_welcomes_stops_all_its_robots():
     theirs.send(b"nonsense")
     stopped = []
     supervised = Supervised(ours)
-    supervised.begin("yard", stop=lambda names: stopped.append(names) or [], end=lambda _why: None)
+    supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or [], end=lambda _why: None)
     assert stopped == [()]
     supervised.close()
     theirs.close()

@@ -1,0 +1,133 @@
+"""``fleet history``: what was asked of robots, by whom, and what became of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from fleet.cli.connect import Edges, UnknownRobot
+from fleet.cli.options import reach_option
+from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.times import iso, since_option, when
+from fleet.errors import BusError, StateError
+from fleet.history.look import read
+from fleet.history.record import Record
+from fleet.history.store import HISTORY
+from fleet.history.wanted import MOST, Wanted, newest
+from fleet.spool.place import state_folder
+
+_LAST = 100
+
+
+@click.command()
+@click.argument("robot", required=False)
+@since_option
+@click.option(
+    "-n",
+    "--last",
+    type=click.IntRange(1, MOST),
+    default=None,
+    help=f"So many of the newest events; left out: {_LAST}, or with --since all ({MOST} at most).",
+)
+@reach_option
+@with_output
+def history(out: Output, robot: str | None, *, since: float, last: int | None, file: str | None) -> None:
+    """Show who asked what of ROBOT (or a group, or of all), and what became of it, the newest last.
+
+    Where an edge runs, it is asked; else its file is read, which needs -f only where edge.spool.path is set.
+    An asker is proven where the way in vouches for the name, else it is what the message claims.
+    """
+    most = last or (MOST if since else _LAST)
+    found = _found(robot, since, most, file)
+    out.data([for_programs(record) for record in found])
+    several = len({each.edge for each in found}) > 1
+    rows = [
+        (
+            when(each.stamp),
+            f"{each.edge}/{each.robot}" if several else each.robot,
+            each.kind.value,
+            who(each),
+            each.text,
+        )
+        for each in found
+    ]
+    if rows:
+        out.table(("time", "robot", "event", "asker", "what"), rows)
+    else:
+        out.note("nothing is known")
+
+
+def _found(robot: str | None, since: float, most: int, file: str | None) -> list[Record]:
+    """Return what the running edges tell, or what is in the files where none runs."""
+    try:
+        with Edges.reach(file) as edges:
+            return _told(edges, robot, since, most)
+    except (NotRunning, BusError):
+        wanted = Wanted((robot,) if robot else (), since, most)
+        folders = _folders(file)
+        if not any((folder / HISTORY).exists() for folder in folders):
+            raise
+    records: list[Record] = []
+    problems: list[StateError] = []
+    for folder in folders:
+        with _kept(problems):
+            found = read(folder, wanted)
+            records += [msgspec.structs.replace(record, edge=folder.name) for record in found]
+    if problems and not records:
+        raise problems[0]
+    return newest(records, wanted)
+
+
+def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
+    """Return what running edges tell; also of a robot that they have no more. Raises UnknownRobot."""
+    if robot is None:
+        return edges.history(Wanted((), since, most))
+    try:
+        meant = {(state.edge, state.name) for state in edges.named(robot)}
+    except UnknownRobot:
+        found = edges.history(Wanted((robot,), since, most))
+        if not found:
+            raise
+        return found
+    names = tuple({name for _, name in meant})
+    return [each for each in edges.history(Wanted(names, since, most)) if (each.edge, each.robot) in meant]
+
+
+@contextlib.contextmanager
+def _kept(problems: list[StateError]) -> Iterator[None]:
+    """Keep a file's problem: the other files are read all the same."""
+    try:
+        yield
+    except StateError as error:
+        problems.append(error)
+
+
+def _folders(file: str | None, environ: Mapping[str, str] = os.environ) -> list[Path]:
+    """Return the folders of the lasting state: of a fleet file's edge, else of all of this user's."""
+    if file is None:
+        return sorted(state_folder("edge", environ=environ).parent.glob("*/"))
+    from fleet.config.load import load  # noqa: PLC0415 - pydantic is not needed without a file
+
+    edge = load(file, environ, partial=True).config.edge
+    return [state_folder(edge.id, edge.spool.path, environ)]
+
+
+def who(record: Record) -> str:
+    """Return who asked, for people."""
+    asker = record.asker
+    if asker is None:
+        return "-"
+    known = "proven" if asker.proven else "claimed"
+    name = asker.name or asker.source_type or "somebody"
+    return f"{name} ({known}, {asker.way.value})"
+
+
+def for_programs(record: Record) -> dict[str, Any]:
+    """Return an event for programs; ``time`` is its stamp with date and zone."""
+    return {"time": iso(record.stamp), **msgspec.to_builtins(record)}

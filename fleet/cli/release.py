@@ -1,0 +1,109 @@
+"""``fleet release``: ending emergency stops, by who has seen who set them, when and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import click
+
+from fleet.cli.connect import Edges
+from fleet.cli.history import for_programs as event_for_programs
+from fleet.cli.history import who
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.ps import for_programs
+from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply, stamped
+from fleet.cli.times import when
+from fleet.history.record import Record
+from fleet.history.wanted import MOST, Wanted
+from fleet.host.safety.latch import RELEASE
+from fleet.model.command import Reply
+from fleet.model.event import EventKind
+from fleet.model.state import RobotState
+from fleet.wire.stops import EMERGENCY
+
+_SETS = {EventKind.STOP, EventKind.EMERGENCY_STOP}
+
+
+@click.command()
+@click.argument("robots", nargs=-1)
+@click.option("--all", "everything", is_flag=True, help="Every robot whose emergency stop is set.")
+@reach_option
+@with_output
+def release(out: Output, robots: tuple[str, ...], *, everything: bool, file: str | None) -> ExitCode:
+    """Release ROBOTS (or groups) from their emergency stop, and show who set it, when and why.
+
+    Nothing moves by that: they stay where they are until somebody asks for more.
+    """
+    if bool(robots) == everything:
+        raise click.UsageError("name the robots to release, or --all")
+    with Edges.reach(file) as edges:
+        named = edges.states() if everything else [state for name in robots for state in edges.named(name)]
+        meant = {(state.edge, state.name): state for state in named}
+        stopped = [state for state in meant.values() if state.emergency_stop]
+        causes = _causes(edges, stopped)
+        for state in stopped:
+            out.say(f"{state.name}: {_told(state, causes.get((state.edge, state.name)))}")
+        replies = _release(out, edges, stopped)
+    for state in meant.values():
+        if not state.emergency_stop and not everything:
+            out.note(f"{state.name}: no emergency stop is set")
+    if not stopped:
+        out.note("nobody is to be released")
+    released = [
+        _for_programs(state, causes.get((state.edge, state.name)), reply)
+        for state, reply in zip(stopped, replies, strict=True)
+    ]
+    out.data({"released": released})
+    codes = {code_of(reply) for reply in replies} or {ExitCode.OK}
+    return codes.pop() if len(codes) == 1 else ExitCode.SOME_FAILED
+
+
+def _release(out: Output, edges: Edges, stopped: Iterable[RobotState]) -> list[Reply]:
+    """Ask robots at once to be released; return their answers, which are shown."""
+    asked = []
+    for state in stopped:
+        payload = stamped({"command": RELEASE, "data": {}})
+        way = edges.command(state, payload, kind="command", wait=False, timeout=RECEIPT_WITHIN)
+        asked.append((state, way))
+    return [last_reply(out, state, way, RELEASE, RECEIPT_WITHIN) for state, way in asked]
+
+
+def _for_programs(state: RobotState, cause: Record | None, reply: Reply) -> dict[str, Any]:
+    """Return what became of one robot, for programs."""
+    return {
+        "robot": state.name,
+        "edge": state.edge,
+        "why": state.stop_cause,
+        "stopped": event_for_programs(cause) if cause else None,
+        **for_programs(reply),
+    }
+
+
+def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str], Record]:
+    """Return what set the stop of each robot: the first stop since the last release."""
+    names = tuple({state.name for state in stopped})
+    causes: dict[tuple[str, str], Record] = {}
+    for record in edges.history(Wanted(names, 0.0, MOST)) if names else ():
+        robot = (record.edge, record.robot)
+        if record.kind is EventKind.RELEASE:
+            causes.pop(robot, None)
+        elif record.kind in _SETS and record.command == EMERGENCY:
+            known = causes.get(robot)
+            if known is None or (_is_surer(record, known) and record.stamp - known.stamp < 1.0):
+                causes[robot] = record
+    return causes
+
+
+def _is_surer(one: Record, other: Record) -> bool:
+    """Return whether one event says more surely who asked than another."""
+    return bool(one.asker and one.asker.proven) and not (other.asker and other.asker.proven)
+
+
+def _told(state: RobotState, cause: Record | None) -> str:
+    """Say who stopped a robot, when and why."""
+    if cause is None:
+        return f"stopped: {state.stop_cause or 'nobody knows why'}"
+    reason = cause.data.get("reason") or state.stop_cause or cause.text
+    return f"stopped by {who(cause)}, {when(cause.stamp)}: {reason}"

@@ -1,0 +1,55 @@
+"""fleet.yaml's ``notify``: who is told of faults and stops."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, SecretStr, model_validator
+
+from fleet.model.event import EventKind
+from fleet.robot_config import Name
+from fleet.yaml_model import Model, wrong
+
+TOLD = (
+    EventKind.STOP,
+    EventKind.EMERGENCY_STOP,
+    EventKind.RELEASE,
+    EventKind.AUTHORITY_LOST,
+    EventKind.LOST,
+    EventKind.FAILSAFE,
+    EventKind.FENCE,
+)
+
+
+class NotifyConfig(Model):
+    """A webhook or a program that is told of faults and stops; nothing waits for it."""
+
+    url: SecretStr | None = Field(
+        None,
+        description="http or https; each notice is posted as JSON. Use !secret: it may hold a key.",
+    )
+    command: tuple[str, ...] = Field(
+        (), description="A program and its arguments; each notice is JSON on its stdin. No shell."
+    )
+    events: tuple[EventKind, ...] = Field(
+        TOLD,
+        description="Kinds of events, as `fleet history` names them; errors are always told.",
+    )
+    robots: tuple[Name, ...] = Field((), description="Only of these robots. None: all.")
+    timeout: float = Field(5.0, gt=0, le=60, description="Seconds that it may take; it is tried three times.")
+    per_minute: int = Field(
+        12, ge=1, le=600, description="Most notices in a minute; what is left out is counted, and told."
+    )
+
+    @property
+    def what(self) -> str:
+        """Return what it is, in a word."""
+        return "webhook" if self.url is not None else "program"
+
+    @model_validator(mode="after")
+    def _one_target(self) -> Self:
+        if (self.url is None) == (not self.command):
+            raise wrong("url", "one of url and command is needed")
+        if self.url is not None and not self.url.get_secret_value().startswith(("http://", "https://")):
+            raise wrong("url", "must begin with http:// or https://")
+        return self

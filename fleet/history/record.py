@@ -1,0 +1,92 @@
+"""One event as it is kept: an ``EventReport`` with the robot it is about, bounded in size."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from fleet.decoding import decode_json
+from fleet.model.command import Way
+from fleet.model.event import Asker, EventKind, EventReport, Severity
+
+LONGEST_NAME = 128  # characters of a name: of a robot, an asker, a command
+LONGEST_TEXT = 1000  # characters of a sentence
+LONGEST_DATA = 4096  # bytes of data
+
+_encode = msgspec.json.Encoder().encode
+
+Row = tuple[float, str, str, str, str, str, str, str, int, str, str, str]
+"""The columns of ``COLUMNS``."""
+COLUMNS = "stamp, robot, kind, severity, text, way, asker, source_type, proven, command, request, data"
+
+
+class Record(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One event of the history. ``stamp`` is Unix seconds; ``robot`` is empty for the edge itself.
+
+    ``edge`` is whose history it is of, for who asks several; in the store itself it is left out.
+    """
+
+    stamp: float
+    robot: str
+    kind: EventKind
+    text: str
+    severity: Severity = Severity.INFO
+    asker: Asker | None = None
+    command: str = ""
+    request: str = ""
+    data: dict[str, Any] = {}
+    edge: str = ""
+
+
+def row_of(robot: str, event: EventReport) -> Row:
+    """Return an event as a row; what is too long is cut, data that is too large or no JSON left out."""
+    asker = event.asker
+    return (
+        event.stamp,
+        _clean(robot, LONGEST_NAME),
+        event.kind.value,
+        event.severity.value,
+        _clean(event.text, LONGEST_TEXT),
+        asker.way.value if asker else "",
+        _clean(asker.name, LONGEST_NAME) if asker else "",
+        _clean(asker.source_type or "", LONGEST_NAME) if asker else "",
+        int(asker.proven) if asker else 0,
+        _clean(event.command, LONGEST_NAME),
+        _clean(event.request, LONGEST_NAME),
+        _data(event.data) if event.data else "",
+    )
+
+
+def record_of(row: Row) -> Record:
+    """Return the event of a row; raises ValueError for one that is none of ours."""
+    stamp, robot, kind, severity, text, way, name, source_type, proven, command, request, data = row
+    asker = Asker(Way(way), name, source_type or None, bool(proven)) if way else None
+    return Record(
+        stamp,
+        robot,
+        EventKind(kind),
+        text,
+        Severity(severity),
+        asker,
+        command,
+        request,
+        decode_json(data.encode(), dict[str, Any]) if data else {},
+    )
+
+
+def _clean(text: str, longest: int) -> str:
+    """Return text that is not too long, and can be written: one that cannot would keep all others waiting."""
+    text = text[:longest]
+    return text if text.isascii() else text.encode(errors="replace").decode()
+
+
+def _data(data: dict[str, Any]) -> str:
+    """Return data as JSON."""
+    try:
+        encoded = _encode(data)
+    except Exception:  # noqa: BLE001 - the wall: an adapter may put anything into its events
+        return '{"left_out":"it is no JSON"}'
+    if len(encoded) > LONGEST_DATA:
+        return f'{{"left_out":"{len(encoded)} bytes"}}'
+    return encoded.decode()

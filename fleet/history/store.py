@@ -1,0 +1,185 @@
+"""The event store of an edge: a bounded SQLite file beside the journal, written by a thread that is there.
+
+``add`` takes an event from any thread and only appends to a queue in memory; ``write``, which is called
+again and again on the journal's thread, puts all that waits into one commit. Processes of one edge on the
+same computer share the file.
+
+==========================  ==========================================================================
+what happens                what the store does
+==========================  ==========================================================================
+disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
+too many wait               the oldest are lost, counted, and told in the history once it is written
+file damaged                set aside, a new one begun
+file too old or too large   the oldest events are deleted, a few at a time
+==========================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sqlite3
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
+from fleet.model.event import EventKind, EventReport, Severity
+from fleet.spool.database import PAGE, is_corrupt, open_checked
+from fleet.spool.place import locked, made
+
+log = logging.getLogger(__name__)
+
+HISTORY = "history.db"
+VERSION = 1
+"""Of the file's form; a file of another one is set aside."""
+SCHEMA = """
+CREATE TABLE event (
+    id INTEGER PRIMARY KEY, stamp REAL, robot TEXT, kind TEXT, severity TEXT, text TEXT,
+    way TEXT, asker TEXT, source_type TEXT, proven INTEGER, command TEXT, request TEXT, data TEXT
+);
+CREATE INDEX event_by_stamp ON event (stamp);
+CREATE INDEX event_by_robot ON event (robot, stamp);
+"""
+WAITING = 5000  # events in memory at most
+AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
+PRUNE_EVERY = 60.0  # s
+AT_ONCE = 1000  # rows that are deleted in one commit
+NEWEST = 1000
+"""Events that are kept however old their stamps are: a computer without a clock may begin in 1970."""
+_ADD = f"INSERT INTO event ({COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"  # noqa: S608 - columns of ours
+_TOO_OLD = (
+    "DELETE FROM event WHERE id IN (SELECT id FROM event WHERE stamp < ? "
+    "AND id <= (SELECT max(id) FROM event) - ? LIMIT ?)"
+)
+_OLDEST = "DELETE FROM event WHERE id IN (SELECT id FROM event ORDER BY id LIMIT ?)"
+
+
+class Bounds(msgspec.Struct, frozen=True):
+    """How much is kept: ``size`` in bytes on disk, ``age`` in seconds."""
+
+    size: int = 64 << 20
+    age: float = 90 * 86400.0
+
+
+class History:
+    """The event store of one process. ``problem`` says why events are not on disk, empty while they are.
+
+    ``told`` hears of each event, with its robot, on the thread that added it: it must not wait.
+    """
+
+    def __init__(self, folder: Path, clock: Clock, bounds: Bounds | None = None) -> None:
+        self.problem = ""
+        self.told: Callable[[str, EventReport], None] = lambda _robot, _event: None
+        self.folder = folder
+        self._clock = clock
+        self._bounds = bounds or Bounds()
+        self._waiting: deque[Row] = deque()
+        self._lost = 0
+        self._database: sqlite3.Connection | None = None
+        self._try_at = float("-inf")
+        self._prune_at = float("-inf")
+
+    def add(self, robot: str, event: EventReport) -> None:
+        """Take an event of a robot, empty for the edge's own; from any thread. Never blocks, never raises."""
+        self._waiting.append(row_of(robot, event))
+        self.told(robot, event)
+        if len(self._waiting) > WAITING:
+            with contextlib.suppress(IndexError):  # the writer has taken them meanwhile
+                self._waiting.popleft()
+                self._lost += 1
+
+    def waiting(self) -> list[Record]:
+        """Return the events that are not on disk yet, the oldest first; from any thread."""
+        return [record_of(row) for row in list(self._waiting)]
+
+    def write(self) -> None:
+        """Put what waits on disk, and delete what is too old or too much; on the thread that may wait."""
+        now = self._clock.monotonic()
+        if now < self._try_at or not (self._waiting or now >= self._prune_at):
+            return
+        try:
+            database = self._opened()
+            self._commit(database)
+            if now >= self._prune_at:
+                self._prune_at = now if self._prune(database) else now + PRUNE_EVERY
+        except Exception as error:  # noqa: BLE001 - the thread is the journal's, and must go on
+            self._fail(error)
+            self._try_at = now + AGAIN_AFTER
+        else:
+            self.problem = ""
+
+    def close(self) -> None:
+        """Write what waits once more, and close the file; on the thread that may wait."""
+        self._try_at = float("-inf")
+        self.write()
+        self._shut()
+
+    def _opened(self) -> sqlite3.Connection:
+        """Return the file, opened when it is not; raises StateError, OSError, sqlite3.Error."""
+        path = self.folder / HISTORY
+        if not path.exists():  # not yet, or removed under us: nobody would see what goes there
+            self._shut()
+        if self._database is None:
+            made(self.folder)
+            with locked(path):
+                self._database, _ = open_checked(path, SCHEMA, VERSION, "NORMAL")
+        return self._database
+
+    def _shut(self) -> None:
+        """Close the file."""
+        if self._database is not None:
+            with contextlib.suppress(sqlite3.Error):
+                self._database.close()
+            self._database = None
+
+    def _commit(self, database: sqlite3.Connection) -> None:
+        """Write all that waits in one transaction; what the disk does not take goes on waiting."""
+        rows = list(self._waiting)
+        lost = self._lost
+        if lost:
+            text = f"{lost} events were lost: the disk did not take them, and memory was full"
+            event = EventReport(self._clock.time(), EventKind.HEALTH, text, Severity.ERROR)
+            rows.append(row_of("", event))
+        if not rows:
+            return
+        database.execute("BEGIN IMMEDIATE")
+        try:
+            database.executemany(_ADD, rows)
+            database.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):
+                database.execute("ROLLBACK")
+            raise
+        self._lost -= lost
+        for row in rows:  # some of them may have made room for newer ones meanwhile
+            if self._waiting and self._waiting[0] is row:
+                self._waiting.popleft()
+
+    def _prune(self, database: sqlite3.Connection) -> bool:
+        """Delete some of what is too old, or too much; return whether there is more."""
+        oldest = self._clock.time() - self._bounds.age
+        deleted = database.execute(_TOO_OLD, (oldest, NEWEST, AT_ONCE)).rowcount
+        pages, free = (
+            database.execute(f"PRAGMA {each}").fetchone()[0] for each in ("page_count", "freelist_count")
+        )
+        if (pages - free) * PAGE > self._bounds.size:
+            deleted += database.execute(_OLDEST, (AT_ONCE,)).rowcount
+        return bool(deleted >= AT_ONCE)
+
+    def _fail(self, error: Exception) -> None:
+        """Tell that events are kept in memory alone; a damaged file is set aside when it is opened again."""
+        if isinstance(error, sqlite3.Error) and (is_corrupt(error) or _may_heal(error)):
+            self._shut()
+        problem = f"the history is kept in memory alone: {error}"
+        if problem != self.problem:
+            log.error("%s", problem)
+        self.problem = problem
+
+
+def _may_heal(error: sqlite3.Error) -> bool:
+    """Return True for a file whose disk failed, or takes no writes: it is opened again."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR)

@@ -1,0 +1,82 @@
+"""Who asked for an emergency stop, and why, as it comes with a stop on the bus or by the supervisor.
+
+A stop is never refused for what is wrong with this: it is cut, or left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from fleet.config.text import printable
+from fleet.model.command import Way
+from fleet.model.event import Asker
+
+LONGEST = 200  # characters of a reason
+_BY, _WHY, _ID = "by", "why", "id"
+_WAYS: Mapping[Way, str] = {
+    Way.CLOUD: "over the cloud",
+    Way.BUS: "over the bus",
+    Way.LOCAL: "on this computer",
+    Way.MISSION: "the edge itself",
+}
+
+
+class StopCause(msgspec.Struct, frozen=True):
+    """Who stops, in whose words why, and by which ``request``: one stop may come by several ways."""
+
+    asker: Asker
+    reason: str = ""
+    request: str = ""
+
+    @property
+    def why(self) -> str:
+        """Say it in a sentence: what stands at the robot until its release."""
+        if not self.asker.name and self.reason:
+            return self.reason
+        asked = f"asked by {told_asker(self.asker)}"
+        return f"{asked}: {self.reason}" if self.reason else asked
+
+
+THE_KEY = StopCause(Asker(Way.BUS), "the stop key")
+"""Of a stop that says nothing of itself."""
+
+
+def cause_in(parameters: Mapping[str, str]) -> StopCause:
+    """Return what the parameters of a question on the stop key say; what they say is claimed."""
+    said = {name: _clipped(_read(parameters.get(name, ""))) for name in (_BY, _WHY, _ID)}
+    if not (said[_BY] or said[_WHY]):
+        return THE_KEY
+    return StopCause(Asker(Way.BUS, said[_BY]), said[_WHY], said[_ID])
+
+
+def parameters_of(by: str, why: str, request: str) -> dict[str, str]:
+    """Return the parameters that say who stops, why, and by which request; in hexadecimal digits."""
+    said = {_BY: by, _WHY: why, _ID: request}
+    return {name: _clipped(value).encode(errors="replace").hex() for name, value in said.items() if value}
+
+
+def local_cause(name: str, reason: str = "", request: str = "") -> StopCause:
+    """Return the cause of a stop of this computer's own, whose sender is proven."""
+    return StopCause(Asker(Way.LOCAL, _clipped(name), proven=True), _clipped(reason), _clipped(request))
+
+
+def told_asker(asker: Asker) -> str:
+    """Return an asker for people: ``anna (claimed, tele, over the cloud)``."""
+    known = "proven" if asker.proven else "claimed"
+    words = [known, *filter(None, [asker.source_type]), _WAYS[asker.way]]
+    return f"{asker.name or 'somebody'} ({', '.join(words)})"
+
+
+def _clipped(text: str) -> str:
+    """Return text of others that is safe to show, and not too long."""
+    return printable(text[:LONGEST])
+
+
+def _read(digits: str) -> str:
+    """Return the text of a parameter; nothing for what is none."""
+    try:
+        return bytes.fromhex(digits).decode(errors="replace")
+    except ValueError:
+        return ""

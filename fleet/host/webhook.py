@@ -1,0 +1,59 @@
+"""Posts a notice to an address, within a time that holds for all of it, however slow the other side is."""
+
+from __future__ import annotations
+
+import threading
+import urllib.error
+import urllib.request
+from typing import Any
+
+
+class _Stay(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect: a notice goes where fleet.yaml says, and nowhere else."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """Refuse."""
+
+
+class Webhook:
+    """One address (http or https)."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._opener = urllib.request.build_opener(_Stay)
+        self._last: threading.Thread | None = None
+
+    def send(self, body: bytes, within: float) -> None:
+        """Post JSON; raises OSError for what is no success, or not within so many seconds."""
+        if self._last is not None and self._last.is_alive():
+            raise TimeoutError("the last request has not ended yet")
+        ended: list[OSError | None] = []
+
+        def post() -> None:
+            ended.append(self._post(body, within))
+
+        self._last = threading.Thread(target=post, name="fleet-webhook", daemon=True)
+        self._last.start()
+        self._last.join(within)
+        if not ended:
+            raise TimeoutError(f"no answer within {within:g} s")
+        if ended[0] is not None:
+            raise ended[0]
+
+    def _post(self, body: bytes, within: float) -> OSError | None:
+        """Post; return what went wrong, without the address."""
+        request = urllib.request.Request(  # noqa: S310 - the schema lets only http and https through
+            self._url, body, {"Content-Type": "application/json", "User-Agent": "fleet"}
+        )
+        try:
+            with self._opener.open(request, timeout=within):
+                return None
+        except urllib.error.HTTPError as error:
+            error.close()
+            return OSError(f"HTTP {error.code}")
+        except urllib.error.URLError as error:
+            return OSError(str(error.reason))
+        except OSError as error:
+            return error
+        except Exception as error:  # noqa: BLE001 - http.client's own errors are no OSErrors
+            return OSError(type(error).__name__)
