@@ -24,7 +24,8 @@ Made from the commands by `docs/make_cli_reference.py`; do not edit.
 
 Results go to stdout, everything else to stderr. `--json` prints one JSON document for programs.
 Colours are left out with `--no-color`, with `NO_COLOR=1`, and when the output is no terminal.
-Tables fit the terminal; on a narrow one each row becomes a block.
+Tables fit the terminal; on a narrow one each row becomes a block. `fleet ps` leaves out whole columns and
+rows that do not fit, and says which.
 """
 
 

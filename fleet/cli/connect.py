@@ -94,6 +94,10 @@ class Edges:
             if edge not in answered
         ]
 
+    def are_all(self, file: str | None) -> bool:
+        """Return whether the edges that run now are those that let us in (one of a file: always)."""
+        return file is not None or set(running_edges(runtime_dir())) == set(self.joined)
+
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
 

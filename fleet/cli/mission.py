@@ -16,7 +16,7 @@ from fleet.cli.ask import Asker
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import last_of
+from fleet.cli.overview import last_of
 from fleet.cli.send import RECEIPT_WITHIN, ask
 from fleet.errors import Refused
 from fleet.model.state import RobotState

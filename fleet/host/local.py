@@ -73,6 +73,11 @@ def _is_known(report: Report) -> bool:
     return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)
 
 
+def _rounded(value: float | None) -> float | None:
+    """Return a figure for people."""
+    return None if value is None else round(value, 2)
+
+
 class LocalRobot:
     """A robot whose adapter runs in this process."""
 
@@ -259,6 +264,11 @@ class LocalRobot:
             self.desk.guard.see(report)
         self._send(report)
 
+    def _reported(self, report: Report) -> None:
+        """Take a report of the adapter's: the robot was heard."""
+        self._seen.heard = self._clock.monotonic()
+        self.publish(report)
+
     def state(self) -> RobotState:
         """Return what the robot looks like now."""
         health = self._health()
@@ -286,6 +296,8 @@ class LocalRobot:
             site=placed.at if placed else None,
             placement=placed.placement if placed else None,
             separation=self._traffic.unknown(self.name) if self._traffic else "",
+            speed=_rounded(self._seen.speed(self._clock.time())),
+            age=_rounded(self._seen.age(self._clock.monotonic())),
         )
 
     def _health(self) -> Health:
@@ -301,7 +313,7 @@ class LocalRobot:
             clock=self._clock,
             wheel=self._wheel,
             shared=self._shared,
-            publish=self.publish,
+            publish=self._reported,
             healthy=runner.healthy,
             lost_authority=self.desk.authority_lost,
             failed=runner.crashed,

@@ -60,6 +60,7 @@ class RemoteRobot:
         self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._cause = "its worker is starting"
         self._heard = float("-inf")
+        self._told = clock.monotonic()  # when the state came
         self._unheard_stop = False
         self._state = RobotState(
             name=self.name,
@@ -189,14 +190,17 @@ class RemoteRobot:
     def state(self) -> RobotState:
         """Return what the worker last said, or why it says nothing."""
         stopped = self._state.emergency_stop or self._unheard_stop
-        said = msgspec.structs.replace(self._state, emergency_stop=stopped)
-        if self._clock.monotonic() - self._heard <= SILENT_AFTER:
+        now, age = self._clock.monotonic(), self._state.age
+        age = None if age is None else round(age + now - self._told, 2)
+        said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
+        if now - self._heard <= SILENT_AFTER:
             return said
         return msgspec.structs.replace(
             said,
             health=Level.OFFLINE.word,
             cause=self._cause,
             reachable=False,
+            speed=None,
             stamp=self._clock.time(),
         )
 
@@ -212,7 +216,7 @@ class RemoteRobot:
             return
         self._state = state
         self._unheard_stop &= not state.emergency_stop
-        self._heard = self._clock.monotonic()
+        self._heard = self._told = self._clock.monotonic()
 
     def _state_asked(self, question: Question) -> None:
         """Answer with the state, beside the worker: it may be gone. On the bus's thread."""

@@ -17,6 +17,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     ``site`` is its position in the frame that the robots of the edge share, ``placement`` where its world
     lies there; None while that is unknown. ``separation`` says to whom its distance is unknown, and why.
 
+    ``speed`` is m/s over all axes, of its last second; None where it tells no pose. ``age``: seconds since it
+    was heard, at ``stamp``; None while it never was.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -43,6 +46,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     site: Vector3 | None = None
     placement: Placement | None = None
     separation: str = ""
+    speed: float | None = None
+    age: float | None = None
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):
