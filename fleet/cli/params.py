@@ -50,12 +50,10 @@ def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) ->
     found, failed = _sorted_out(answers, Found)
     out.data({"robots": found, "failed": failed})
     if found:
-        of = [
-            (name, robot, shown(value)) for robot, values in found.items() for name, value in values.items()
+        rows = [
+            (which, name, shown(value)) for which, all_of in found.items() for name, value in all_of.items()
         ]
-        out.table(
-            ("robot", "parameter", "value"), [(robot, name, value) for name, robot, value in sorted(of)]
-        )
+        out.table(("robot", "parameter", "value"), sorted(rows, key=lambda row: (row[1], row[0])))
     return _ended(out, found, failed)
 
 

@@ -102,10 +102,8 @@ def test_parameters_of_a_group_are_shown_by_robot_and_who_has_none_is_told(fleet
     birds({"RTL_ALT": 1500})
     result = fleet("params", "birds", "get", "RTL_ALT")
     assert result.code == 7
-    assert [line.split() for line in result.out.splitlines()] == [
-        ["PARAMETER", "KESTREL"],
-        ["RTL_ALT", "1500"],
-    ]
+    rows = [line.split() for line in result.out.splitlines()]
+    assert rows == [["ROBOT", "PARAMETER", "VALUE"], ["kestrel", "RTL_ALT", "1500"]]
     assert "rex has no 'get_parameters'" in result.err
 
 
