@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import json
 import logging
 import os
 import sys
@@ -103,10 +104,21 @@ class LazyGroup(click.Group):
 def fleet() -> None:
     """One fleet.yaml, one command: drones, quadrupeds and wheeled robots as one fleet.
 
-    Results go to stdout, everything else to stderr. Exit codes: 0 ok, 1 runtime error, 2 usage,
+    Results go to stdout, everything else to stderr; with --json an error is {"error": ..., "code": ...} on
+    stdout as well. Exit codes: 0 ok, 1 runtime error, 2 usage,
     3 configuration invalid, 4 edge not running, 5 command rejected or denied, 6 timeout, 7 some robots
     failed, 130 interrupted.
     """
+
+
+def _tell_programs(arguments: Sequence[str], error: FleetError | str, code: int) -> None:
+    """Write an error as one line of JSON to stdout, where that was asked for."""
+    if "--json" not in arguments:
+        return
+    problems = [str(problem) for problem in getattr(error, "problems", ())]
+    document = {"error": str(error), "code": int(code)} | ({"problems": problems} if problems else {})
+    sys.stdout.write(json.dumps(document) + "\n")
+    sys.stdout.flush()
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -121,14 +133,18 @@ def main(arguments: Sequence[str]) -> int:
         return ExitCode.INTERRUPTED
     except click.ClickException as error:
         error.show()
+        _tell_programs(arguments, error.format_message(), error.exit_code)
         return error.exit_code
     except FleetError as error:
         show_error(error)
+        _tell_programs(arguments, error, exit_code_of(error))
         return exit_code_of(error)
     except OSError as error:  # the reader of our output went away, as head does, or its disk is full
         if not isinstance(error, BrokenPipeError):
             log.debug("the command failed", exc_info=True)
             sys.stderr.write(f"fleet: {error}\n")
+            with contextlib.suppress(OSError):
+                _tell_programs(arguments, str(error), ExitCode.RUNTIME_ERROR)
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.RUNTIME_ERROR

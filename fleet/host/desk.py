@@ -339,7 +339,7 @@ class Desk:
             return
         if self._navigator.repeated(ask.action_id, ticket):
             return
-        refusal = self._admission.navigate(ask) or self.guard.task(ask.ask)
+        refusal = self._admission.navigate(ask) or self._can.cannot(ask.ask) or self.guard.task(ask.ask)
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"
