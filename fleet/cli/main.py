@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from fleet.cli.interrupt import end_at_once, raise_from_now_on
 from fleet.cli.output import ExitCode, exit_code_of, show_error
 from fleet.config.text import nearest
 from fleet.errors import FleetError
@@ -77,7 +78,12 @@ class LazyGroup(click.Group):
             return None
         module, _, attribute = found.partition(":")
         try:
-            command: click.Command = getattr(importlib.import_module(module), attribute)
+            interruptible = end_at_once()
+            try:
+                command: click.Command = getattr(importlib.import_module(module), attribute)
+            finally:
+                if interruptible:
+                    raise_from_now_on()
         except ModuleNotFoundError as error:
             if not module.startswith("fleet_"):
                 raise

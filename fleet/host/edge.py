@@ -222,7 +222,8 @@ class Edge:
         states = self.states()
         cloud = self._cloud_health()
         journal, inputs = self.process.journal.problem, self._stop_inputs.problem
-        problems = (self.bus.problem, journal, inputs, self._metrics_problem)
+        overload = self.process.starvation.problem
+        problems = (self.bus.problem, journal, inputs, self._metrics_problem, overload)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge

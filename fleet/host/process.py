@@ -28,6 +28,7 @@ from fleet.host.make import AdapterClass
 from fleet.host.outbox import Outbox
 from fleet.host.settings import MAIN
 from fleet.host.shared import Shared
+from fleet.host.starvation import Starvation
 from fleet.host.traffic import TELL, Traffic
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
@@ -85,6 +86,7 @@ class RobotProcess:
         self.outbox = Outbox(bus.reports)
         self.supervised = supervised or Supervised()
         self._thread = LoopThread(self.loop)
+        self.starvation = Starvation(clock.monotonic(), self._thread.waited())
         self._shared = Shared()
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states = bus.control.publishers(keys.state(edge, "*"))
@@ -94,6 +96,7 @@ class RobotProcess:
             LoopWatch(
                 beat=lambda: self.wheel.beat,
                 cpu=self._thread.cpu,
+                waited=self._thread.waited,
                 running=self._running,
                 blocked=self._blocked,
                 stuck=self._stuck,
@@ -173,6 +176,7 @@ class RobotProcess:
             self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
         drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
         self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
+        self.wheel.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
@@ -360,6 +364,10 @@ class RobotProcess:
             waits=waits,
         )
         return question.close if take is None else partial(take, answer)
+
+    def _look_at_processor(self) -> None:
+        """See whether the computer has time for this process."""
+        self.starvation.look(self.clock.monotonic(), self._thread.waited())
 
     # -- who blocks the loop -------------------------------------------------------------------------
 
