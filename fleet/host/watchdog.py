@@ -71,7 +71,7 @@ class _Silence:
         self._looked = 0.0
         self._cpu = 0.0
         self._waited = 0.0
-        self.starved = 0.0  # s of this silence in which the loop's thread had no processor
+        self.blamed = 0.0  # s of it that are somebody's fault in here: the loop could have gone on
 
     def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
         """Return the seconds of silence that count, at ``now``."""
@@ -80,8 +80,9 @@ class _Silence:
             self._awake, self._looked = 0.0, now
         self._awake += min(now - self._looked, 2 * PERIOD)
         self._looked = now
-        self.starved = waited - self._waited
-        return min(now - beat, max(self._awake, cpu - self._cpu))
+        silent = min(now - beat, max(self._awake, cpu - self._cpu))
+        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
+        return silent
 
 
 class Watchdog:
@@ -166,7 +167,7 @@ class Watchdog:
         if silent < BLOCKED:
             self._named = ""
             return
-        if not self._named and silent - self._silence.starved >= BLOCKED:
+        if not self._named and self._silence.blamed >= BLOCKED:
             name = self._named = self._loop.running() or "the host"
             aside(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:

@@ -43,7 +43,7 @@ def quiet(code, err):
     [
         "click",
         "fleet.cli.main",
-        "fleet.cli.check",
+        "fleet.config.load",
         "pydantic",
         "yaml",
         "zenoh",
