@@ -74,8 +74,9 @@ class Desk:
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
         self.latch = self._admission.latch  # any thread; the robot itself hears nothing of it
         self.senders = self._admission.offsets
+        self.would_refuse = self._admission.would_refuse
         self._repeats = journal.repeats(clock.monotonic())
-        self._own: dict[str, Callable[[Command], Any]] = {
+        self.own: dict[str, Callable[[Command], Any]] = {
             RELEASE: lambda _: self.latch.release(),
             RESTART: lambda _: restart(),
             **dict.fromkeys(SETTINGS if capabilities.drives else (), self.speeds.store),
@@ -215,7 +216,7 @@ class Desk:
         if ask.name in STOP_WORDS:
             self._stop(ask, ticket)
             return
-        own = self._own.get(ask.name)
+        own = self.own.get(ask.name)
         spec = None if own else self._can.commands.get(ask.name)
         if own is None and spec is None:
             ticket.reject(f"{self.name} has no {ask.name!r}", hint=self._can.hint(ask.name))

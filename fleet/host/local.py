@@ -9,10 +9,12 @@ from collections.abc import Callable
 from functools import partial
 
 from fleet.clock import Clock
+from fleet.commands import CommandSpec
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
 from fleet.host.apart import LOOK, Apart
 from fleet.host.asks import Ask, Decoder, is_stop, told_flaw
+from fleet.host.describe import description
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
 from fleet.host.handle import Handle
@@ -30,6 +32,7 @@ from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
 from fleet.model.command import Answer, Asked, Command, Origin, Reply, Setpoint, Way
+from fleet.model.description import Description
 from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState, Control, Navigate
 from fleet.model.report import (
@@ -45,6 +48,7 @@ from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.supervisor.client import Supervised
 from fleet.tally import Tally
+from fleet.wire.commands import SETTINGS
 from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
@@ -299,6 +303,26 @@ class LocalRobot:
             speed=_rounded(self._seen.speed(self._clock.time())),
             age=_rounded(self._seen.age(self._clock.monotonic())),
         )
+
+    def describe(self) -> Description:
+        """Return what the robot takes, and whether it would now."""
+        limits = self.config.limits.over(self._can.limits)
+        own = self.desk.own
+        return description(
+            self.name, self._adapter, self._can, own=own, limits=limits, refusal=self._would_refuse
+        )
+
+    def _would_refuse(self, name: str, spec: CommandSpec | None) -> str:
+        """Return why a command from this computer would be refused now; empty when it would be taken."""
+        ask = Command(name, origin=Origin(Way.BUS))
+        moves, safe = (spec.moves, spec.safe) if spec else (name in SETTINGS, name not in SETTINGS)
+        refusal = self.desk.would_refuse(ask, moves=moves, safe=safe) or self.desk.guard.beginning(ask)
+        if refusal or spec is None:
+            return refusal or ""
+        if self.desk.offline:
+            return f"{self.name} is offline: {self.desk.offline}"
+        busy = self.desk.activity if spec.moves and not spec.interrupts else ""
+        return f"busy with {busy}" if busy else ""
 
     def _health(self) -> Health:
         """Return how the robot is: well, but for what its battery or another robot made us do with it."""

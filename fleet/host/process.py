@@ -306,7 +306,8 @@ class RobotProcess:
         control = self.bus.control
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
-        control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
+        control.answer(keys.state(self.edge, robot.name), self._teller(robot.state))
+        control.answer(keys.description(self.edge, robot.name), self._teller(robot.describe))
 
     def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:
         """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
@@ -316,11 +317,11 @@ class RobotProcess:
 
         return asked
 
-    def _state_teller(self, robot: LocalRobot) -> Callable[[Question], None]:
-        """Return what answers with a robot's state."""
+    def _teller(self, what: Callable[[], msgspec.Struct]) -> Callable[[Question], None]:
+        """Return what answers with what is so then, on the loop."""
 
         def tell(question: Question) -> None:
-            question.reply(msgspec.json.encode(robot.state()))
+            question.reply(msgspec.json.encode(what()))
             question.close()
 
         def asked(question: Question) -> None:
