@@ -6,6 +6,7 @@ import click
 import msgspec
 
 from fleet.cli.ask import Asker
+from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -15,8 +16,8 @@ from fleet.model.description import CommandDescription, Description, ParameterDe
 
 
 @click.command()
-@click.argument("robot")
-@click.argument("command", required=False)
+@click.argument("robot", type=ROBOT)
+@click.argument("command", required=False, type=COMMAND)
 @reach_option
 @with_output
 def describe(out: Output, robot: str, command: str | None, *, file: str | None) -> ExitCode:

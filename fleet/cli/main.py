@@ -40,6 +40,7 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "fleet.cli.calibrate:calibrate",
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
+    "completion": "fleet.cli.completion:completion",
     "can": "fleet_quadruped.cli:can",
 }
 HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
@@ -62,6 +63,7 @@ SUMMARIES: Mapping[str, str] = {
     "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
+    "completion": "Print what lets a shell complete robots and commands.",
     "can": "Look at a quadruped's CAN buses and drives, move one joint.",
 }
 

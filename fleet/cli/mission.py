@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from fleet.cli.ask import Asker
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -26,7 +27,7 @@ _LOOK = 1.0  # s between looks at how far it is
 
 
 @click.group()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @click.pass_context
 def mission(context: click.Context, robot: str) -> None:
     """Start and control a mission that ROBOT flies from its autopilot's own memory."""

@@ -9,6 +9,7 @@ import click
 import msgspec
 
 from fleet.cli.ask import Answered, Asker, ask_all
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
@@ -25,7 +26,7 @@ AnswerT = TypeVar("AnswerT")
 
 
 @click.group()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @click.pass_context
 def params(context: click.Context, robot: str) -> None:
     """Read and write the own parameters of ROBOT, or of every robot of a group (those of its autopilot)."""

@@ -8,6 +8,7 @@ import click
 import msgspec
 
 from fleet.cli.ask import Answered, ask_all
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -34,7 +35,7 @@ class _Answer(msgspec.Struct):
 
 
 @click.command()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @reach_option
 @with_output
 def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -40,8 +41,8 @@ def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
 
 
 @click.command()
-@click.argument("robot")
-@click.argument("command")
+@click.argument("robot", type=ROBOT)
+@click.argument("command", type=COMMAND)
 @click.argument("data", nargs=-1, metavar="[KEY=VALUE]...")
 @wait_option
 @timeout_option
