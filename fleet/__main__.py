@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-import os
-import sys
+from fleet.cli.interrupt import INTERRUPTED, end_at_once, raise_from_now_on
 
-from fleet.version import __version__
+end_at_once()
+
+import os  # noqa: E402 - Ctrl-C first
+import sys  # noqa: E402
+
+from fleet.version import __version__  # noqa: E402
 
 
 def main() -> int:
-    """Run the command line and return the exit code."""
+    """Run the command line and return the exit code; a Ctrl-C is no traceback, whenever it comes."""
+    try:
+        return _main()
+    except KeyboardInterrupt:
+        end_at_once()
+        return INTERRUPTED
+
+
+def _main() -> int:
+    """Run the command line."""
     while (opened := os.open(os.devnull, os.O_RDWR)) <= 2:  # closed by who started us: no link's place
         os.set_inheritable(opened, True)
     os.close(opened)
@@ -19,7 +32,12 @@ def main() -> int:
     from fleet.cli.main import main as run_command  # noqa: PLC0415 - the version is told without it
     from fleet.host.leave import leave  # noqa: PLC0415 - likewise
 
-    return leave(run_command(sys.argv[1:]))
+    raise_from_now_on()
+    try:
+        code = run_command(sys.argv[1:])
+    finally:
+        end_at_once()
+    return leave(code)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ IMPORT_WITHIN = 20.0  # s for a file to be imported
 CHECK_WITHIN = 5.0  # s for one robot's config to be checked
 LOOK = 0.1  # s between looks whether the process has ended: a child that it left may keep its pipe open
 LONGEST = 8 << 20  # bytes of an answer
-MODULE = "fleet.host.describe"  # what runs in that process
+MODULE = "fleet.host.describe_file"  # what runs in that process
 PASSED = (
     *("PATH", "HOME", "USER", "LOGNAME", "SHELL", "LANG", "LANGUAGE", "TZ", "TMPDIR"),
     *("PYTHONPATH", "LD_LIBRARY_PATH", "XDG_RUNTIME_DIR", "FLEET_RUNTIME_DIR"),

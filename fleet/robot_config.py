@@ -7,10 +7,10 @@ from the descriptions).
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from fleet.model.polygon import is_simple
 from fleet.topic_rules import Topics
@@ -119,19 +119,40 @@ Corner = tuple[float, float]
 Corners = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100), AfterValidator(_simple)]
 
 
+def _bracketed(given: Any) -> Any:
+    """Refuse, as one problem, brackets that make no list of lists of corners; else each number is one."""
+    polygons = _as_tuples(given)
+    for number, polygon in enumerate(polygons if isinstance(polygons, tuple) else (), 1):
+        corners = polygon if isinstance(polygon, tuple) else (polygon,)
+        flat = all(isinstance(corner, tuple) for corner in corners)
+        if not flat or any(isinstance(value, tuple) for corner in corners for value in corner):
+            raise ValueError(
+                f"a bracket is missing or too many in polygon {number}: a list of polygons, each a list of "
+                "corners, is written as [[[0, 0], [9, 0], [9, 9]]]"
+            )
+    return polygons
+
+
+def _as_tuples(value: Any) -> Any:
+    """Return lists as tuples: behind a check of ours, pydantic takes no list for one any more."""
+    return tuple(map(_as_tuples, value)) if isinstance(value, list | tuple) else value
+
+
+Polygons = Annotated[tuple[Corners, ...], Field(max_length=20), BeforeValidator(_bracketed)]
+
+
 class FenceConfig(Model):
     """Where a robot may be. How high and how far from home is said by its limits."""
 
     frame: Literal["world", "geodetic"] = Field(
         "world", description="What corners are: [x, y] metres in the world, or [latitude, longitude]."
     )
-    inclusion: tuple[Corners, ...] = Field(
+    inclusion: Polygons = Field(
         (),
-        max_length=20,
         description="Polygons of 3 to 100 corners, as in [[[0, 0], [9, 0], [9, 9]]]; it must be in one.",
     )
-    exclusion: tuple[Corners, ...] = Field(
-        (), max_length=20, description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]], that it must not be in."
+    exclusion: Polygons = Field(
+        (), description="Polygons, as in [[[0, 0], [9, 0], [9, 9]]], that it must not be in."
     )
     margin: float = Field(1.0, ge=0, le=100, description="Metres that a held velocity keeps from the border.")
 

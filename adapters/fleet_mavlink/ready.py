@@ -9,6 +9,7 @@ import msgspec
 
 from fleet import Refused
 from fleet.errors import CommandError
+from fleet_mavlink.causes import position_troubles
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong
@@ -36,13 +37,13 @@ def checks(
 ) -> list[Check]:
     """Return the list, in the order in which things come up after power-on."""
     mode = flavour.mode_of(state)
-    fix = state.fix
+    fix, troubles = state.fix_now(now), position_troubles(state, now)
     satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
     percent = state.battery.percent
     return [
         Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
         Check("home", state.home is not None),
-        Check("estimator", flavour.position_usable(state, now)),
+        Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
         Check(
             "autopilot's own checks", state.prearm_ok, reasons(sentences, now) if not state.prearm_ok else ()
         ),

@@ -37,6 +37,7 @@ among it."""
 
 _REPORTS = "cw/*/data/**"
 _STOP = "fleet/*/stop"
+_DESCRIPTION = "fleet/*/robots/*/description"
 _BY_CERTIFICATE = frozenset({"tls", "quic"})
 
 _LISTEN = ("declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
@@ -79,7 +80,7 @@ class _Rule(msgspec.Struct, frozen=True):
 _COMMON = (
     _Rule(_ALL, ("**",), flow="egress"),
     _Rule(_LISTEN, ("**",)),
-    _Rule(("query",), ("fleet/*/robots/*/state", "fleet/*/health", _REPORTS)),
+    _Rule(("query",), ("fleet/*/robots/*/state", _DESCRIPTION, "fleet/*/health", _REPORTS)),
 )
 """Everybody with a role hears everything and asks how things are."""
 
@@ -121,7 +122,7 @@ def _worker_rules(name: str, edge: str) -> tuple[_Rule, ...]:
         _Rule(_SAY, (f"{own}/beat", f"{robots}/state", f"fleet/{edge}/places/{name}", _REPORTS)),
         _Rule(("query",), (f"{robots}/video",)),
         _Rule(_ANSWER, (f"{robots}/command", f"{robots}/state", f"fleet/{edge}/stop", _REPORTS)),
-        _Rule(_ANSWER, (f"fleet/{edge}/history",)),
+        _Rule(_ANSWER, (f"{robots}/description", f"fleet/{edge}/history")),
         _Rule((*_SAY, *_ANSWER), ("cw/*/data/commands/**",), "deny"),
     )
 

@@ -73,6 +73,11 @@ def state(edge_id: str, name: str) -> str:
     return f"fleet/{edge_id}/robots/{name}/state"
 
 
+def description(edge_id: str, name: str) -> str:
+    """Return the key on which a robot tells what it takes."""
+    return f"fleet/{edge_id}/robots/{name}/description"
+
+
 def worker(edge_id: str, name: str) -> str:
     """Return the key of a worker's liveliness token and, below it, of its heartbeat."""
     return f"fleet/{edge_id}/workers/{name}"

@@ -10,7 +10,7 @@ import msgspec
 
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
-from fleet.host.describe import described
+from fleet.host.describe_file import described
 from fleet.probe import Description
 from fleet.registry import Plugin, Registry
 

@@ -1,14 +1,31 @@
-"""Asking one robot for something, for the commands that show what it answers."""
+"""Asking robots for something, for the commands that show what they answer."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
+
+import msgspec
 
 from fleet.cli.connect import Edges
 from fleet.cli.send import stamped
-from fleet.errors import Refused, TimedOut
+from fleet.errors import FleetError, Refused, TimedOut
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.state import RobotState
+
+
+class Answered(msgspec.Struct, frozen=True):
+    """What one robot answered: ``data``, or why it did not (``error``)."""
+
+    robot: RobotState
+    data: Any = None
+    error: FleetError | None = None
+
+    def get(self) -> Any:
+        """Return the data; raises the error."""
+        if self.error is not None:
+            raise self.error
+        return self.data
 
 
 class Asker:
@@ -23,14 +40,35 @@ class Asker:
 
     def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> Any:
         """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
-        payload = stamped({"command": command, "data": data or {}})
-        last: Reply | None = None
-        for last in self._edges.command(self.robot, payload, kind="command", wait=True, timeout=timeout):
-            if last.done is not None or not last.ok:
-                break
-        if last is None or (last.ok and last.done is None) or last.status is ReplyStatus.TIMEOUT:
-            reason = last.reason if last is not None and last.reason else f"no answer within {timeout:g} s"
-            raise TimedOut(f"{self.robot.name}: {command}: {reason}")
-        if not last.ok or not last.done:
-            raise Refused(f"{self.robot.name}: {command}: {last.reason}", hint=last.hint)
-        return last.data
+        (answered,) = ask_all(self._edges, [self.robot], command, data, timeout=timeout)
+        return answered.get()
+
+
+def ask_all(
+    edges: Edges,
+    robots: Iterable[RobotState],
+    command: str,
+    data: dict[str, Any] | None = None,
+    *,
+    timeout: float,
+) -> list[Answered]:
+    """Ask robots the same, all at once; return what each answered."""
+    payload = stamped({"command": command, "data": data or {}})  # it is sent now
+    asked = [
+        (robot, edges.command(robot, payload, kind="command", wait=True, timeout=timeout)) for robot in robots
+    ]
+    return [_answered(robot, command, replies, timeout) for robot, replies in asked]
+
+
+def _answered(robot: RobotState, command: str, replies: Iterator[Reply], timeout: float) -> Answered:
+    """Wait for a robot's last reply; return what it means."""
+    last: Reply | None = None
+    for last in replies:
+        if last.done is not None or not last.ok:
+            break
+    if last is None or (last.ok and last.done is None) or last.status is ReplyStatus.TIMEOUT:
+        reason = last.reason if last is not None and last.reason else f"no answer within {timeout:g} s"
+        return Answered(robot, error=TimedOut(f"{robot.name}: {command}: {reason}"))
+    if not last.ok or not last.done:
+        return Answered(robot, error=Refused(f"{robot.name}: {command}: {last.reason}", hint=last.hint))
+    return Answered(robot, last.data)

@@ -17,10 +17,11 @@ from fleet.bus.settings import BusSettings, running_edges, runtime_dir
 from fleet.cli.output import NotRunning
 from fleet.config.text import nearest
 from fleet.decoding import decode_json
-from fleet.errors import BusError, Refused
+from fleet.errors import BusError, Refused, TimedOut
 from fleet.history.record import Record
 from fleet.history.wanted import Wanted, newest
 from fleet.model.command import Reply
+from fleet.model.description import Description
 from fleet.model.state import EdgeState, RobotState
 
 log = logging.getLogger(__name__)
@@ -96,6 +97,10 @@ class Edges:
             if edge not in answered
         ]
 
+    def are_all(self, file: str | None) -> bool:
+        """Return whether the edges that run now are those that let us in (one of a file: always)."""
+        return file is not None or set(running_edges(runtime_dir())) == set(self.joined)
+
     def named(self, name: str) -> list[RobotState]:
         """Return the robot of this name, or the robots of this group; raises UnknownRobot.
 
@@ -115,6 +120,12 @@ class Edges:
             hints = [near or f"there are: {', '.join(known) or 'none'}", *self.unreached, *self.silent(edges)]
             raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
         return found
+
+    def description(self, robot: RobotState) -> Description:
+        """Return what a robot takes; raises TimedOut when its process does not answer."""
+        for _, _, found in self._asked(keys.description(robot.edge, robot.name), Description):
+            return found
+        raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
 
     def command(
         self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float

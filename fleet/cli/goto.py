@@ -10,6 +10,7 @@ from typing import Any
 import click
 import msgspec
 
+from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.send import ask_each
@@ -36,7 +37,7 @@ class Aim(msgspec.Struct, frozen=True):
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float, default=0.0)

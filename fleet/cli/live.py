@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from fleet.cli.output import Output
-from fleet.cli.ps import battery_of, edge_line, mode_of
+from fleet.cli.output import COLORS, Output
+from fleet.cli.overview import battery_of, mode_of, overview, place_of
 from fleet.config.text import printable
 from fleet.host.edge import Edge
 from fleet.model.state import RobotState
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Console
+    from rich.text import Text
 
 REFRESH = 0.5  # s
 AT_ONCE = 20  # robots looked at before commands have their turn
 PAUSE = 0.04  # s between so many: a thousand robots take two seconds, and one percent of a processor
-STYLES = {"ok": "green", "degraded": "yellow", "offline": "red", "fault": "bold red"}
 
 
 async def show(edge: Edge, out: Output) -> None:
@@ -38,33 +38,25 @@ async def _table(edge: Edge) -> None:
     from rich.console import Console  # noqa: PLC0415 - slow to import and only for terminals
     from rich.live import Live  # noqa: PLC0415
 
+    console = Console()
     # What goes to a file must not be drawn above the table instead.
     on_it = sys.stderr.isatty()
-    with Live(_drawn(edge), console=Console(), auto_refresh=False, redirect_stderr=on_it) as live:
+    with Live(_drawn(edge, console), console=console, auto_refresh=False, redirect_stderr=on_it) as live:
         while True:
             await asyncio.sleep(REFRESH)
-            live.update(_drawn(edge), refresh=True)
+            live.update(_drawn(edge, console), refresh=True)
 
 
-def _drawn(edge: Edge) -> Group:
-    """Return the table and the edge's line below it."""
-    from rich.console import Group  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
+def _drawn(edge: Edge, console: Console) -> Text:
+    """Return what ``fleet ps`` would show now, as much as fits."""
     from rich.text import Text  # noqa: PLC0415
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("robot", "health", "mode", "battery", "position", "doing"):
-        table.add_column(heading, no_wrap=heading != "doing", overflow="ellipsis")
-    for state in edge.states():
-        table.add_row(
-            printable(state.name),
-            Text(state.health, STYLES[state.health]),
-            printable(mode_of(state)),
-            battery_of(state),
-            _position(state),
-            printable(state.cause or state.activity or state.last_outcome),
-        )
-    return Group(table, Text(printable(edge_line(edge.state())), "dim"))
+    width, height = console.size
+    lines = overview(edge.states(), [edge.state()], width=width, height=height)
+    text = Text("\n".join(lines), no_wrap=True, overflow="ellipsis")
+    for word, color in COLORS.items():
+        text.highlight_regex(rf"(?<!\S){word}(?!\S)", color)
+    return text
 
 
 async def _lines(edge: Edge, said: Callable[[RobotState], str]) -> None:
@@ -92,13 +84,6 @@ def _as_json(state: RobotState) -> str:
 
 def _as_text(state: RobotState) -> str:
     """Return a state as one line for people."""
-    parts = [state.health, mode_of(state), battery_of(state), _position(state), state.activity, state.cause]
+    parts = [state.health, mode_of(state), battery_of(state), place_of(state), state.activity, state.cause]
     parts.append(f"separation {state.separation}" if state.separation else "")
     return printable(f"{state.name}: " + ", ".join(part for part in parts if part and part != "-"))
-
-
-def _position(state: RobotState) -> str:
-    """Return where a robot is, metres."""
-    if state.position is None:
-        return "-"
-    return f"{state.position.x:.1f} {state.position.y:.1f} {state.position.z:.1f}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import json
 import logging
 import os
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 
 import click
 
+from fleet.cli.interrupt import end_at_once, raise_from_now_on
 from fleet.cli.output import ExitCode, exit_code_of, show_error
 from fleet.config.text import nearest
 from fleet.errors import FleetError
@@ -26,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "fleet.cli.run:run",
     "demo": "fleet.cli.demo:demo",
     "ps": "fleet.cli.ps:ps",
+    "describe": "fleet.cli.describe:describe",
     "send": "fleet.cli.send:send",
     "goto": "fleet.cli.goto:goto",
     "stop": "fleet.cli.stop:stop",
@@ -43,6 +46,7 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "fleet.cli.calibrate:calibrate",
     "adapters": "fleet.cli.adapters:adapters",
     "schema": "fleet.cli.schema:schema",
+    "completion": "fleet.cli.completion:completion",
     "can": "fleet_quadruped.cli:can",
 }
 HIDDEN: Mapping[str, str] = {"run-edge": "fleet.cli.run_edge:run_edge"}
@@ -53,6 +57,7 @@ SUMMARIES: Mapping[str, str] = {
     "run": "Run the fleet of a fleet file.",
     "demo": "Run simulated robots; nothing else is needed.",
     "ps": "Show the robots that run, and how they are.",
+    "describe": "Show what a robot takes, and whether it would take it now.",
     "send": "Send a command to a robot and wait for its answer.",
     "goto": "Send a robot to a place.",
     "stop": "Stop robots at once.",
@@ -70,6 +75,7 @@ SUMMARIES: Mapping[str, str] = {
     "calibrate": "Measure a wheeled robot's wheels and turns.",
     "adapters": "Show the kinds of robots that can be used.",
     "schema": "Print the JSON Schema of fleet.yaml for editors.",
+    "completion": "Print what lets a shell complete robots and commands.",
     "can": "Look at a quadruped's CAN buses and drives, move one joint.",
 }
 
@@ -88,7 +94,12 @@ class LazyGroup(click.Group):
             return None
         module, _, attribute = found.partition(":")
         try:
-            command: click.Command = getattr(importlib.import_module(module), attribute)
+            interruptible = end_at_once()
+            try:
+                command: click.Command = getattr(importlib.import_module(module), attribute)
+            finally:
+                if interruptible:
+                    raise_from_now_on()
         except ModuleNotFoundError as error:
             if not module.startswith("fleet_"):
                 raise
@@ -115,10 +126,21 @@ class LazyGroup(click.Group):
 def fleet() -> None:
     """One fleet.yaml, one command: drones, quadrupeds and wheeled robots as one fleet.
 
-    Results go to stdout, everything else to stderr. Exit codes: 0 ok, 1 runtime error, 2 usage,
+    Results go to stdout, everything else to stderr; with --json an error is {"error": ..., "code": ...} on
+    stdout as well. Exit codes: 0 ok, 1 runtime error, 2 usage,
     3 configuration invalid, 4 edge not running, 5 command rejected or denied, 6 timeout, 7 some robots
     failed, 130 interrupted.
     """
+
+
+def _tell_programs(arguments: Sequence[str], error: FleetError | str, code: int) -> None:
+    """Write an error as one line of JSON to stdout, where that was asked for."""
+    if "--json" not in arguments:
+        return
+    problems = [str(problem) for problem in getattr(error, "problems", ())]
+    document = {"error": str(error), "code": int(code)} | ({"problems": problems} if problems else {})
+    sys.stdout.write(json.dumps(document) + "\n")
+    sys.stdout.flush()
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -133,14 +155,18 @@ def main(arguments: Sequence[str]) -> int:
         return ExitCode.INTERRUPTED
     except click.ClickException as error:
         error.show()
+        _tell_programs(arguments, error.format_message(), error.exit_code)
         return error.exit_code
     except FleetError as error:
         show_error(error)
+        _tell_programs(arguments, error, exit_code_of(error))
         return exit_code_of(error)
     except OSError as error:  # the reader of our output went away, as head does, or its disk is full
         if not isinstance(error, BrokenPipeError):
             log.debug("the command failed", exc_info=True)
             sys.stderr.write(f"fleet: {error}\n")
+            with contextlib.suppress(OSError):
+                _tell_programs(arguments, str(error), ExitCode.RUNTIME_ERROR)
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.RUNTIME_ERROR

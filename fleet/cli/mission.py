@@ -13,10 +13,11 @@ from typing import Any
 import click
 
 from fleet.cli.ask import Asker
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.ps import last_of
+from fleet.cli.overview import last_of
 from fleet.cli.send import RECEIPT_WITHIN, ask
 from fleet.errors import Refused
 from fleet.model.state import RobotState
@@ -26,7 +27,7 @@ _LOOK = 1.0  # s between looks at how far it is
 
 
 @click.group()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @click.pass_context
 def mission(context: click.Context, robot: str) -> None:
     """Start and control a mission that ROBOT flies from its autopilot's own memory."""

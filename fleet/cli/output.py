@@ -19,6 +19,9 @@ from fleet.config.text import printable
 from fleet.errors import CommandError, ConfigError, FleetError, TimedOut
 
 GAP = "  "
+_TO_THE_TOP = "\x1b[H"  # ANSI: home, erase to the end of the line, erase to the end of the screen
+_TO_ITS_END = "\x1b[K"
+_TO_THE_END = "\x1b[J"
 NARROWEST_TEXT = 24  # a last column narrower than this is shown below, not beside
 
 
@@ -79,14 +82,26 @@ class Output:
         as_json: bool = False,
         color: bool = False,
         width: int = 80,
+        height: int | None = None,
         out: TextIO | None = None,
         err: TextIO | None = None,
     ) -> None:
         self.as_json = as_json
         self.color = color
         self._width = width
+        self._height = height
         self._out = out or sys.stdout
         self._err = err or sys.stderr
+
+    @property
+    def width(self) -> int | None:
+        """The columns of the terminal; None where the output is none."""
+        return self._width if self.height is not None else None
+
+    @property
+    def height(self) -> int | None:
+        """The lines of the terminal; None where the output is none."""
+        return self._height
 
     def say(self, text: str) -> None:
         """Write a result for people."""
@@ -107,18 +122,37 @@ class Output:
         """Write rows for people; see ``table_lines``."""
         if not self.as_json:
             lines = table_lines(headings, list(rows), self._width)
-            self._out.write("".join(f"{self.colored(line, _COLOR_OF)}\n" for line in lines))
+            self._out.write("".join(f"{self.colored(line)}\n" for line in lines))
 
-    def colored(self, line: str, colors: Mapping[str, str]) -> str:
-        """Return a line with the words of ``colors`` coloured, when colours are on."""
+    def lines(self, lines: Iterable[str]) -> None:
+        """Write lines for people that are safe to print and fit already."""
+        if not self.as_json:
+            self._out.write("".join(f"{self.colored(line)}\n" for line in lines))
+
+    def screen(self, lines: Iterable[str]) -> None:
+        """Write lines in place of those before; below them where the output is no terminal."""
+        if self.height is None:
+            self.lines([*lines, ""])
+        else:
+            drawn = "".join(f"{self.colored(line)}{_TO_ITS_END}\n" for line in lines)
+            self._out.write(f"{_TO_THE_TOP}{drawn}{_TO_THE_END}")
+        self._out.flush()
+
+    def line(self, text: str) -> None:
+        """Write one line for programs, at once."""
+        self._out.write(f"{text}\n")
+        self._out.flush()
+
+    def colored(self, line: str) -> str:
+        """Return a line with the words of ``COLORS`` coloured, when colours are on."""
         if not self.color:
             return line
         return " ".join(
-            click.style(word, fg=colors[word]) if word in colors else word for word in line.split(" ")
+            click.style(word, fg=COLORS[word]) if word in COLORS else word for word in line.split(" ")
         )
 
 
-_COLOR_OF = {
+COLORS = {
     "ok": "green",
     "loaded": "green",
     "degraded": "yellow",
@@ -135,9 +169,11 @@ def with_output(function: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--no-color", is_flag=True, help="Print without colours (as NO_COLOR=1 does).")
     @functools.wraps(function)
     def command(*args: Any, as_json: bool, no_color: bool, **options: Any) -> Any:
-        color = not (no_color or os.environ.get("NO_COLOR")) and sys.stdout.isatty()
-        width = shutil.get_terminal_size().columns
-        return function(Output(as_json=as_json, color=color, width=width), *args, **options)
+        terminal = sys.stdout.isatty()
+        color = terminal and not (no_color or os.environ.get("NO_COLOR"))
+        width, height = shutil.get_terminal_size()
+        out = Output(as_json=as_json, color=color, width=width, height=height if terminal else None)
+        return function(out, *args, **options)
 
     return command
 

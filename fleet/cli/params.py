@@ -1,33 +1,35 @@
-"""``fleet params``: a robot's own parameters, by the commands get_parameters and set_parameter."""
+"""``fleet params``: robots' own parameters, by the commands get_parameters and set_parameter."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 import msgspec
 
-from fleet.cli.ask import Asker
+from fleet.cli.ask import Answered, Asker, ask_all
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.cli.parameters import read, same, shown, written
 from fleet.decoding import convert
-from fleet.errors import Refused
+from fleet.errors import FleetError, Refused
 
 _ONE_WITHIN = 30.0  # s
 _ALL_WITHIN = 150.0  # s; a slow radio
 
 Found = dict[str, float | None]
+Set = dict[str, float | str | None]
 AnswerT = TypeVar("AnswerT")
 
 
 @click.group()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @click.pass_context
 def params(context: click.Context, robot: str) -> None:
-    """Read and write the own parameters of ROBOT (those of its autopilot)."""
+    """Read and write the own parameters of ROBOT, or of every robot of a group (those of its autopilot)."""
     context.obj = robot
 
 
@@ -37,9 +39,27 @@ def params(context: click.Context, robot: str) -> None:
 @click.pass_obj
 @with_output
 def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) -> ExitCode:
-    """Show parameters of ROBOT by name; all of them without names."""
+    """Show parameters of ROBOT by name; all of them without names.
+
+    Those of a group are ordered by parameter.
+    """
     with Edges.reach(file) as edges:
-        found = _read(Asker(edges, robot), names)
+        robots = edges.named(robot)
+        if len(robots) == 1:
+            return _get_one(out, _read(Asker(edges, robot), names))
+        answers = ask_all(edges, robots, *_question(names), timeout=_patience(names))
+    found, failed = _sorted_out(answers, Found)
+    out.data({"robots": found, "failed": failed})
+    if found:
+        rows = [
+            (which, name, shown(value)) for which, all_of in found.items() for name, value in all_of.items()
+        ]
+        out.table(("robot", "parameter", "value"), sorted(rows, key=lambda row: (row[1], row[0])))
+    return _ended(out, found, failed)
+
+
+def _get_one(out: Output, found: Found) -> ExitCode:
+    """Show the parameters of one robot."""
     out.data(found)
     for name, value in found.items():
         out.say(f"{name} {shown(value)}")
@@ -54,19 +74,23 @@ def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) ->
 @click.pass_obj
 @with_output
 def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, file: str | None) -> ExitCode:
-    """Set a parameter of ROBOT, and read it back."""
+    """Set a parameter of ROBOT, or of every robot of a group, and read it back."""
     if value - value != 0.0:
         raise click.BadParameter("not a finite number")
     with Edges.reach(file) as edges:
         data = {"name": name, "value": value, "force": force}
-        said = Asker(edges, robot).ask("set_parameter", data, timeout=_ONE_WITHIN)
-    out.data(said)
-    answer = _checked(said, dict[str, float | str | None], robot)
-    before, after = (
-        each if isinstance(each, float) else None for each in map(answer.get, ("before", "after"))
-    )
-    out.say(f"{name} {shown(after)} (was {shown(before)})")
-    return ExitCode.OK
+        answers = ask_all(edges, edges.named(robot), "set_parameter", data, timeout=_ONE_WITHIN)
+    if len(answers) == 1:
+        answers[0].get()  # raises
+    done, failed = _sorted_out(answers, Set)
+    out.data(answers[0].data if len(answers) == 1 else {"robots": done, "failed": failed})
+    for which, answer in done.items():
+        before, after = (
+            each if isinstance(each, float) else None for each in map(answer.get, ("before", "after"))
+        )
+        of = f"{which}: " if len(answers) > 1 else ""
+        out.say(f"{of}{name} {shown(after)} (was {shown(before)})")
+    return _ended(out, done, failed)
 
 
 @params.command("backup")
@@ -109,11 +133,40 @@ def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
     return ExitCode.SOME_FAILED if names else ExitCode.OK
 
 
+def _question(names: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
+    """Return the command that reads parameters, and its data."""
+    return "get_parameters", {"names": list(names)} if names else {}
+
+
+def _patience(names: tuple[str, ...]) -> float:
+    """Return the seconds that an answer may take."""
+    return _ONE_WITHIN if names else _ALL_WITHIN
+
+
 def _read(asker: Asker, names: tuple[str, ...]) -> Found:
     """Return parameters by name, all without names."""
-    data = {"names": list(names)} if names else {}
-    timeout = _ONE_WITHIN if names else _ALL_WITHIN
-    return _checked(asker.ask("get_parameters", data, timeout=timeout), Found, asker.robot.name)
+    return _checked(asker.ask(*_question(names), timeout=_patience(names)), Found, asker.robot.name)
+
+
+def _sorted_out(answers: list[Answered], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:
+    """Return what robots answered, by name, and why others did not."""
+    found: dict[str, AnswerT] = {}
+    failed: dict[str, str] = {}
+    for each in answers:
+        try:
+            found[each.robot.name] = _checked(each.get(), kind, each.robot.name)
+        except FleetError as error:
+            failed[each.robot.name] = str(error)
+    return found, failed
+
+
+def _ended(out: Output, found: dict[str, AnswerT], failed: dict[str, str]) -> ExitCode:
+    """Say which robots of several failed; return what it means together."""
+    for why in failed.values():
+        out.note(why)
+    if not failed:
+        return ExitCode.OK
+    return ExitCode.SOME_FAILED if found else ExitCode.REJECTED
 
 
 def _checked(said: object, kind: type[AnswerT], robot: str) -> AnswerT:

@@ -1,16 +1,19 @@
-"""``fleet ready``: what a robot still needs before it can begin, in its own words."""
+"""``fleet ready``: what robots still need before they can begin, in their own words."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import click
 import msgspec
 
-from fleet.cli.ask import Asker
+from fleet.cli.ask import Answered, ask_all
+from fleet.cli.completion import ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.decoding import convert
-from fleet.errors import Refused
+from fleet.errors import FleetError, Refused
 
 _WITHIN = 15.0  # s
 _MARKS = {True: "ok", False: "no", None: "unknown"}
@@ -32,20 +35,20 @@ class _Answer(msgspec.Struct):
 
 
 @click.command()
-@click.argument("robot")
+@click.argument("robot", type=ROBOT)
 @reach_option
 @with_output
 def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Show whether ROBOT would take off now: a check list with its autopilot's own words.
 
-    Exit code 5 when something stands against it.
+    Of a group each robot has one line, with its health and what stands against it. Exit code 5 when something
+    does, 7 when it does for some of a group.
     """
     with Edges.reach(file) as edges:
-        said = Asker(edges, robot).ask("check_ready", timeout=_WITHIN)
-    try:
-        answer = convert(said, _Answer)
-    except msgspec.ValidationError as error:
-        raise Refused(f"{robot} answers what is no check list: {error}") from None
+        answers = ask_all(edges, edges.named(robot), "check_ready", timeout=_WITHIN)
+    if len(answers) > 1:
+        return _group(out, answers)
+    answer = _checked(answers[0])
     out.data(msgspec.to_builtins(answer))
     out.table(
         ("check", "", "words"),
@@ -53,3 +56,44 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     )
     out.say(f"{robot}: {'ready' if answer.ready else 'NOT READY'}")
     return ExitCode.OK if answer.ready else ExitCode.REJECTED
+
+
+def _group(out: Output, answers: list[Answered]) -> ExitCode:
+    """Show the robots of a group, each in one line."""
+    rows, document, readiness = [], [], set()
+    for each in answers:
+        name, health = each.robot.name, each.robot.health
+        said: dict[str, Any] = {"robot": name, "health": health}
+        try:
+            answer = _checked(each)
+        except FleetError as error:
+            is_ready, words = False, str(error).removeprefix(f"{name}: ")
+            said |= {"ready": None, "error": words}
+        else:
+            is_ready, words = answer.ready, _against(answer)
+            said |= msgspec.to_builtins(answer)
+        readiness.add(is_ready)
+        document.append(said)
+        rows.append((name, health, "ready" if is_ready else "NOT READY", words or "-"))
+    out.data({"robots": document})
+    out.table(("robot", "health", "ready", "words"), rows)
+    if len(readiness) > 1:
+        return ExitCode.SOME_FAILED
+    return ExitCode.OK if True in readiness else ExitCode.REJECTED
+
+
+def _against(answer: _Answer) -> str:
+    """Return what stands against a take-off."""
+    if answer.ready:
+        return ""
+    return "; ".join(
+        f"{each.check}: {'; '.join(each.words) or _MARKS[each.ok]}" for each in answer.checks if not each.ok
+    )
+
+
+def _checked(answered: Answered) -> _Answer:
+    """Return the check list; raises Refused for what is none, TimedOut without an answer."""
+    try:
+        return convert(answered.get(), _Answer)
+    except msgspec.ValidationError as error:
+        raise Refused(f"{answered.robot.name} answers what is no check list: {error}") from None

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from fleet.cli.asker import asker
+from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.connect import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
@@ -41,8 +42,8 @@ def _data(pairs: tuple[str, ...]) -> dict[str, Any]:
 
 
 @click.command()
-@click.argument("robot")
-@click.argument("command")
+@click.argument("robot", type=ROBOT)
+@click.argument("command", type=COMMAND)
 @click.argument("data", nargs=-1, metavar="[KEY=VALUE]...")
 @wait_option
 @timeout_option

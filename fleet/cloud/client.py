@@ -19,7 +19,7 @@ import msgspec
 from fleet.clock import Clock
 from fleet.cloud import endpoint
 from fleet.cloud.backoff import Backoff
-from fleet.cloud.connection import Connection
+from fleet.cloud.connection import TRY_TLS, Connection
 from fleet.cloud.outbox import Outbox
 from fleet.cloud.publish import Address
 from fleet.cloud.session import Session, SessionRefused
@@ -270,7 +270,8 @@ class CloudClient:
                 await connection.answered()
             return await self._serve_ready(connection, session)
         except TimeoutError:
-            return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s")
+            hint = "" if self._settings.tls else f"; if it wants TLS, {TRY_TLS}"
+            return CloudError(f"the broker did not answer within {self._settings.connect_timeout:g} s{hint}")
         finally:
             self._finish(session)
 

@@ -23,6 +23,8 @@ from fleet.errors import CloudError, WireError
 
 logger = logging.getLogger(__name__)
 
+TLS_ALERT = b"\x15\x03"  # how a server with TLS answers what is none (RFC 8446, 5.1 and 6)
+TRY_TLS = "try tls: true"
 MOST_READS = 64
 """Reads of one look of the thread that stands by: the loop may want the connection back."""
 LONGEST_LOOK = 0.01
@@ -59,6 +61,7 @@ class Connection:
         self._session = session
         self._protocol = settings.protocol
         self._clock = clock
+        self._silent = not settings.tls  # a plain connection on which nothing was heard yet
         self._deliver = deliver
         self._take = take
         self._taking_on = False
@@ -157,11 +160,13 @@ class Connection:
             data = self._stream.read()
             if self.ended.done():
                 return  # after a goodbye nothing counts but the end
+            self._require_plain(data)
             self._keepalive.received(now)
             for packet in self._arrivals.feed(data):
                 self._session.receive(packet, now)
         except OSError as error:
-            self._failure = CloudError(f"the connection to the broker fell: {error}")
+            hint = f" before it said anything; if it wants TLS, {TRY_TLS}" * self._silent
+            self._failure = CloudError(f"the connection to the broker fell: {error}{hint}")
         except WireError as error:
             message = salvaged(error)
             if message is not None:
@@ -175,6 +180,12 @@ class Connection:
             self._failure = CloudError(f"{type(error).__name__}: {error}")
         if messages := self._session.take_messages():
             self._deliver(messages)
+
+    def _require_plain(self, data: bytes) -> None:
+        """Look at the first bytes of a plain connection; raises CloudError when they are of TLS."""
+        if self._silent and data.startswith(TLS_ALERT):
+            raise CloudError(f"the broker answers with TLS; {TRY_TLS}")
+        self._silent &= not data
 
     def _conclude(self) -> None:
         """Answer the broker what was read, and send what that lets go."""

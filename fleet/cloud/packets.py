@@ -1,7 +1,7 @@
 """MQTT packets to and from bytes, for both protocol versions, with the codec's sharp edges covered.
 
 A packet is read only when all of it is there, so "not enough bytes" inside one is a fault and not a wait.
-The codec panics on text that is not UTF-8; that too is only a malformed packet here.
+The codec panics on text that is not UTF-8, which prints a page on stderr: such a packet is refused before.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Generic, Literal, TypeVar
 import mqtt5
 
 from fleet.cloud import v311
+from fleet.cloud.utf8 import has_broken_text
 from fleet.errors import WireError
 
 Protocol = Literal[5, 311]
@@ -154,15 +155,17 @@ def _spoken(frame: memoryview) -> Protocol:
 
 def _packet(frame: memoryview, protocol: Protocol) -> mqtt5.Packet:
     """Read one frame, turning every way in which the codecs refuse bytes into WireError."""
+    if protocol == 5 and has_broken_text(frame):
+        raise WireError("not an MQTT packet: a text is not UTF-8")
     try:
         packet, length = mqtt5.read(frame) if protocol == 5 else (v311.read(frame), len(frame))
     except (ValueError, IndexError) as error:
         raise WireError(f"not an MQTT packet: {error}") from None
     except BaseException as error:
-        # The codec's panic derives from BaseException and has no public name to catch it by.
+        # A panic of the codec derives from BaseException and has no public name to catch it by.
         if type(error).__name__ != "PanicException":
             raise
-        raise WireError("not an MQTT packet: a text is not UTF-8") from None
+        raise WireError("not an MQTT packet: the codec panicked over it") from None
     if length != len(frame):
         raise WireError("not an MQTT packet: it has bytes after its end")
     if isinstance(packet, mqtt5.PublishPacket):

@@ -26,6 +26,7 @@ _BOOLEAN_WORDS = {
 }
 _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*([^\d\s].*)")
 _NAME_PATTERN = next(m.pattern for m in typing.get_args(Name)[1].metadata if hasattr(m, "pattern"))
+_THERE_ARE = re.compile(r"there is no .*'([^']*)'; there are (.+)")  # as checks of adapters say it
 _MESSAGES: Mapping[str, str] = {
     "string_type": "must be text",
     "int_type": "must be a whole number",
@@ -168,8 +169,9 @@ def _message(error: _Error, context: Mapping[str, Any]) -> str:
 
 def _hint(error: _Error, field: FieldInfo | None) -> str:
     """Return what to write instead, where that can be guessed."""
-    if error["type"] == "value_error":
-        return ""  # the check itself says what to do
+    if error["type"] == "value_error":  # the check itself says what to do
+        named = _THERE_ARE.fullmatch(_message(error, error.get("ctx", {})))
+        return nearest(named[1], named[2].split(", ")) if named else ""
     guess = _GUESSES.get(error["type"])
     hint = guess(error["input"], error.get("ctx", {})) if guess else ""
     return hint or (field.description or "" if field else "")

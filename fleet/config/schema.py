@@ -15,6 +15,7 @@ from fleet.topic_rules import ChannelName, ChannelRule, Topics
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
+TOKEN = "cw_"  # noqa: S105 - how a Cyberwave token begins, whose user name follows from it
 
 
 def _folder(path: Path) -> Path:
@@ -139,6 +140,25 @@ class CloudConfig(Topics):
             raise wrong(
                 "tls",
                 "plain text to another computer shows the token to anyone; set tls: true, or insecure: true",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        secrets = {
+            name: given.get_secret_value()
+            for name, given in (("password", self.password), ("token", self.token))
+            if given is not None
+        }
+        named = secrets if self.username is None else {"username": self.username, **secrets}
+        for key, text in named.items():
+            if not text.strip():
+                raise wrong(key, "is empty: nobody is let in by it; leave the key out, or give it a value")
+        password = secrets.get("password", TOKEN)
+        if self.username is None and not password.startswith(TOKEN):
+            raise wrong(
+                "password",
+                "a password needs the username: of its account; a Cyberwave token is said as token:",
             )
         return self
 

@@ -235,6 +235,8 @@ class _Reader:
         if not target.is_relative_to(self._folder):
             message = f"{name} is outside the folder of the configuration"
             return self.document.spoil(where, mark, message, f"keep included files in {self._shown}/")
+        if target.exists() and not target.is_file():  # a FIFO would be waited for without end
+            return self.document.spoil(where, mark, f"{name} is no regular file")
         if target in self._open_files:
             return self.document.spoil(where, mark, f"{name} includes itself")
         return self.file(path, mark, where)
@@ -263,6 +265,8 @@ class _Reader:
 
 def _secrets_of(path: pathlib.Path) -> Mapping[str, str]:
     """Return the secrets by name; raises OSError, or BadYaml when others can read them."""
+    if path.exists() and not path.is_file():
+        raise BadYaml("it is no regular file")
     with path.open("rb") as file:
         mode = os.fstat(file.fileno()).st_mode & 0o777
         data = file.read(MAX_BYTES + 1)

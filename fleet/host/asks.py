@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 
 import msgspec
@@ -131,3 +132,11 @@ def told_flaw(answer: Answer, flaw: str) -> Answer:
         answer(msgspec.structs.replace(reply, reason=reason))
 
     return tell
+
+
+def patience(ask: Ask, config: AdapterConfig) -> float:
+    """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
+    if isinstance(ask, Setpoint):
+        return math.inf if ask.velocity.is_zero else config.max_age
+    holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
+    return math.inf if holds or is_stop(ask) else config.command_max_age

@@ -21,6 +21,7 @@ class LoopThread:
         self._loop = loop
         self._ident = threading.get_ident()
         self.cpu = _cpu_of(self._ident)
+        self.waited = _waited_of(threading.get_native_id())
 
     def frame(self) -> FrameType | None:
         """Return where the thread is."""
@@ -53,6 +54,22 @@ class LoopThread:
 def _is_library(filename: str) -> bool:
     """Return True for code that only carries out what somebody else asked."""
     return "/lib/python3" in filename and "/site-packages/" not in filename
+
+
+def _waited_of(number: int) -> Callable[[], float]:
+    """Return what tells the seconds that a thread was ready to run and had no processor; else always 0.
+
+    Source: the second number of /proc/self/task/TID/schedstat, ns (Linux, Documentation/scheduler).
+    """
+    path = Path(f"/proc/self/task/{number}/schedstat")
+
+    def waited() -> float:
+        try:
+            return int(path.read_text().split()[1]) / 1e9
+        except (OSError, ValueError, IndexError):
+            return 0.0
+
+    return waited
 
 
 def _cpu_of(ident: int) -> Callable[[], float]:

@@ -1,127 +1,96 @@
-"""The process that imports a drop-in file to say what it has: ``python -m fleet.host.describe FILE``.
-
-It writes what it found, then answers about one robot's config after another, until its input ends.
-``fleet.probe`` is the other side.
-"""
+"""What a robot takes, from what its adapter declares and what admission says now; pure."""
 
 from __future__ import annotations
 
-import json
-import os
-import resource
-import struct
-import sys
-from pathlib import Path
-from typing import Any, BinaryIO
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import msgspec
-from pydantic.errors import PydanticInvalidForJsonSchema
 
-from fleet.config.checks import identity_of
-from fleet.config.explain import validated_with
-from fleet.config.problems import Mark
-from fleet.config.yaml import Document
-from fleet.decoding import msgpack_decoder
-from fleet.dropin import Imported, import_file
-from fleet.host.make import AdapterClass, capabilities
-from fleet.probe import Case, Checked, CommandText, Description, Flaw, Found, Place, send
-from fleet.robot_config import AdapterConfig
+from fleet.commands import CommandSpec
+from fleet.host.make import Capabilities
+from fleet.model.description import CommandDescription, Description, ParameterDescription
+from fleet.robot_config import Limits
+from fleet.wire.commands import VERBS
+from fleet.wire.stops import STOP_WORDS
 
-MOST_MEMORY = 2 << 30  # bytes that an import may take: what takes more takes it from robots that run
+Refusal = Callable[[str, CommandSpec | None], str]
+"""Why a command would be refused now; None for the spec of one that the host answers itself."""
+_WORDS: Mapping[Any, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+_HOST = {
+    "release_emergency_stop": "Let the robot move again after an emergency stop.",
+    "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
+    "set_linear_velocity": "Store the speed of later verbs, m/s.",
+    "set_angular_velocity": "Store the turning speed of later verbs, rad/s.",
+    "stop": "Bring the robot to a standstill and hold it.",
+    "emergency_stop": "Stop at once, and take no motion until released.",
+    "hover": "As stop.",
+    "brake": "As stop.",
+}
+"""What the host itself does for every robot."""
 
 
-class _Gathered(Document):
-    """What is reported, gathered for who asks: it has the text of the lines, and the secrets to mask."""
-
-    flaws: list[Flaw] = []  # noqa: RUF012 - a Struct copies it
-
-    def report(self, mark: Mark, message: str, hint: str = "") -> None:
-        """Take a problem."""
-        self.flaws.append(Flaw(Place(mark.file, mark.line, mark.column, mark.path), message, hint))
-
-
-def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> Description:
-    """Return a kind of robot in words; without ``schema`` it has none."""
-    can = capabilities(adapter)
-    commands = tuple(
-        CommandText(
-            spec.name,
-            spec.summary,
-            spec.timeout,
-            spec.safe,
-            spec.moves,
-            spec.parameters.__struct_fields__,
-            {parameter: str(bounds) for parameter, bounds in spec.ranges.items()},
-        )
-        for spec in sorted(can.commands.values(), key=lambda spec: spec.name)
+def description(
+    robot: str,
+    adapter: str,
+    can: Capabilities,
+    *,
+    own: Iterable[str],
+    limits: Limits,
+    refusal: Refusal,
+) -> Description:
+    """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
+    names = [*sorted(STOP_WORDS), *sorted(own)]
+    hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
+    declared = [_command(spec, refusal(name, spec)) for name, spec in sorted(can.commands.items())]
+    return Description(
+        robot,
+        adapter,
+        (*declared, *(one for one in hosts if one.name not in can.commands)),
+        drives=can.drives,
+        verbs=tuple(VERBS) if can.drives else (),
+        goals=can.drives or can.navigates,
+        missions=can.navigates,
+        limits={name: value for name, value in limits if value is not None},
     )
-    limits = msgspec.to_builtins(can.limits.model_dump(exclude_none=True))
-    cls = f"{adapter.__module__}:{adapter.__qualname__}"
-    made = _schema(adapter.Config) if schema else None
-    return Description(name, cls, can.drives, can.navigates, limits, commands, made)
 
 
-def _schema(config: type[AdapterConfig]) -> dict[str, Any] | None:
-    """Return the JSON Schema of a Config, None for one that cannot be said in it."""
-    try:
-        return config.model_json_schema()
-    except PydanticInvalidForJsonSchema:
-        return None
-
-
-def checked(case: Case, imported: Imported) -> Checked:
-    """Return what an imported adapter's Config makes of a robot; whatever it raises is a flaw."""
-    adapter = dict(imported.adapters)[case.adapter]
-    document = _Gathered(
-        marks={steps: Mark(*msgspec.structs.astuple(place)) for steps, place in case.marks},
-        keys={steps: Mark(*msgspec.structs.astuple(place)) for steps, place in case.keys},
-        texts=set(case.texts),
-        spoiled=set(case.spoiled),
+def _command(spec: CommandSpec, refusal: str) -> CommandDescription:
+    """Return one declared command."""
+    parameters = tuple(_parameter(spec, field) for field in msgspec.structs.fields(spec.parameters))
+    return CommandDescription(
+        spec.name, spec.summary, parameters, spec.moves, spec.safe, spec.timeout, refusal
     )
-    data, context = json.loads(case.data), {"folder": Path(case.folder)}
-    try:
-        found = validated_with(adapter.Config, data, case.at, document, context)
-        if found is None:
-            return Checked(flaws=tuple(document.flaws))
-        config, given = found
-        identity = identity_of(config)
-        fields = config.model_dump_json(include=set(AdapterConfig.model_fields))
-        named = None if identity is None else str(identity[1])
-        return Checked(json.dumps(given), fields, config.simulated, named, tuple(document.flaws))
-    except BaseException as error:  # noqa: BLE001 - the validators are the adapter's own code
-        document.report(
-            document.marks[case.at],
-            f"the adapter {case.adapter!r} failed to check it",
-            f"{type(error).__name__}: {error}",
-        )
-        return Checked(flaws=tuple(document.flaws))
 
 
-def main() -> None:
-    """Import the file, say what it has, and answer until the input ends."""
-    # What the file prints goes nowhere, and what it reads is nothing: both pipes are ours.
-    given, said = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    with open(os.devnull, "r+b", buffering=0) as nothing:  # noqa: PTH123 - a descriptor, not a path
-        os.dup2(nothing.fileno(), 0)
-        os.dup2(nothing.fileno(), 1)
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
-    ours = os.getpid()
-    imported = import_file(Path(sys.argv[1]))
-    kinds = tuple(described(name, adapter) for name, adapter in imported.adapters)
-    _say(said, Found(kinds, imported.reports), ours)
-    cases = msgpack_decoder(Case)
-    while size := given.read(4):
-        case = cases.decode(given.read(*struct.unpack(">I", size)))
-        _say(said, checked(case, imported), ours)
-    os._exit(0)  # whatever threads the file has begun
+def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> ParameterDescription:
+    """Return one parameter."""
+    bounds = spec.ranges.get(field.name)
+    default = "" if field.required or field.default in (None, msgspec.NODEFAULT) else str(field.default)
+    return ParameterDescription(
+        field.name,
+        words(field.type),
+        required=field.required,
+        default=default,
+        least=bounds.least if bounds else None,
+        most=bounds.most if bounds else None,
+        unit=bounds.unit if bounds else "",
+    )
 
 
-def _say(said: BinaryIO, answer: Found | Checked, ours: int) -> None:
-    """Write an answer, unless this is a child that the file has forked."""
-    if os.getpid() != ours:
-        os._exit(0)
-    send(said, msgspec.msgpack.encode(answer))
-
-
-if __name__ == "__main__":
-    main()
+def words(kind: Any) -> str:
+    """Return a type in words for people."""
+    if kind in _WORDS:
+        return _WORDS[kind]
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(words(part) for part in parts if part is not type(None))
+    if origin is typing.Literal:
+        return " | ".join(map(str, parts))
+    if origin in (list, tuple, set, frozenset) and parts:
+        return f"list of {words(parts[0])}"
+    if origin is dict or kind is dict:
+        return "object"
+    return str(getattr(kind, "__name__", kind))

@@ -74,12 +74,12 @@ class Desk:
             crashed=crashed,
         )
         self.deadman = self._driving.deadman
-        self._crashed = crashed
-        self._clock = clock
+        self._crashed, self._clock = crashed, clock
         self._journal = journal
         self.speeds = Speeds(limits)
         self._admission = Admission(config, clock, Latch(journal.latched, journal.latch), self.speeds)
         self.senders, self.latch = self._admission.offsets, self._admission.latch  # the latch: any thread
+        self.would_refuse = self._admission.would_refuse
         self._repeats = journal.repeats(clock.monotonic())
         settings = SETTINGS if capabilities.drives else ()
         self.own: dict[str, Callable[[Command, Ticket], None]] = {  # what the host does itself, and answers
@@ -344,7 +344,7 @@ class Desk:
             return
         if self._navigator.repeated(ask.action_id, ticket):
             return
-        refusal = self._admission.navigate(ask) or self.guard.task(ask.ask)
+        refusal = self._admission.navigate(ask) or self._can.cannot(ask.ask) or self.guard.task(ask.ask)
         who = self._pilot()
         if refusal is None and self._executor.moving:
             refusal = f"busy with {self._executor.moving}"

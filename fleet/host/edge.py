@@ -235,7 +235,8 @@ class Edge:
         kept = (self.process.journal.problem, self.process.history.problem)
         metrics = self._metrics_port.problem if self._metrics_port else ""
         claims, expiry = self.cloud_claims.problem, self._expiry.problem
-        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims)
+        busy = self.process.starvation.problem
+        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims, busy)
         health = edge_health(states, [cloud, *map(_degraded, problems)])
         load = read_load()
         bridge = self.bridge

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import math
 from collections.abc import Callable
 from functools import partial
 
@@ -12,9 +11,11 @@ from fleet.clock import Clock
 from fleet.errors import WireError
 from fleet.event_loop import OWNER
 from fleet.host.apart import LOOK, Apart
-from fleet.host.asks import Ask, Decoder, is_once, is_stop, told_flaw
+from fleet.host.asks import Ask, Decoder, is_once, is_stop, patience, told_flaw
+from fleet.host.describe import description
 from fleet.host.desk import Desk
 from fleet.host.displacement import goal_of
+from fleet.host.dry_run import would_refuse
 from fleet.host.handle import Handle
 from fleet.host.happenings import Happenings
 from fleet.host.journal import RobotJournal
@@ -23,7 +24,7 @@ from fleet.host.outbox import Outbox
 from fleet.host.recorder import Recorder
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
-from fleet.host.snapshot import Snapshot
+from fleet.host.snapshot import Snapshot, is_known
 from fleet.host.stop_cause import StopCause
 from fleet.host.teller import asker_of, request_of, robot_log
 from fleet.host.ticket import Ticket
@@ -31,10 +32,11 @@ from fleet.host.traffic import Traffic
 from fleet.host.watchdog import Watched
 from fleet.host.wheel import Wheel
 from fleet.link.backoff import backoff
-from fleet.model.command import Answer, Asked, Command, Origin, Reply, Setpoint, Way
+from fleet.model.command import Answer, Asked, Command, Origin, Reply, Way
+from fleet.model.description import Description
 from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
-from fleet.model.navigation import ActionState, Control, Navigate
+from fleet.model.navigation import ActionState
 from fleet.model.report import (
     BatteryReport,
     FlightControllerReport,
@@ -63,20 +65,9 @@ def source_type(config: AdapterConfig) -> str:
     return f"edge_{config.role}" if config.role else "edge"
 
 
-def patience(ask: Ask, config: AdapterConfig) -> float:
-    """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
-    if isinstance(ask, Setpoint):
-        return math.inf if ask.velocity.is_zero else config.max_age
-    holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
-    return math.inf if holds or is_stop(ask) else config.command_max_age
-
-
-def _is_known(report: Report) -> bool:
-    """Return False for a pose that is no place: nothing is led or kept within a fence by not-a-number."""
-    if not isinstance(report, PoseReport):
-        return True
-    at, turned = report.position, report.rotation
-    return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)
+def _rounded(value: float | None) -> float | None:
+    """Return a figure for people."""
+    return None if value is None else round(value, 2)
 
 
 class LocalRobot:
@@ -284,7 +275,7 @@ class LocalRobot:
         """Send a report on its way; what happened goes into the edge's history too."""
         if isinstance(report, EventReport):
             self._record(report)
-        if type(report) in READ and _is_known(report):
+        if type(report) in READ and is_known(report):
             self._seen.take(report)
             self.happenings.see(report)
             self.desk.see(report)
@@ -294,6 +285,11 @@ class LocalRobot:
         elif type(report) is MetricsReport:
             report = self._seen.with_way(report)
         self._send(report)
+
+    def _reported(self, report: Report) -> None:
+        """Take a report of the adapter's: the robot was heard."""
+        self._seen.heard = self._clock.monotonic()
+        self.publish(report)
 
     def state(self) -> RobotState:
         """Return what the robot looks like now."""
@@ -325,6 +321,19 @@ class LocalRobot:
             separation=self._traffic.unknown(self.name) if self._traffic else "",
             in_use=self.in_use,
             drop_in=self._drop_in,
+            speed=_rounded(self._seen.speed(self._clock.time())),
+            age=_rounded(self._seen.age(self._clock.monotonic())),
+        )
+
+    def describe(self) -> Description:
+        """Return what the robot takes, and whether it would now."""
+        return description(
+            self.name,
+            self._adapter,
+            self._can,
+            own=self.desk.own,
+            limits=self.config.limits.over(self._can.limits),
+            refusal=partial(would_refuse, self.desk),
         )
 
     def _health(self) -> Health:
@@ -340,7 +349,7 @@ class LocalRobot:
             clock=self._clock,
             wheel=self._wheel,
             shared=self._shared,
-            publish=self.publish,
+            publish=self._reported,
             healthy=runner.healthy,
             lost_authority=self.desk.authority_lost,
             failed=runner.crashed,

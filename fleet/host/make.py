@@ -14,6 +14,7 @@ from fleet.commands import CommandSpec, arguments, commands_of
 from fleet.host.framed import Framed
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
+from fleet.model.navigation import FlyMission, Task
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
@@ -40,6 +41,12 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it does not move sideways"
         if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
             return "it stays on the ground"
+        return None
+
+    def cannot(self, task: Task) -> str | None:
+        """Return why the robot cannot carry out such a task at all; None when it can."""
+        if isinstance(task, FlyMission) and not self.navigates:
+            return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
         return None
 
     @property

@@ -27,8 +27,9 @@ from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
+from fleet.host.starvation import Starvation
 from fleet.host.stop_cause import StopCause, local_cause
-from fleet.host.traffic import TELL, Traffic
+from fleet.host.traffic import Traffic, exchange
 from fleet.host.video import relay_video
 from fleet.host.watchdog import LoopWatch, Watchdog
 from fleet.host.wheel import Wheel
@@ -91,6 +92,7 @@ class RobotProcess:
         self.outbox = Outbox(bus.reports)
         self.supervised = supervised or Supervised()
         self._thread = LoopThread(self.loop)
+        self.starvation = Starvation(clock.monotonic(), self._thread.waited())
         self._shared = Shared()
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._states = bus.control.publishers(keys.state(edge, "*"))
@@ -100,6 +102,7 @@ class RobotProcess:
             LoopWatch(
                 beat=lambda: self.wheel.beat,
                 cpu=self._thread.cpu,
+                waited=self._thread.waited,
                 running=self._running,
                 blocked=self._blocked,
                 stuck=self._stuck,
@@ -107,7 +110,11 @@ class RobotProcess:
         )
         self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
         if traffic is not None:
-            self._share_space(traffic)
+            for robot in self.robots.values():
+                robot.share_space(traffic)
+            exchange(
+                traffic, keys.places(edge, worker or MAIN), keys.places(edge, "*"), bus.control, self.wheel
+            )
         self.claims = Claims(
             edge,
             [robot.twin for robot in self.robots.values()],
@@ -142,26 +149,6 @@ class RobotProcess:
             supervised=self.supervised,
         )
 
-    def _share_space(self, traffic: Traffic) -> None:
-        """Keep the robots apart from each other, and from those of the edge's other processes."""
-        for robot in self.robots.values():
-            robot.share_space(traffic)
-        own = self.bus.control.publisher(keys.places(self.edge, self.worker or MAIN))
-
-        def heard(_key: str, payload: bytes) -> None:
-            self.loop.call_soon_threadsafe(traffic.hear, payload)
-
-        def tell() -> None:
-            if own.wanted:
-                own.put(traffic.sheet())
-
-        def tell_on(error: Exception) -> None:
-            log.error("where the robots are could not be told", exc_info=error)
-            self.wheel.every(TELL, tell, failed=tell_on)
-
-        self.bus.control.subscribe(keys.places(self.edge, "*"), heard)
-        self.wheel.every(TELL, tell, failed=tell_on)
-
     def start(self) -> None:
         """Start every robot; those that fail are tried again by their own runners."""
         # A thread that wants to stop a robot must not wait long for the interpreter.
@@ -181,6 +168,7 @@ class RobotProcess:
             self.wheel.every(STATE_EVERY, partial(self.publish_state, robot.name))
         drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
         self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
+        self.wheel.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.wheel.at_end(self.outbox.flushing)
         self.wheel.start()
@@ -319,7 +307,8 @@ class RobotProcess:
         relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock)
         control.token(keys.robot(self.edge, robot.name))
         control.answer(keys.command(self.edge, robot.name), self._asker(robot))
-        control.answer(keys.state(self.edge, robot.name), self._state_teller(robot))
+        control.answer(keys.state(self.edge, robot.name), self._teller(robot.state))
+        control.answer(keys.description(self.edge, robot.name), self._teller(robot.describe))
 
     def _asker(self, robot: LocalRobot) -> Callable[[Question], None]:
         """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
@@ -329,11 +318,11 @@ class RobotProcess:
 
         return asked
 
-    def _state_teller(self, robot: LocalRobot) -> Callable[[Question], None]:
-        """Return what answers with a robot's state."""
+    def _teller(self, what: Callable[[], msgspec.Struct]) -> Callable[[Question], None]:
+        """Return what answers with what is so then, on the loop."""
 
         def tell(question: Question) -> None:
-            question.reply(msgspec.json.encode(robot.state()))
+            question.reply(msgspec.json.encode(what()))
             question.close()
 
         def asked(question: Question) -> None:
@@ -377,6 +366,10 @@ class RobotProcess:
             waits=waits,
         )
         return question.close if take is None else partial(take, answer)
+
+    def _look_at_processor(self) -> None:
+        """See whether the computer has time for this process."""
+        self.starvation.look(self.clock.monotonic(), self._thread.waited())
 
     # -- who blocks the loop -------------------------------------------------------------------------
 

@@ -15,8 +15,8 @@ from fleet.decoding import decode_json
 from fleet.errors import WireError
 from fleet.health.aggregate import LEVELS
 from fleet.host.aside import HALT_WAIT, aside
-from fleet.host.asks import Decoder, is_once, is_stop, told_flaw
-from fleet.host.local import patience, source_type
+from fleet.host.asks import Decoder, is_once, is_stop, patience, told_flaw
+from fleet.host.local import source_type
 from fleet.host.safety.speeds import Speeds
 from fleet.host.teller import robot_log
 from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
@@ -64,6 +64,7 @@ class RemoteRobot:
         self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._cause = "its worker is starting"
         self._heard = float("-inf")
+        self._told = clock.monotonic()  # when the state came
         self._unheard_stop = False
         self._refusals = Tally(self._log, clock)
         self._state = RobotState(
@@ -207,14 +208,17 @@ class RemoteRobot:
     def state(self) -> RobotState:
         """Return what the worker last said, or why it says nothing."""
         stopped = self._state.emergency_stop or self._unheard_stop
-        said = msgspec.structs.replace(self._state, emergency_stop=stopped)
-        if self._clock.monotonic() - self._heard <= SILENT_AFTER:
+        now, age = self._clock.monotonic(), self._state.age
+        age = None if age is None else round(age + now - self._told, 2)
+        said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
+        if now - self._heard <= SILENT_AFTER:
             return said
         return msgspec.structs.replace(
             said,
             health=Level.OFFLINE.word,
             cause=self._cause,
             reachable=False,
+            speed=None,
             stamp=self._clock.time(),
         )
 
@@ -233,7 +237,7 @@ class RemoteRobot:
             return
         self._state = state
         self._unheard_stop &= not state.emergency_stop
-        self._heard = self._clock.monotonic()
+        self._heard = self._told = self._clock.monotonic()
 
     def _state_asked(self, question: Question) -> None:
         """Answer with the state, beside the worker: it may be gone. On the bus's thread."""

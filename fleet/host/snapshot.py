@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from fleet.model.geometry import Vector3
@@ -15,9 +17,16 @@ from fleet.model.report import (
     Report,
 )
 
+MEASURED = 0.5  # s of way that make a speed
+GAP = 2.0  # s without a pose after which what lies between says nothing of the speed
+STALE = 2.0  # s after which a speed is no longer that of now
+
 
 class Snapshot:
-    """The last mode, arming, battery, position and home (m AMSL) of one robot."""
+    """The last mode, arming, battery, position, speed and home (m AMSL) of one robot.
+
+    ``heard`` is when it last said anything (monotonic s); None while it never did.
+    """
 
     def __init__(self) -> None:
         self.mode = ""
@@ -26,12 +35,16 @@ class Snapshot:
         self.position: Vector3 | None = None
         self.home_altitude: float | None = None
         self._way: NavigationReport | None = None  # of the action under way
+        self.heard: float | None = None
+        self._mark: PoseReport | None = None  # from which the next speed is measured
+        self._speed: float | None = None
 
     def take(self, report: Report) -> None:
         """Note what a report says."""
         match report:
             case PoseReport():
                 self.position = report.position
+                self._measure(report)
             case BatteryReport():
                 self.battery = report.percent
             case FlightControllerReport():
@@ -53,3 +66,31 @@ class Snapshot:
         left = {"distance_remaining_m": self._way.remaining, "eta_seconds": self._way.eta}
         known = {name: round(value, 2) for name, value in left.items() if value is not None}
         return msgspec.structs.replace(report, navigation={**report.navigation, **known})
+
+    def _measure(self, pose: PoseReport) -> None:
+        """Measure the speed between poses: by their own stamps, so that late ones do not look fast."""
+        if self._mark is None or not 0.0 <= pose.stamp - self._mark.stamp <= GAP:
+            self._mark, self._speed = pose, None
+            return
+        elapsed = pose.stamp - self._mark.stamp
+        if elapsed >= MEASURED:
+            self._speed = (pose.position - self._mark.position).norm() / elapsed
+            self._mark = pose
+
+    def speed(self, now: float) -> float | None:
+        """Return the speed in m/s at ``now`` (Unix s); None while unknown, also once poses end."""
+        if self._mark is None or abs(now - self._mark.stamp) > STALE + MEASURED:
+            return None
+        return self._speed
+
+    def age(self, now: float) -> float | None:
+        """Return how many seconds ago the robot was heard (``now``: monotonic s); None while it never was."""
+        return None if self.heard is None else max(0.0, now - self.heard)
+
+
+def is_known(report: Report) -> bool:
+    """Return False for a pose that is no place: nothing is led or kept within a fence by not-a-number."""
+    if not isinstance(report, PoseReport):
+        return True
+    at, turned = report.position, report.rotation
+    return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)

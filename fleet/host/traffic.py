@@ -7,16 +7,19 @@ heard last; how far they may have gone since is part of the judgement.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Iterable
 
 import msgspec
 
+from fleet.bus.lane import Lane
 from fleet.clock import Clock
 from fleet.config.schema import FleetConfig
 from fleet.decoding import decode_json
 from fleet.host.apart import Apart
 from fleet.host.safety.separation import Occupant, stopping
+from fleet.host.wheel import Wheel
 from fleet.model.geodesy import GeoOrigin
 from fleet.model.geometry import Vector3
 from fleet.model.site import Placement, placed_on_earth
@@ -187,3 +190,25 @@ def traffic_of(config: FleetConfig, clock: Clock) -> Traffic:
     """Return the robots of a fleet file, none of which is placed yet."""
     origin = config.site.origin
     return Traffic(GeoOrigin(*origin) if origin else None, (robot.name for robot in config.robots), clock)
+
+
+def exchange(traffic: Traffic, own: str, all_: str, control: Lane, wheel: Wheel) -> None:
+    """Tell the edge's other processes where the robots of this one are, and hear of theirs.
+
+    ``own`` is the key of this process, ``all_`` those of all.
+    """
+    loop, publisher = asyncio.get_running_loop(), control.publisher(own)
+
+    def heard(_key: str, payload: bytes) -> None:
+        loop.call_soon_threadsafe(traffic.hear, payload)
+
+    def tell() -> None:
+        if publisher.wanted:
+            publisher.put(traffic.sheet())
+
+    def tell_on(error: Exception) -> None:
+        log.error("where the robots are could not be told", exc_info=error)
+        wheel.every(TELL, tell, failed=tell_on)
+
+    control.subscribe(all_, heard)
+    wheel.every(TELL, tell, failed=tell_on)

@@ -41,12 +41,14 @@ class LoopWatch(msgspec.Struct, frozen=True):
     """How the watchdog sees the loop, and what it does about it.
 
     ``beat``: its last turn (monotonic s); ``cpu``: the processor seconds that its thread has used;
+    ``waited``: those for which it was ready to run and got no processor, which is nobody's fault in here;
     ``running``: on whose behalf it runs. ``blocked`` gets the name and the seconds, once per block;
     ``stuck`` is the last resort.
     """
 
     beat: Callable[[], float]
     cpu: Callable[[], float]
+    waited: Callable[[], float]
     running: Callable[[], str]
     blocked: Callable[[str, float], None]
     stuck: Callable[[str], None]
@@ -68,15 +70,19 @@ class _Silence:
         self._awake = 0.0
         self._looked = 0.0
         self._cpu = 0.0
+        self._waited = 0.0
+        self.blamed = 0.0  # s of it that are somebody's fault in here: the loop could have gone on
 
-    def look(self, now: float, beat: float, cpu: float) -> float:
+    def look(self, now: float, beat: float, cpu: float, waited: float) -> float:
         """Return the seconds of silence that count, at ``now``."""
         if beat != self._beat:
-            self._beat, self._cpu = beat, cpu
+            self._beat, self._cpu, self._waited = beat, cpu, waited
             self._awake, self._looked = 0.0, now
         self._awake += min(now - self._looked, 2 * PERIOD)
         self._looked = now
-        return min(now - beat, max(self._awake, cpu - self._cpu))
+        silent = min(now - beat, max(self._awake, cpu - self._cpu))
+        self.blamed = max(silent - (waited - self._waited), cpu - self._cpu)
+        return silent
 
 
 class Watchdog:
@@ -153,17 +159,20 @@ class Watchdog:
         return max(SHORTEST, min(first - now, PERIOD))
 
     def _look_at_loop(self, now: float) -> None:
-        """Name who blocks the loop, once; give the process up when it never comes back."""
-        silent = self._silence.look(now, self._loop.beat(), self._loop.cpu())
+        """Name who blocks the loop, once; give the process up when it never comes back.
+
+        Nobody is named for the time in which the computer gave the loop no processor.
+        """
+        silent = self._silence.look(now, self._loop.beat(), self._loop.cpu(), self._loop.waited())
         if silent < BLOCKED:
             self._named = ""
             return
-        if not self._named:
+        if not self._named and self._silence.blamed >= BLOCKED:
             name = self._named = self._loop.running() or "the host"
             aside(lambda: _safely(lambda: self._loop.blocked(name, silent)))
         if silent > STUCK:
             in_turn(map(_halting, self._robots.values()), wait=HALT_WAIT)
-            self._loop.stuck(self._named)
+            self._loop.stuck(self._named or "a process that has no processor")
 
 
 def _halting(watched: Watched) -> Callable[[], None]:

@@ -23,6 +23,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     ``stop_cause`` says who set the emergency stop, and why; empty while it is not set.
 
+    ``speed`` is m/s over all axes, of its last second; None where it tells no pose. ``age``: seconds since it
+    was heard, at ``stamp``; None while it never was.
+
     ``reachable``: it can be asked something. A fault may be one that it tells itself, or one that keeps us
     from it.
     """
@@ -52,6 +55,8 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     separation: str = ""
     in_use: bool = False
     drop_in: str = ""
+    speed: float | None = None
+    age: float | None = None
 
 
 class EdgeState(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.errors import StateError
+from fleet.errors import StateError, StateTaken
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.place import SPOOL, Lock
 from fleet.spool.store import SCHEMA
@@ -73,8 +73,10 @@ def in_use(folder: Path) -> bool:
     lock = Lock(folder / SPOOL)
     try:
         lock.take()
-    except StateError:
+    except StateTaken:
         return True
+    except StateError:  # no room for the lock's file on a full disk: nobody has it
+        return False
     lock.let_go()
     return False
 
@@ -103,14 +105,28 @@ def _opened(folder: Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
     """Open the file of a folder; one that is not there is empty."""
     path = folder / SPOOL
     try:
-        if not path.exists():
-            with contextlib.closing(sqlite3.connect(":memory:")) as nothing:
-                nothing.executescript(SCHEMA)
-                yield nothing
-            return
-        with contextlib.closing(
-            sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None)
-        ) as database:
+        with contextlib.closing(_connected(path, mode)) as database:
             yield database
-    except sqlite3.Error as error:
-        raise StateError(f"{path} cannot be read: {error}") from None
+    except (sqlite3.Error, OSError) as error:
+        raise StateError(f"{path} cannot be read: {error}; is its disk full?") from None
+
+
+def _connected(path: Path, mode: str) -> sqlite3.Connection:
+    """Return a connection to a file; one that is not there, or never had room for a byte, is empty."""
+    if not path.exists() or not path.stat().st_size:
+        nothing = sqlite3.connect(":memory:")
+        nothing.executescript(SCHEMA)
+        return nothing
+    place = path.absolute().as_uri()
+    database = sqlite3.connect(f"{place}?mode={mode}", uri=True, isolation_level=None)
+    try:
+        database.execute("PRAGMA schema_version").fetchone()
+    except sqlite3.OperationalError:
+        database.close()
+        log = path.with_name(f"{path.name}-wal")
+        if log.exists() and log.stat().st_size:
+            raise
+        # Readers share an index in a file beside it, for which a full disk has no room. Nobody has the file
+        # open then (the index would be there), and its log is empty: it is read as it is.
+        database = sqlite3.connect(f"{place}?immutable=1", uri=True, isolation_level=None)
+    return database

@@ -95,6 +95,6 @@ def test_a_second_demo_says_how_to_start_it_and_runs_beside_the_first(fleet, ear
 
 def lines(text):
     """Return the lines in a form that is the same each time: without time, port, and widths of columns."""
-    text = re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:1883", re.sub(r"up \d+ s", "up 4 s", text))
+    text = re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:1883", re.sub(r"\b\d+ s\b", "4 s", text))
     found = [" ".join(line.split()) for line in text.splitlines()]
     return [line for line in found if not line.startswith("try, in another terminal:")]

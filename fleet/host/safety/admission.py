@@ -56,13 +56,26 @@ class Admission:
         refusal = self._policy.refusal(ask.origin) or self._age(
             _asker(ask.origin), ask.stamp, self._command_max_age, moves=ends_a_stop
         )
+        refusal = refusal or self._standing(ask, moves=moves, safe=safe)
+        if refusal is None and ends_a_stop and ask.name != RELEASE:
+            self._take(ask.origin)
+        return refusal
+
+    def would_refuse(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
+        """Return why a command would be refused that was asked now; takes the robot for nobody."""
+        if ask.name in STOP_WORDS:
+            return None
+        return self._policy.refusal(ask.origin) or self._standing(ask, moves=moves, safe=safe)
+
+    def _standing(self, ask: Command, *, moves: bool, safe: bool) -> str | None:
+        """Judge a command by what is so now: a stop that is set, a fault, somebody's turn."""
         if ask.name == RELEASE:
-            return refusal or self.latch.held or None
-        if refusal or safe:
-            return refusal
+            return self.latch.held or None
+        if safe:
+            return None
         if not moves:
             return self.latch.refusal()
-        return self.motion() or self._turn(ask.origin)
+        return self.motion() or self.lease.refusal(ask.origin.session, self._clock.monotonic())
 
     def setpoint(self, ask: Setpoint) -> str | None:
         """Judge a velocity; one that is refused for its age still shows that its driver holds the stick."""
@@ -135,12 +148,15 @@ class Admission:
 
     def _turn(self, origin: Origin) -> str | None:
         """Judge whose turn it is, and give the robot to the asker when it is his."""
-        now = self._clock.monotonic()
-        refusal = self.lease.refusal(origin.session, now)
+        refusal = self.lease.refusal(origin.session, self._clock.monotonic())
         if refusal is None:
-            self.lease.take(origin.session, now)
-            self.speeds.driven_by(origin.session)
+            self._take(origin)
         return refusal
+
+    def _take(self, origin: Origin) -> None:
+        """Give the robot to an asker."""
+        self.lease.take(origin.session, self._clock.monotonic())
+        self.speeds.driven_by(origin.session)
 
 
 def _asker(origin: Origin) -> str:

@@ -41,7 +41,7 @@ def test_ardupilot_tells_what_it_waits_for(fly, sky):
             await it.until(lambda: it.now > 30.0)
             answer = await it.do("check_ready")
             assert not answer["ready"]
-            assert "estimator" in failed(answer)
+            assert "position" in failed(answer)
             await it.until(lambda: it.now > 45.0)
             assert (await it.do("check_ready"))["ready"]
 

@@ -66,12 +66,14 @@ ASK = {
     "fleet/yard/stop": {*ROLES, STRANGER},
     "fleet/yard/robots/rex/video": {"arms", "hub"},
     "fleet/yard/history": {"desk", "hub"},
+    "fleet/yard/robots/rex/description": set(ROLES),
     "fleet/yard/elsewhere": {"hub"},
 }
 ANSWER = {
     "fleet/yard/robots/max/command": {"arms", "hub"},
     "fleet/yard/robots/max/video": {"planner", "hub"},
     "fleet/yard/history": {"arms", "hub"},
+    "fleet/yard/robots/max/description": {"arms", "hub"},
     "fleet/yard/health": {"hub"},
     "fleet/barn/health": {"barn", "hub"},
     f"cw/{OURS}/data/gps": {"arms", "hub"},
@@ -259,7 +261,7 @@ def test_the_sdk_on_another_computer_joins_by_its_certificate(yard, opened, cert
 def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
     """Who adds a key decides here, in PUT, TOKEN, ASK or ANSWER, and in the rules, who may use it."""
     decided = {"edge", "robot", "claim", "claims", "command", "holders", "places", "state", "worker"}
-    decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history"}
+    decided |= {"heartbeat", "halt", "health", "stop", "held", "video", "history", "description"}
     assert {name for name, _ in inspect.getmembers(keys, inspect.isfunction)} == decided
 
 

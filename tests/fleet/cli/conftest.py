@@ -1,10 +1,18 @@
 import contextlib
+import fcntl
 import json
+import os
+import pty
+import select
 import shutil
+import signal
+import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -242,3 +250,66 @@ def spawn_edge(runtime):
             return process
 
         yield spawn_edge
+
+
+class Terminal:
+    """A program on a terminal of its own; what it wrote is in ``text``."""
+
+    def __init__(self, command, columns, lines, environ):
+        self._ours, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+        kept = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+        self._process = subprocess.Popen(
+            command,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            env=kept | {"TERM": "xterm"} | environ,
+            start_new_session=True,
+        )
+        os.close(theirs)
+        self.text = ""
+
+    def reads(self, awaited="", within=DEADLINE):
+        """Read until some text was written, or to the end without one; returns all there is."""
+        end = time.monotonic() + within
+        while not awaited or awaited not in self.text:
+            ready, _, _ = select.select([self._ours], [], [], max(0.0, end - time.monotonic()))
+            assert ready, f"{awaited or 'its end'!r} did not come: {self.text!r}"
+            try:
+                data = os.read(self._ours, 65536)
+            except OSError:  # EIO: nobody has the terminal any more
+                data = b""
+            if not data:
+                assert not awaited, f"it ended without {awaited!r}: {self.text!r}"
+                return self.text
+            self.text += data.decode(errors="replace").replace("\r\n", "\n")
+        return self.text
+
+    def interrupt(self):
+        """Press Ctrl-C."""
+        os.kill(self._process.pid, signal.SIGINT)
+
+    def ended(self):
+        """Return its exit code."""
+        self.reads()
+        return self._process.wait(DEADLINE)
+
+    def close(self):
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        os.close(self._ours)
+
+
+@pytest.fixture
+def terminal(place):
+    """Run ``fleet`` on a terminal of its own, in the folder."""
+    with contextlib.ExitStack() as stack:
+
+        def terminal(*arguments, columns=80, lines=24, command=(sys.executable, "-m", "fleet"), **environ):
+            started = Terminal([*command, *arguments], columns, lines, environ)
+            stack.callback(started.close)
+            return started
+
+        yield terminal

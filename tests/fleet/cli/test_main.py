@@ -122,3 +122,23 @@ def test_who_closes_all_that_is_open_gets_none_of_it_for_our_links():
     script += "sys.exit([os.readlink(f'/proc/self/fd/{fd}') for fd in range(3)] != ['/dev/null'] * 3)"
     shell = ["sh", "-c", 'exec "$0" -c "$1" <&- >&- 2>&-', sys.executable, script]
     assert subprocess.run(shell, check=False, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["ps", "--json"], 4, "no edge is running here"),
+        (["send", "rex", "beep", "--json"], 4, "no edge is running here"),
+        (["check", "--json", "--nonsense"], 2, "No such option"),
+        (["adapters", "--json"], 3, "did not find expected node content"),
+        (["params", "rex", "diff", "none.param", "--json"], 3, "none.param"),
+    ],
+)
+@pytest.mark.usefixtures("runtime")
+def test_with_json_whatever_fails_is_json_on_stdout_and_words_on_stderr(fleet, place, arguments, code, said):
+    if "adapters" in arguments:
+        (place / "fleet.yaml").write_text("edge: [\n")
+    result = fleet(*arguments)
+    assert (result.code, result.json["code"]) == (code, code)
+    assert said in result.json["error"]
+    assert said in result.err

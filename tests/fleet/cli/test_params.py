@@ -84,3 +84,31 @@ def test_a_line_that_cannot_be_read_is_named(fleet, kestrel, place):
     result = fleet("params", "kestrel", "diff", "bad.param")
     assert result.code == 3
     assert "bad.param:2" in result.err
+
+
+@pytest.fixture
+def birds(play_edge):
+    """Play a group of which one robot has no parameters; returns what the other is asked."""
+    edge = play_edge("yard-1", robots={"kestrel": {}, "rex": {}}, groups={"birds": ["kestrel", "rex"]})
+    edge.answers("rex", Reply("get_parameters", ReplyStatus.REJECTED, "rex has no 'get_parameters'"))
+
+    def birds(data):
+        return edge.answers("kestrel", Reply("get_parameters", ReplyStatus.ACCEPTED, done=True, data=data))
+
+    return birds
+
+
+def test_parameters_of_a_group_are_shown_by_robot_and_who_has_none_is_told(fleet, birds):
+    birds({"RTL_ALT": 1500})
+    result = fleet("params", "birds", "get", "RTL_ALT")
+    assert result.code == 7
+    rows = [line.split() for line in result.out.splitlines()]
+    assert rows == [["ROBOT", "PARAMETER", "VALUE"], ["kestrel", "RTL_ALT", "1500"]]
+    assert "rex has no 'get_parameters'" in result.err
+
+
+def test_a_parameter_of_a_group_is_set_in_every_robot(fleet, birds):
+    asked = birds({"name": "RTL_ALT", "before": 1500, "after": 20})
+    result = fleet("params", "birds", "set", "RTL_ALT", "20")
+    assert (result.code, result.out) == (7, "kestrel: RTL_ALT 20 (was 1500)\n")
+    assert json.loads(asked[0].payload)["command"] == "set_parameter"

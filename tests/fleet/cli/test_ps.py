@@ -4,7 +4,7 @@ import signal
 import msgspec
 import pytest
 
-from fleet.cli.ps import edge_line
+from fleet.cli.overview import edge_line
 from fleet.model.geometry import Vector3
 from fleet.model.state import EdgeState, RobotState
 
@@ -38,9 +38,11 @@ def test_robots_and_edges_of_all_edges_are_shown(fleet, play_edge):
     result = fleet("ps")
     assert result.code == 0
     rows = result.out.splitlines()
-    assert rows[0].split() == ["ROBOT", "HEALTH", "MODE", "BATTERY", "DOING", "LAST", "COMMAND"]
-    assert rows[1].split() == ["kestrel", "offline", "-", "-", "-", "-"]
-    assert rows[2].split() == ["rex", "ok", "GUIDED", "armed", "81", "%", "-", "-"]
+    assert rows[0] == "2 robots on 2 edges: 1 offline, 1 ok; all real"
+    headings = ["ROBOT", "EDGE", "KIND", "SIM", "HEALTH", "MODE", "BAT%", "POSITION", "M/S", "AGE", "DOING"]
+    assert rows[1].split() == [*headings, "LAST", "COMMAND"]
+    assert rows[2].split() == ["kestrel", "barn", "toy", "real", "offline", *"-------"]
+    assert rows[3].split() == ["rex", "yard-1", "toy", "real", "ok", "GUIDED", "armed", "81", *"-----"]
     assert "kestrel: no heartbeat" in rows
     assert any(row.startswith("edge barn: ok") for row in rows)
     assert any(row.startswith("edge yard-1: ok") for row in rows)
@@ -50,17 +52,19 @@ def test_robots_of_one_name_on_two_edges_are_told_apart(fleet, play_edge):
     play_edge("demo", robots={"drone-1": {"health": "ok"}})
     play_edge("demo-2", robots={"drone-1": {"cause": "no heartbeat"}, "dog-1": {"health": "ok"}})
     rows = fleet("ps").out.splitlines()
-    assert {row.split()[0] for row in rows[1:4]} == {"demo/drone-1", "demo-2/drone-1", "dog-1"}
+    assert {row.split()[0] for row in rows[2:5]} == {"demo/drone-1", "demo-2/drone-1", "dog-1"}
     assert "demo-2/drone-1: no heartbeat" in rows
 
 
 def test_where_robots_are_in_the_frame_of_the_site_is_shown_once_one_is_placed(fleet, play_edge):
     rex = {"health": "ok", "site": Vector3(1.0, -2.04, 0.0), "separation": "unknown to kestrel"}
-    play_edge("yard-1", robots={"rex": rex, "kestrel": {}})
+    kestrel = {"position": Vector3(3.0), "speed": 1.26, "age": 90.0, "simulated": True}
+    play_edge("yard-1", robots={"rex": rex, "kestrel": kestrel})
     rows = fleet("ps").out.splitlines()
-    assert rows[0].split()[:6] == ["ROBOT", "HEALTH", "MODE", "BATTERY", "SITE", "DOING"]
-    assert rows[1].split() == ["kestrel", "offline", "-", "-", "-", "-", "-"]
-    assert rows[2].split() == ["rex", "ok", "-", "-", "1.0", "-2.0", "0.0", "-", "-"]
+    assert rows[1].split()[:7] == ["ROBOT", "KIND", "SIM", "HEALTH", "MODE", "BAT%", "SITE"]
+    assert rows[2].split()[2:6] == ["sim", "offline", "-", "-"]
+    assert "3.0 0.0 0.0 own  1.3  2 min  -" in rows[2]
+    assert rows[3].split()[3:] == ["ok", "-", "-", "1.0", "-2.0", "0.0", *"----"]
     assert "rex: separation unknown to kestrel" in rows
 
 
@@ -177,3 +181,47 @@ def test_messages_that_nobody_subscribes_to_are_told_from_those_that_wait_for_th
 def test_states_that_only_wait_for_their_turn_are_no_backlog():
     edge = EdgeState("yard-1", "0", 1.0, 5.0, cloud="connected", waiting=22, queued=22)
     assert edge_line(edge).endswith("cloud connected; up 5 s")
+
+
+def forty():
+    return {f"drone-{n}": {"health": "offline", "cause": f"no heartbeat for {n} s"} for n in range(1, 41)}
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(80, 24), (120, 40)])
+def test_on_a_terminal_forty_robots_fit_and_the_rest_is_counted(terminal, play_edge, columns, lines):
+    play_edge("yard-1", robots=forty())
+    shown = terminal("ps", "--no-color", columns=columns, lines=lines)
+    assert shown.ended() == 0
+    rows = shown.text.splitlines()
+    assert len(rows) < lines
+    assert max(map(len, rows)) <= columns
+    assert "more (" in shown.text
+
+
+def test_all_robots_are_shown_on_a_terminal_when_asked(terminal, play_edge):
+    play_edge("yard-1", robots=forty())
+    shown = terminal("ps", "--all", "--no-color")
+    assert shown.ended() == 0
+    assert all(f"\ndrone-{n} " in shown.text for n in range(1, 41))
+
+
+def test_watching_draws_in_place_and_ends_with_ctrl_c_without_a_word(terminal, play_edge):
+    play_edge("yard-1", robots={"rex": {"health": "ok"}})
+    shown = terminal("ps", "--watch")
+    home = "\x1b[H"
+    shown.reads(home)
+    shown.text = shown.text.partition(home)[2]
+    shown.reads(home)
+    shown.interrupt()
+    assert shown.ended() == 130
+    assert "Traceback" not in shown.text
+
+
+def test_watching_goes_on_when_the_edge_goes_and_another_comes(terminal, play_edge):
+    first = play_edge("yard-1", robots={"rex": {"health": "ok"}})
+    shown = terminal("ps", "--watch", "--json")
+    shown.reads('"name": "rex"')
+    first.bus.close()
+    shown.reads("no edge is running here")
+    play_edge("barn", robots={"kestrel": {"health": "ok"}})
+    shown.reads('"name": "kestrel"')

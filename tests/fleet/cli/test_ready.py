@@ -51,8 +51,19 @@ def test_a_robot_without_the_command_says_so(fleet, play_edge):
     assert (result.code, result.err) == (5, "fleet: rex: check_ready: rex does not know it\n")
 
 
-def test_a_group_is_not_asked(fleet, play_edge):
-    robots = {"rex": {"health": "ok"}, "rey": {"health": "ok"}}
-    play_edge("yard-1", robots=robots, groups={"dogs": ["rex", "rey"]})
-    result = fleet("ready", "dogs")
-    assert (result.code, result.err) == (5, "fleet: dogs is a group (name one robot)\n")
+def test_of_a_group_each_robot_has_one_line_with_the_health_that_ps_shows(fleet, play_edge):
+    robots = {name: {"health": "degraded" if name == "rey" else "ok"} for name in ("rex", "rey", "rue")}
+    edge = play_edge("yard-1", robots=robots, groups={"birds": list(robots)})
+    said = {"rex": {"ready": True, "checks": CHECKS[:1]}, "rey": {"ready": False, "checks": CHECKS}}
+    for name, data in said.items():
+        edge.answers(name, Reply("check_ready", ReplyStatus.ACCEPTED, done=True, data=data))
+    edge.answers("rue", Reply("check_ready", ReplyStatus.REJECTED, "rue has no 'check_ready'"))
+    result = fleet("ready", "birds")
+    assert result.code == 7
+    rows = [line.split("  ") for line in result.out.splitlines()]
+    assert [part.strip() for part in rows[1] if part.strip()] == ["rex", "ok", "ready", "-"]
+    assert [part.strip() for part in rows[2] if part.strip()][:3] == ["rey", "degraded", "NOT READY"]
+    assert "PreArm: GPS 1: Bad fix" in result.out
+    assert "rue has no 'check_ready'" in " ".join(result.out.split())
+    found = {each["robot"]: each["ready"] for each in fleet("ready", "birds", "--json").json["robots"]}
+    assert found == {"rex": True, "rey": False, "rue": None}

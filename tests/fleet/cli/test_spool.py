@@ -1,5 +1,7 @@
 """``fleet spool``: what a person sees of what waits, and how it is deleted."""
 
+import resource
+import shutil
 import time
 
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.spool.message import Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.waiting import wait_until
 from fleet.wire.rules import Traffic
 
 
@@ -82,3 +85,40 @@ def test_a_file_that_is_no_spool_is_told(fleet, state):
     (state / "spool.db").write_text("rubbish" * 1000)
     result = fleet("spool", "status")
     assert (result.code, "cannot be read: file is not a database" in result.err) == (1, True)
+
+
+def test_after_a_full_disk_a_file_that_was_never_written_is_empty(fleet, state):
+    state.mkdir()
+    (state / "spool.db").touch()
+    result = fleet("spool", "status")
+    assert (result.code, result.out) == (0, f"{state}: 0 messages; no edge uses it\n")
+
+
+@pytest.fixture
+def full_disk():
+    """Let no file grow beyond a page, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_on_a_full_disk_that_has_no_room_for_an_index_or_a_lock_what_waits_is_shown(fleet, filled, full_disk):
+    (filled / "spool.db.lock").unlink()
+    (filled / "spool.db.lock").mkdir()  # nobody can make a file there
+    result = fleet("spool", "status", "--json")
+    assert (result.json["messages"], result.json["in_use"]) == (3, False)
+
+
+def test_what_cannot_be_read_whole_for_a_full_disk_is_told_and_no_part_of_it_shown(fleet, state, request):
+    spool = Spool(SpoolSettings(folder=state.with_name("other")), SystemClock())
+    spool.put(Outgoing("T/telemetry", b"{}", 1))
+    wait_until("it is on disk", lambda: (state.with_name("other") / "spool.db-wal").stat().st_size > 0)
+    state.mkdir()
+    for name in ("spool.db", "spool.db-wal"):
+        shutil.copy(state.with_name("other") / name, state / name)
+    spool.close()
+    request.getfixturevalue("full_disk")
+    result = fleet("spool", "status")
+    assert result.code == 1
+    assert "is its disk full?" in result.err

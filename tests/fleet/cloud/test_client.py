@@ -384,3 +384,29 @@ def test_settings_that_are_not_safe_are_refused_before_anything_is_sent(watched,
     with pytest.raises(CloudError, match="certificate file"):
         watched(8883, tls=True, ca_file=str(tmp_path / "none.pem"))
     watched(1883, host="broker.example", insecure=True)
+
+
+def test_a_plain_connection_to_a_port_with_tls_says_what_to_try(run_mosquitto, watched, certificate):
+    cert, key = certificate
+    port = run_mosquitto(f"certfile {cert}", f"keyfile {key}").port
+    watched(port).start().reaches(DISCONNECTED, "try tls: true")
+
+
+@pytest.mark.parametrize("answer", [b"\x15\x03\x03\x00\x02\x02\x46", b""], ids=["an alert", "nothing"])
+def test_whatever_ends_a_plain_connection_before_the_broker_says_anything_may_be_tls(
+    listener, watched, answer
+):
+    edge = watched(listener.getsockname()[1]).start()
+    theirs, _ = listener.accept()
+    theirs.recv(1024)
+    theirs.sendall(answer)
+    theirs.close()
+    edge.reaches(DISCONNECTED, "try tls: true")
+
+
+def test_a_broker_that_was_heard_is_not_taken_for_one_with_tls(broker, watched, relay):
+    between = relay(broker.port)
+    edge = watched(between.port).connected()
+    between.cut()
+    edge.reaches(DISCONNECTED, "fell")
+    assert not any("tls" in cause for _, cause in edge.states)

@@ -228,7 +228,6 @@ async def test_a_failure_that_nobody_foresaw_ends_the_connection(connection, bro
     assert "not foreseen" in caplog.text
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the codec's panic
 @pytest.mark.parametrize("what", ["too large", "no text"])
 async def test_a_message_for_which_the_connection_ends_is_handed_over_to_be_looked_at_for_a_stop(
     connection, broker, what

@@ -1,6 +1,7 @@
 import pytest
 
-from fleet.config.load import registry_for
+from fleet.config.load import load, registry_for
+from fleet.config.problems import InvalidConfig
 from fleet.errors import ConfigError
 from fleet.registry import Registry
 
@@ -132,7 +133,7 @@ def test_two_robots_cannot_be_one(yard, second, told):
 
 def test_a_part_of_a_list_that_is_wrong_is_told_with_what_the_list_is_for(yard):
     problems = yard.problems(
-        small(ROBOT.replace("adapter: toy", "adapter: toy, fence: {inclusion: [[0, 1]]}"))
+        small(ROBOT.replace("adapter: toy", "adapter: toy, fence: {inclusion: [[[0, 1]]]}"))
     )
     assert any("inclusion[0]: must have at least 3 entries (Polygons" in problem for problem in problems)
     assert all("[[[0, 0]," in problem for problem in problems)
@@ -261,3 +262,14 @@ def test_two_hundred_robots_load(yard):
 def test_adapters_are_found_though_the_file_is_wrong(yard):
     yard.write("plugins: [plugins]\nnonsense: 1\n")
     assert registry_for(yard.file, {}, Registry([])).names() == ("toy",)
+
+
+def test_a_name_that_an_adapters_own_check_does_not_know_has_a_hint(tmp_path):
+    (tmp_path / "fleet.yaml").write_text(
+        "edge: {id: e}\nrobots:\n  - {name: a, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: ugv, "
+        "profile: waveshare-beest, link: 'sim:waveshare-beast'}\n"
+    )
+    with pytest.raises(InvalidConfig) as caught:
+        load(tmp_path / "fleet.yaml")
+    (problem,) = caught.value.problems
+    assert problem.hint == "did you mean 'waveshare-beast'?"

@@ -1,9 +1,11 @@
+import json
+
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from fleet.config.schema import FleetConfig
 from fleet.config.text import printable
-from fleet.robot_config import AdapterConfig
+from fleet.robot_config import AdapterConfig, FenceConfig
 
 ROBOT = "{name: a, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: toy, link: x}"
 
@@ -192,7 +194,7 @@ def test_plugin_folders_must_be_folders(yard, folder):
 
 
 def test_secrets_are_not_printed_by_the_models(section):
-    config = section("cloud: {host: h, token: cw_canary, password: pw_canary}")
+    config = section("cloud: {host: h, token: cw_canary, username: anna, password: pw_canary}")
     assert "canary" not in repr(config) + config.model_dump_json() + str(config.model_dump())
 
 
@@ -330,3 +332,43 @@ def test_a_stop_input_is_read(section):
 )
 def test_a_stop_input_that_cannot_be_what_was_meant_is_refused(refused, text, why):
     assert why in "; ".join(refused(f"stop_inputs: [{text}]"))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("password: abc", "cloud.password: a password needs the username:"),
+        ("token: ''", "cloud.token: is empty"),
+        ("token: '  '", "cloud.token: is empty"),
+        ("username: anna, password: ''", "cloud.password: is empty"),
+        ("username: '', password: abc", "cloud.username: is empty"),
+    ],
+)
+def test_credentials_that_let_nobody_in_are_told(refused, given, told):
+    (problem,) = refused(f"cloud: {{host: h, {given}}}")
+    assert told in problem
+
+
+def test_a_token_as_password_needs_no_user_name(section):
+    assert section("cloud: {host: h, password: cw_1234}").cloud.username is None
+
+
+SQUARE = "[0, 0], [9, 0], [9, 9], [0, 9]"
+
+
+@pytest.mark.parametrize(
+    "polygons",
+    [
+        f"[{SQUARE}]",
+        "[0, 0, 9, 9]",
+        f"[[{SQUARE}], {SQUARE}]",
+        f"[[[{SQUARE}]]]",
+        "[[0, 0, 9, 0, 9, 9]]",
+    ],
+)
+@pytest.mark.parametrize("key", ["inclusion", "exclusion"])
+def test_a_bracket_too_few_or_too_many_in_a_fence_is_one_problem(key, polygons):
+    with pytest.raises(ValidationError) as caught:
+        FenceConfig.model_validate_json(json.dumps({key: json.loads(polygons)}), strict=True)
+    assert caught.value.error_count() == 1
+    assert "bracket is missing or too many" in str(caught.value)

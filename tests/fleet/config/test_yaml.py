@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 from fleet.config.yaml import read
@@ -198,3 +200,11 @@ class TestSecrets:
 
     def test_each_use_of_a_missing_file_is_told(self, reading):
         assert len(reading("a: !secret x\nb: !secret y\n").problems) == 2
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir], ids=["a FIFO", "a folder"])
+@pytest.mark.parametrize("text", ["a: !include it\n", "a: !secret it\n"])
+def test_what_is_no_regular_file_is_refused_and_never_waited_for(reading, tmp_path, make, text):
+    make(tmp_path / ("it" if "include" in text else "secrets.yaml"), 0o600)
+    (problem,) = told(reading(text))
+    assert "no regular file" in problem

@@ -14,7 +14,16 @@ from fleet.host.safety.speeds import Speeds
 from fleet.host.ticket import Ticket
 from fleet.model.command import Command, Origin, Setpoint, Way
 from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
-from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate
+from fleet.model.navigation import (
+    Constraints,
+    Control,
+    FlyMission,
+    FollowPath,
+    Goal,
+    GoTo,
+    Navigate,
+    PlanItem,
+)
 from fleet.model.report import NavigationReport, PoseReport
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import ManualClock
@@ -253,3 +262,11 @@ async def test_keys_that_are_held_together_combine_and_a_stop_lifts_them(world):
     await world.until(lambda: world.cart.velocity.is_zero)
     world.ask(Setpoint(Velocity(yaw_rate=0.6), "turn_left", origin=TELE))
     assert world.cart.velocity == Velocity(yaw_rate=0.6)
+
+
+async def test_a_mission_is_refused_at_once_by_a_robot_that_has_none(world):
+    told = []
+    ask = Navigate(FlyMission("field", (PlanItem("return_to_launch"),)), "m1", TELE, world.clock.time())
+    world.desk.receive(ask, Ticket("start", told.append, waits=True))
+    (reply,) = told
+    assert (reply.ok, "carries out no missions" in reply.reason) == (False, True)

@@ -257,6 +257,15 @@ def test_a_robot_whose_worker_died_is_told_as_lost_once_by_the_edge(bench, caplo
     assert [record.name for record in caplog.records] == ["fleet.robot.rex"]
 
 
+def test_the_age_of_what_is_shown_grows_while_the_worker_is_silent(bench):
+    bench.says(health="ok", age=0.5, speed=1.0)
+    bench.clock.advance(2.0)
+    assert (bench.robot.state().age, bench.robot.state().speed) == (2.5, 1.0)
+    bench.robot.worker_is("worker w: hangs")
+    bench.clock.advance(SILENT_AFTER)
+    assert (bench.robot.state().age, bench.robot.state().speed) == (2.5 + SILENT_AFTER, None)
+
+
 def test_a_worker_that_ended_takes_its_word_with_it(bench):
     bench.says(health="ok")
     bench.robot.worker_is("worker w: hangs")

@@ -1,3 +1,5 @@
+import pytest
+
 from fleet.host.snapshot import Snapshot
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
@@ -43,3 +45,37 @@ def test_numbers_for_people_tell_what_is_left_of_the_goal_under_way_and_nothing_
     assert "eta_seconds" not in seen.with_way(plain).navigation
     seen.take(NavigationReport(1.0, "a1", ActionState.COMPLETED))
     assert seen.with_way(plain) == plain
+
+
+def pose(stamp, x):
+    return PoseReport(stamp, Vector3(x), Quaternion())
+
+
+def test_the_speed_is_measured_between_poses_by_their_own_stamps():
+    seen = Snapshot()
+    for tenth in range(11):
+        seen.take(pose(10.0 + tenth / 10, 0.2 * tenth))
+    assert seen.speed(11.0) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("gap", [3.0, -1.0], ids=["a gap", "a clock set back"])
+def test_after_poses_that_say_nothing_of_its_way_the_speed_is_unknown(gap):
+    seen = Snapshot()
+    for report in (pose(10.0, 0.0), pose(10.5, 1.0), pose(10.5 + gap, 9.0)):
+        seen.take(report)
+    assert seen.speed(10.5 + gap) is None
+
+
+def test_a_speed_that_no_pose_tells_any_more_is_unknown():
+    seen = Snapshot()
+    seen.take(pose(10.0, 0.0))
+    seen.take(pose(10.5, 1.0))
+    assert seen.speed(10.6) == pytest.approx(2.0)
+    assert seen.speed(15.0) is None
+
+
+def test_the_age_is_since_it_was_heard():
+    seen = Snapshot()
+    assert seen.age(5.0) is None
+    seen.heard = 5.0
+    assert seen.age(7.5) == 2.5

@@ -26,7 +26,7 @@ class Watch:
     def __init__(self):
         self.clock = ManualClock()
         self.beat = self.clock.monotonic()
-        self.cpu = 0.0
+        self.cpu = self.waited = 0.0
         self.who = "rex"
         self.told = []
         self.dog = Watchdog(
@@ -34,6 +34,7 @@ class Watch:
             LoopWatch(
                 beat=lambda: self.beat,
                 cpu=lambda: self.cpu,
+                waited=lambda: self.waited,
                 running=lambda: self.who,
                 blocked=lambda name, seconds: self.told.append(("blocked", name)),
                 stuck=lambda name: self.told.append(("stuck", name)),
@@ -50,11 +51,12 @@ class Watch:
         self.dog.add(name, Watched(deadman, halt, lambda: self.told.append(("expired", name))))
         return deadman
 
-    def looks(self, seconds, *, every=PERIOD, beats=False, cpu=0.0):
+    def looks(self, seconds, *, every=PERIOD, beats=False, cpu=0.0, waited=0.0):
         """Let time pass, with a look every so often."""
         for _ in range(round(seconds / every)):
             self.clock.advance(every)
             self.cpu += cpu * every
+            self.waited += waited * every
             if beats:
                 self.beat = self.clock.monotonic()
             self.dog.look(self.clock.monotonic())
@@ -152,6 +154,16 @@ def test_a_process_that_did_not_get_the_processor_blames_nobody(watch):
     assert watch.told == []
 
 
+def test_a_loop_that_the_computer_gives_no_processor_blames_no_robot_though_others_look(watch):
+    watch.looks(4 * BLOCKED, waited=1.0)
+    assert watch.told == []
+
+
+def test_a_robot_that_blocks_the_loop_on_a_busy_computer_is_still_named(watch):
+    watch.looks(4 * BLOCKED, waited=0.5)
+    assert watch.told == [("blocked", "rex")]
+
+
 def test_a_process_that_slept_for_an_hour_is_not_given_up(watch):
     watch.looks(3600.0, every=3600.0)
     assert watch.told == []
@@ -170,12 +182,14 @@ def test_a_loop_that_is_stuck_for_long_is_given_up_after_every_robot_was_halted(
     assert ("halt", "bad") in watch.told
 
 
-@pytest.mark.parametrize("part", ["beat", "cpu", "running"])
+@pytest.mark.parametrize("part", ["beat", "cpu", "waited", "running"])
 def test_nothing_that_fails_keeps_the_watchdog_from_the_next_look(watch, part):
     def fail():
         raise RuntimeError(part)
 
-    parts = dict.fromkeys(("beat", "cpu"), lambda: 0.0) | dict.fromkeys(("running", "blocked", "stuck"), str)
+    parts = dict.fromkeys(("beat", "cpu", "waited"), lambda: 0.0) | dict.fromkeys(
+        ("running", "blocked", "stuck"), str
+    )
     dog = Watchdog(watch.clock, LoopWatch(**(parts | {part: fail})))
     told = []
     deadman = DeadMan()
@@ -221,6 +235,7 @@ class Stuck:
             LoopWatch(
                 beat=lambda: self.wheel.beat,
                 cpu=self.thread.cpu,
+                waited=self.thread.waited,
                 running=lambda: self.wheel.owner or self.thread.owner(),
                 blocked=self.blocked,
                 stuck=lambda name: None,
@@ -365,6 +380,7 @@ async def test_a_log_that_is_stuck_does_not_stop_the_watchdog(stuck):
         LoopWatch(
             beat=lambda: time.monotonic() - 1.0,
             cpu=time.monotonic,
+            waited=lambda: 0.0,
             running=lambda: "rex",
             blocked=held_up,
             stuck=lambda name: None,
@@ -387,6 +403,7 @@ def test_a_look_that_fails_is_not_the_last(monkeypatch):
         LoopWatch(
             beat=time.monotonic,
             cpu=time.monotonic,
+            waited=lambda: 0.0,
             running=lambda: "",
             blocked=lambda name, seconds: None,
             stuck=lambda name: None,

@@ -332,8 +332,6 @@ CONNECT_5 = mqtt5.ConnectPacket("mallory", clean_start=True).write()
 CONNECT_311 = v311.write(mqtt5.ConnectPacket("mallory", clean_start=True))
 
 
-# The codec panics over text that is not UTF-8, which leaves a note about an ignored exception behind.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("connect", [b"", CONNECT_5, CONNECT_311], ids=["before", "mqtt5", "mqtt311"])
 @pytest.mark.parametrize(
     "bad",

@@ -3,7 +3,6 @@
 import asyncio
 
 import mqtt5
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -78,8 +77,6 @@ class Wire(asyncio.Transport):
         self.reading = True
 
 
-# The codec panics over text that is not UTF-8, which leaves a note about an ignored exception behind.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @given(noise)
 def test_no_packets_in_no_order_disturb_the_broker(pieces):
     asyncio.run(meets_noise(pieces))

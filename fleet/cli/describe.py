@@ -1,0 +1,107 @@
+"""``fleet describe``: what a robot takes, and whether it would take it now."""
+
+from __future__ import annotations
+
+import click
+import msgspec
+
+from fleet.cli.ask import Asker
+from fleet.cli.completion import COMMAND, ROBOT
+from fleet.cli.connect import Edges
+from fleet.cli.options import reach_option
+from fleet.cli.output import ExitCode, Output, with_output
+from fleet.config.text import nearest
+from fleet.errors import Refused
+from fleet.model.description import CommandDescription, Description, ParameterDescription
+
+
+@click.command()
+@click.argument("robot", type=ROBOT)
+@click.argument("command", required=False, type=COMMAND)
+@reach_option
+@with_output
+def describe(out: Output, robot: str, command: str | None, *, file: str | None) -> ExitCode:
+    """Show what ROBOT takes, and whether it would take it now; all about one COMMAND with its name.
+
+    The robot's own process answers, from what its adapter declares and what its safety rules say now. A
+    command is judged as one from this computer, without its data.
+    """
+    with Edges.reach(file) as edges:
+        found = edges.description(Asker(edges, robot).robot)
+    if command is None:
+        out.data(msgspec.to_builtins(found))
+        _show_all(out, found)
+        return ExitCode.OK
+    named = {one.name: one for one in found.commands}
+    if command not in named:
+        near = nearest(command, named) or f"fleet describe {robot} lists what it takes"
+        raise Refused(f"{robot} has no {command!r}", hint=near)
+    out.data(msgspec.to_builtins(named[command]))
+    _show_one(out, robot, named[command])
+    return ExitCode.OK
+
+
+def _show_all(out: Output, found: Description) -> None:
+    """Show a robot's commands, one in a line, and what it takes besides."""
+    rows = [(one.name, "no" if one.refusal else "yes", _parameters(one)) for one in found.commands]
+    out.table(("command", "now", "parameters"), rows)
+    for refusal in dict.fromkeys(one.refusal for one in found.commands if one.refusal):
+        names = ", ".join(one.name for one in found.commands if one.refusal == refusal)
+        out.say(f"not now: {names}: {refusal}")
+    if found.verbs:
+        out.say(f"verbs, with linear_x, linear_y, linear_z, angular_z or distance: {', '.join(found.verbs)}")
+    if found.goals:
+        out.say(f"goals: fleet goto {found.robot} X Y Z")
+    if found.missions:
+        out.say(f"missions: fleet mission {found.robot} start FILE")
+    if found.limits:
+        limits = ", ".join(f"{name} {value:g} {_unit(name)}" for name, value in found.limits.items())
+        out.say(f"limits: {limits}")
+
+
+def _show_one(out: Output, robot: str, one: CommandDescription) -> None:
+    """Show all about one command."""
+    out.say(f"fleet send {robot} {one.name}{''.join(f' {_usage(each)}' for each in one.parameters)}")
+    if one.summary:
+        out.say(one.summary)
+    if one.parameters:
+        rows = [(each.name, each.type, _range(each), _default(each)) for each in one.parameters]
+        out.table(("parameter", "type", "range", "default"), rows)
+    traits = [
+        "may move the robot" if one.moves else "moves nothing",
+        "taken during an emergency stop" if one.safe else "",
+        f"given up after {one.timeout:g} s" if one.timeout else "",
+    ]
+    out.say("; ".join(filter(None, traits)))
+    out.say(f"now: {_now(one)}")
+
+
+def _now(one: CommandDescription) -> str:
+    """Return whether a command would be taken."""
+    return f"no: {one.refusal}" if one.refusal else "yes"
+
+
+def _parameters(one: CommandDescription) -> str:
+    """Return the parameters of a command as one writes them."""
+    return " ".join(map(_usage, one.parameters)) or "-"
+
+
+def _usage(each: ParameterDescription) -> str:
+    """Return a parameter as one writes it; in brackets when it may be left out."""
+    text = f"{each.name}={each.type.upper().replace(' ', '-')}"
+    return text if each.required else f"[{text}]"
+
+
+def _range(each: ParameterDescription) -> str:
+    """Return the range of a parameter."""
+    return "-" if each.least is None or each.most is None else f"{each.least:g} to {each.most:g} {each.unit}"
+
+
+def _default(each: ParameterDescription) -> str:
+    """Return what stands for a parameter that is left out."""
+    return "(must be given)" if each.required else each.default or "-"
+
+
+def _unit(limit: str) -> str:
+    """Return the unit of a limit."""
+    return {"speed": "m/s", "vertical_speed": "m/s", "yaw_rate": "rad/s"}.get(limit, "m")

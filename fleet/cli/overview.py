@@ -1,0 +1,327 @@
+"""The robots and edges that run, as lines that fit a screen; pure.
+
+The worst robots come first. Columns that do not fit are left out whole, the least needed first, and so are
+rows; a line says what is missing. Equal remarks about several robots are one line.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from fleet.cli.output import GAP, counted
+from fleet.config.text import printable
+from fleet.model.health import Level
+from fleet.model.state import EdgeState, RobotState
+
+WORTH_TELLING = 0.2  # s that a sender's clock is off, or its way late
+NAMED = 3  # robots that a folded remark names
+EDGES_SHOWN = 4  # on a screen; the rest is counted
+LONGEST = 3  # lines of a remark, or of an edge, on a screen
+SHORTEST_CELL = 8  # columns that are left for a cut last column
+LEVELS = {level.word: level for level in Level}
+_FIGURE = re.compile(r"\d+(?:\.\d+)?(?= ?(?:s|ms|min|h|%|m|V)\b)")
+_NUMBER = re.compile(r"(\d+)")
+
+
+class Column(NamedTuple):
+    """One column; the one of the highest ``rank`` is left out first; cells are cut to ``most`` columns."""
+
+    heading: str
+    rank: int
+    most: int
+    cell: Callable[[RobotState], str]
+
+
+def overview(
+    states: Sequence[RobotState],
+    edges: Sequence[EdgeState],
+    *,
+    width: int | None = None,
+    height: int | None = None,
+) -> list[str]:
+    """Return the lines; ``width`` and ``height`` are those of the screen, None where there is no bound.
+
+    One line of the height is left to the prompt.
+    """
+    ordered = sorted(states, key=_worst_first)
+    names = names_of(ordered)
+    head = [_cut(summary(ordered, edges), width)]
+    foot = _edge_lines(edges, EDGES_SHOWN if height else None)
+    foot = [part for line in foot for part in _wrapped(line, width, LONGEST if height else None)]
+    table, left_out = _table(ordered, names, width, several=len({state.edge for state in states}) > 1)
+    told = [_wrapped(line, width, LONGEST if height else None) for line in remarks(ordered, names)]
+    if left_out:
+        foot.append(_cut(f"not shown at this width: {', '.join(left_out)} (also in --json)", width))
+    if height is None:
+        return [*head, *table, *(part for lines in told for part in lines), *foot]
+    room = height - 1 - len(head) - len(foot)
+    lines = [*head, *(_cut(line, width) for line in _fitted(table, told, ordered, room)), *foot]
+    return lines[: max(height - 1, 1)]
+
+
+def _fitted(
+    table: list[str], told: list[list[str]], states: Sequence[RobotState], room: int
+) -> Iterator[str]:
+    """Yield as much of a table and the remarks below it as ``room`` lines hold, and what is missing."""
+    needed = sum(map(len, told))
+    if len(table) + needed <= room:
+        yield from table
+        yield from (part for lines in told for part in lines)
+        return
+    for_remarks = min(needed, max(room // 2, room - len(table)))
+    rows = max(2, room - for_remarks - 1)
+    yield from table[:rows]
+    if len(table) > rows:
+        yield _more(states[rows - 1 :])
+        room -= 1
+    room -= min(rows, len(table))
+    for number, lines in enumerate(told):
+        last = number == len(told) - 1
+        if len(lines) > room - (0 if last else 1):
+            yield f"and {counted(len(told) - number, 'more remark')}: fleet ps --all"
+            return
+        yield from lines
+        room -= len(lines)
+
+
+def _more(states: Sequence[RobotState]) -> str:
+    """Say which robots have no row."""
+    return f"and {len(states)} more ({_by_health(states)}): fleet ps --all"
+
+
+def summary(states: Sequence[RobotState], edges: Sequence[EdgeState]) -> str:
+    """Return in one line how many robots there are, how they are, and whether they are real."""
+    parts = [counted(len(states), "robot") + (f" on {len(edges)} edges" if len(edges) > 1 else "")]
+    if states:
+        stopped = sum(state.emergency_stop for state in states)
+        simulated = sum(state.simulated for state in states)
+        parts.append(_by_health(states) + (f"; {stopped} with an emergency stop set" if stopped else ""))
+        parts[1] += {0: "; all real", len(states): "; all simulated"}.get(
+            simulated, f"; {simulated} simulated, {len(states) - simulated} real"
+        )
+    return ": ".join(parts)
+
+
+def _by_health(states: Iterable[RobotState]) -> str:
+    """Return how many robots have which health, the worst first."""
+    found = Counter(state.health for state in states)
+    return ", ".join(f"{found[word]} {word}" for word in sorted(found, key=_level, reverse=True))
+
+
+def names_of(states: Sequence[RobotState]) -> list[str]:
+    """Return what the commands call each robot: with its edge where several have one of its name."""
+    found = Counter(state.name for state in states)
+    return [state.name if found[state.name] == 1 else f"{state.edge}/{state.name}" for state in states]
+
+
+def _worst_first(state: RobotState) -> tuple[object, ...]:
+    """Return what robots are ordered by: how bad it is, then their names, numbers in them as such."""
+    parts = _NUMBER.split(state.name)
+    natural = tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts)
+    return -_level(state.health), not state.emergency_stop, natural, state.edge
+
+
+def _level(word: str) -> int:
+    """Return how bad a health is; a word that is not known is bad."""
+    return LEVELS.get(word, Level.FAULT)
+
+
+# -- the table -----------------------------------------------------------------------------------------
+
+
+def _table(
+    states: Sequence[RobotState], names: Sequence[str], width: int | None, *, several: bool
+) -> tuple[list[str], list[str]]:
+    """Return the lines of the table, and the headings of the columns that do not fit."""
+    if not states:
+        return [], []
+    placed = any(state.site is not None for state in states)
+    columns = [
+        Column("edge", 8, 16, lambda state: state.edge),
+        Column("kind", 9, 10, lambda state: state.adapter or "-"),
+        Column("sim", 2, 4, lambda state: "sim" if state.simulated else "real"),
+        Column("health", 1, 8, lambda state: state.health),
+        Column("mode", 5, 18, mode_of),
+        Column("bat%", 4, 4, lambda state: "-" if state.battery is None else f"{state.battery:.0f}"),
+        Column("site" if placed else "position", 3, 24, lambda state: place_of(state, placed=placed)),
+        Column("m/s", 6, 5, speed_of),
+        Column("age", 7, 6, age_of),
+        Column("doing", 3, 24, lambda state: state.activity or "-"),
+        Column("last command", 10, 60, last_of),
+    ]
+    cells = [("robot", 0, 24, list(names))]
+    cells += [
+        (one.heading, one.rank, one.most, [one.cell(state) for state in states])
+        for one in columns
+        if several or one.heading != "edge"
+    ]
+    shown = [
+        (heading, rank, _sized(heading, column, most if width else None))
+        for heading, rank, most, column in cells
+    ]
+    left_out: list[str] = []
+    while width and len(shown) > 2 and _least(shown) > width:
+        worst = max(shown, key=lambda column: column[1])
+        shown.remove(worst)
+        left_out.append(worst[0])
+    rows = zip(*(column for _, _, column in shown), strict=True)
+    return [_cut(GAP.join(row).rstrip(), width) for row in rows], left_out
+
+
+def _sized(heading: str, cells: Sequence[str], most: int | None) -> list[str]:
+    """Return a column as cells of one size, the heading first."""
+    made = [heading.upper(), *(_cut(printable(cell), most) for cell in cells)]
+    size = max(map(len, made))
+    return [cell.ljust(size) for cell in made]
+
+
+def _least(shown: Sequence[tuple[str, int, list[str]]]) -> int:
+    """Return the columns that a table needs at least: its last one may be cut."""
+    sizes = [len(column[0]) for _, _, column in shown]
+    last = min(sizes[-1], max(SHORTEST_CELL, len(shown[-1][0])))
+    return sum(sizes[:-1]) + last + len(GAP) * (len(sizes) - 1)
+
+
+def _cut(text: str, width: int | None) -> str:
+    """Return text that has ``width`` columns at the most."""
+    return text if width is None or len(text) <= width else f"{text[: max(width - 1, 0)]}…"
+
+
+def _wrapped(text: str, width: int | None, most: int | None) -> list[str]:
+    """Return text broken between words into ``most`` lines, the further ones indented."""
+    text = printable(text)
+    if width is None or len(text) <= width:
+        return [text]
+    columns = max(width, len(GAP) + 1)
+    return textwrap.wrap(
+        text, columns, subsequent_indent=GAP, break_on_hyphens=False, max_lines=most, placeholder="…"
+    )
+
+
+def place_of(state: RobotState, *, placed: bool = True) -> str:
+    """Return where a robot is, metres: in the site's frame; ``own``: in its own, for want of the site's.
+
+    ``placed``: some of the robots that are shown beside it are in the site's frame.
+    """
+    if state.site is not None:
+        at, frame = state.site, ""
+    elif state.position is not None:
+        at, frame = state.position, " own" * placed
+    else:
+        return "-"
+    return f"{at.x:.1f} {at.y:.1f} {at.z:.1f}{frame}"
+
+
+def speed_of(state: RobotState) -> str:
+    """Return how fast a robot moves, m/s."""
+    return "-" if state.speed is None else f"{state.speed:.1f}"
+
+
+def age_of(state: RobotState) -> str:
+    """Return how long ago a robot was heard last."""
+    return "-" if state.age is None else duration(state.age)
+
+
+def duration(seconds: float) -> str:
+    """Return a time in the largest unit of which it is one."""
+    sizes = ((86_400, "d"), (3600, "h"), (60, "min"))
+    size, unit = next(((size, unit) for size, unit in sizes if seconds >= size), (1, "s"))
+    return f"{max(seconds, 0.0) / size:.0f} {unit}"
+
+
+def last_of(state: RobotState) -> str:
+    """Return the last command and how it ended."""
+    return f"{state.last_command}: {state.last_outcome}" if state.last_command else "-"
+
+
+def mode_of(state: RobotState) -> str:
+    """Return mode and arming in a word or two."""
+    armed = {True: " armed", False: "", None: ""}[state.armed]
+    return f"{state.mode or '-'}{armed}"
+
+
+def battery_of(state: RobotState) -> str:
+    """Return the battery in percent."""
+    return "-" if state.battery is None else f"{state.battery:.0f} %"
+
+
+# -- what there is to say ------------------------------------------------------------------------------
+
+
+def remarks(states: Sequence[RobotState], names: Sequence[str]) -> list[str]:
+    """Return what is to be said of robots, equal words once, in the order of the first of them.
+
+    Words are equal that differ in measured figures, or in the robot's own name, alone.
+    """
+    folded: dict[str, list[tuple[str, str, str]]] = {}
+    for name, state in zip(names, states, strict=True):
+        for text in _remarks(state):
+            common = re.sub(rf"(?<![\w-]){re.escape(state.name)}(?![\w-])", "ROBOT", text)
+            folded.setdefault(_FIGURE.sub("#", common), []).append((name, text, common))
+    return [
+        f"{_listed([name for name, _, _ in same])}: {same[0][1] if len(same) == 1 else same[0][2]}"
+        for same in folded.values()
+    ]
+
+
+def _remarks(state: RobotState) -> Iterator[str]:
+    """Yield what there is to say of one robot."""
+    if state.cause:
+        yield state.cause
+    for sender, offset in state.senders.items():
+        if abs(offset) > WORTH_TELLING:
+            yield f"the clock of {sender}, or its way, is {offset:.2f} s late"
+    if state.drop_in and not state.worker:
+        yield f"{state.drop_in} runs in the edge's own process (worker: main)"
+    if state.separation:
+        yield f"separation {state.separation}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return some names, and how many more there are."""
+    more = len(names) - NAMED
+    if more <= 0:
+        return ", ".join(names)
+    return f"{', '.join(names[:NAMED])} and {more} more"
+
+
+def _edge_lines(edges: Sequence[EdgeState], most: int | None) -> list[str]:
+    """Return the lines of the edges, the worst first, ``most`` of them."""
+    ordered = sorted(edges, key=lambda edge: (-_level(edge.health), edge.edge))
+    if most is None or len(ordered) <= most:
+        return [edge_line(edge) for edge in ordered]
+    rest = Counter(edge.health for edge in ordered[most:])
+    more = ", ".join(f"{number} {word}" for word, number in rest.items())
+    return [*map(edge_line, ordered[:most]), f"and {len(ordered) - most} more edges ({more}): fleet ps --all"]
+
+
+def edge_line(edge: EdgeState) -> str:
+    """Return an edge in one line."""
+    robots = ", ".join(f"{number} {word}" for word, number in edge.robots.items()) or "no robots"
+    cause = f" ({edge.cause})" if edge.cause else ""
+    return (
+        f"edge {edge.edge}: {edge.health}{cause}; {robots}; cloud {edge.cloud}{cloud_line(edge)}; "
+        f"up {duration(edge.uptime)}"
+    )
+
+
+def cloud_line(edge: EdgeState) -> str:
+    """Return how far the cloud is and what waits for it or was lost, as far as there is anything to say.
+
+    States that only wait for their turn are no backlog: a newer one replaces them. Nor is what the cloud
+    could take, if anybody there subscribed to it.
+    """
+    waiting = max(0, edge.spooled - edge.unheard)
+    parts = [
+        (edge.round_trip, f"{(edge.round_trip or 0) * 1000:.0f} ms away"),
+        (waiting, f"{counted(waiting, 'message')} not sent yet"),
+        (edge.unheard, f"{counted(edge.unheard, 'message')} kept until somebody subscribes"),
+        (edge.dropped, f"{edge.dropped} dropped"),
+        (edge.refused, f"{edge.refused} refused"),
+    ]
+    said = ", ".join(words for value, words in parts if value)
+    return f" ({said})" if said else ""

@@ -1,0 +1,63 @@
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.model.description import CommandDescription, Description, ParameterDescription
+
+HEIGHT = ParameterDescription("altitude", "number", least=1, most=120, unit="m", required=True)
+TAKEOFF = CommandDescription(
+    "takeoff", "Climb and hold.", (HEIGHT,), moves=True, timeout=60.0, refusal="emergency stop is set"
+)
+FOUND = Description(
+    "kestrel",
+    "mavlink",
+    (TAKEOFF, CommandDescription("land", safe=True, moves=True)),
+    drives=True,
+    verbs=("move_forward",),
+    goals=True,
+    missions=True,
+    limits={"speed": 5.0},
+)
+
+
+@pytest.fixture
+def kestrel(play_edge):
+    edge = play_edge("yard-1", robots={"kestrel": {"health": "ok"}, "rex": {"cause": "its worker is silent"}})
+
+    def tell(question):
+        question.reply(msgspec.json.encode(FOUND))
+        question.close()
+
+    edge.bus.control.answer(keys.description("yard-1", "kestrel"), tell)
+
+
+@pytest.mark.usefixtures("kestrel")
+def test_all_that_a_robot_takes_is_shown_with_whether_it_would_now_and_why_not(fleet):
+    result = fleet("describe", "kestrel")
+    assert result.code == 0
+    rows = [" ".join(row.split()) for row in result.out.splitlines()]
+    assert "takeoff no altitude=NUMBER" in rows
+    assert "not now: takeoff: emergency stop is set" in rows
+    assert "land yes -" in rows
+    assert "limits: speed 5 m/s" in rows
+    assert fleet("describe", "kestrel", "--json").json["commands"][0]["refusal"] == "emergency stop is set"
+
+
+@pytest.mark.usefixtures("kestrel")
+def test_one_command_is_shown_with_types_units_and_ranges(fleet):
+    result = fleet("describe", "kestrel", "takeoff")
+    assert "fleet send kestrel takeoff altitude=NUMBER" in result.out
+    assert "number  1 to 120 m" in result.out
+    assert "now: no: emergency stop is set" in result.out
+
+
+@pytest.mark.usefixtures("kestrel")
+def test_a_misspelt_command_is_told_with_the_nearest(fleet):
+    result = fleet("describe", "kestrel", "takeof")
+    assert (result.code, "did you mean 'takeoff'?" in result.err) == (5, True)
+
+
+@pytest.mark.usefixtures("kestrel")
+def test_a_robot_whose_process_is_silent_is_told_as_such(fleet):
+    result = fleet("describe", "rex")
+    assert (result.code, "its worker is silent" in result.err) == (6, True)
