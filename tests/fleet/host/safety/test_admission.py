@@ -147,7 +147,7 @@ def test_whatever_the_stamps_and_the_order_a_zero_passes_and_none_from_before_a_
             gate.stop("bert", sent=sent + bert)
         elif kind == "own stop":
             gate.stop("anna", sent=sent + anna)
-            stopped = None
+            last, stopped = -10.0, None  # who stops has let go: Bert's stop after it finds nobody driving
         elif kind == "zero":
             assert gate.zero("anna", sent=sent + anna) is None
             if stopped is not None and sent >= stopped:
