@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import uuid
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -13,6 +14,7 @@ import msgspec
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.route import read_route, route_of
 from fleet.cli.send import ask_each
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -25,22 +27,29 @@ ONE_FRAME = 0.05  # m, and rad, by which two worlds may differ and be one
 
 
 class Aim(msgspec.Struct, frozen=True):
-    """Where to go: metres in ``frame`` (world: each robot's own, site), or degrees (geo)."""
+    """Where to go: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
+
+    ``way`` are the places before the last, each of two or three numbers.
+    """
 
     x: float
     y: float
-    z: float
+    z: float | None = None
     frame: str = "world"
     yaw: float | None = None
     speed: float | None = None
     spacing: float | None = None
+    way: tuple[tuple[float, ...], ...] = ()
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("robot", type=ROBOT)
-@click.argument("x", type=float)
-@click.argument("y", type=float)
-@click.argument("z", type=float, default=0.0)
+@click.argument("places", nargs=-1, metavar="X Y [Z] | X,Y[,Z]...")
+@click.option(
+    "--path",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Go through the places of this file: CSV, or GeoJSON.",
+)
 @click.option("--yaw", type=float, help="Heading at the end, radians counter-clockwise from east.")
 @click.option("--speed", type=float, help="Speed limit on the way, m/s.")
 @click.option(
@@ -59,10 +68,9 @@ class Aim(msgspec.Struct, frozen=True):
 def goto(
     out: Output,
     robot: str,
-    x: float,
-    y: float,
-    z: float,
+    places: tuple[str, ...],
     *,
+    path: Path | None,
     yaw: float | None,
     speed: float | None,
     geo: bool,
@@ -72,15 +80,28 @@ def goto(
     timeout: float,
     file: str | None,
 ) -> ExitCode:
-    """Send ROBOT to X Y Z, metres in its world frame.
+    """Send ROBOT to X Y Z, metres in its world frame, or through several places.
 
     For example:  fleet goto kestrel 10 0 5 --wait
+
+    Several places:  fleet goto kestrel 10,0,5 10,10,5 0,0,5
+
+    The file of --path has a place a line (CSV: x,y[,z], or below a heading latitude,longitude[,altitude]), or
+    is GeoJSON: one LineString, or Points in their order. Altitudes count from the take-off point; aircraft
+    need one at each place.
 
     The robots of a group go to places around the one that is said, --spacing metres from each other.
     """
     if geo and site:
         raise click.UsageError("--geo and --site contradict each other")
-    aim = Aim(x, y, z, "geo" if geo else "site" if site else "world", yaw, speed, spacing)
+    if bool(places) == (path is not None):
+        raise click.UsageError("either places or --path is needed")
+    route = read_route(path) if path is not None else route_of(places)
+    if route.geo and site:
+        raise click.UsageError("--site is metres, and the places of the file are on Earth")
+    frame = "geo" if geo or route.geo else "site" if site else "world"
+    *way, (x, y, *z) = route.places
+    aim = Aim(x, y, z[0] if z else None, frame, yaw, speed, spacing, tuple(way))
 
     def messages(robots: list[RobotState]) -> list[dict[str, Any]]:
         made = goals(aim, robots)
@@ -97,6 +118,8 @@ def goals(aim: Aim, robots: list[RobotState]) -> list[dict[str, Any]]:
     _require_one_frame(aim, robots)
     if len(robots) == 1:
         return [_message(aim, robots[0], Vector3())]
+    if aim.way:
+        raise Refused(f"one path for {len(robots)} robots: they would meet on it", hint="send each its own")
     if aim.spacing is None:
         raise Refused(
             f"one point for {len(robots)} robots: they would meet there",
@@ -113,7 +136,7 @@ def _centre(aim: Aim, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
     """Return the place in the site's frame; one on Earth is not known there: the middle of the robots."""
     if aim.frame == "geo" or robot.placement is None:
         return sum(sites, Vector3()).scaled(1 / len(sites))
-    place = Vector3(aim.x, aim.y, aim.z)
+    place = Vector3(aim.x, aim.y, aim.z or 0.0)
     return place if aim.frame == "site" else robot.placement.to_site(place)
 
 
@@ -141,21 +164,30 @@ def _is_one(one: Placement | None, other: Placement | None) -> bool:
 
 
 def _message(aim: Aim, robot: RobotState, step: Vector3) -> dict[str, Any]:
-    """Return the message that sends a robot to the place, ``step`` beside it."""
+    """Return the message that sends a robot to the place, ``step`` beside it, or along its path."""
     message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
     yaw = aim.yaw
-    if aim.frame == "geo":
-        point = geo_from_world(GeoOrigin(aim.x, aim.y), step)
-        place = {"latitude": point.latitude, "longitude": point.longitude, "altitude": aim.z}
-        message["geodetic_position"] = place
+    if yaw is not None and aim.frame == "site" and robot.placement is not None:
+        yaw -= robot.placement.yaw
+    turned = {} if yaw is None else {"yaw": yaw}
+    if aim.way:
+        last = (aim.x, aim.y) if aim.z is None else (aim.x, aim.y, aim.z)
+        *way, end = (_place(aim.frame, place, robot, step) for place in (*aim.way, last))
+        message["waypoints"] = [*way, end | turned]
     else:
-        position = Vector3(aim.x, aim.y, aim.z) + step
-        if aim.frame == "site" and robot.placement is not None:
-            position = robot.placement.to_world(position)
-            yaw = None if yaw is None else yaw - robot.placement.yaw
-        message["position"] = [position.x, position.y, position.z]
-    if yaw is not None:
-        message["yaw"] = yaw
+        message |= _place(aim.frame, (aim.x, aim.y, aim.z or 0.0), robot, step) | turned
     if aim.speed is not None:
         message["constraints"] = {"max_speed_ms": aim.speed}
     return message
+
+
+def _place(frame: str, place: Sequence[float], robot: RobotState, step: Vector3) -> dict[str, Any]:
+    """Return one place in the words of the message; a height that is not given is not said."""
+    if frame == "geo":
+        point = geo_from_world(GeoOrigin(place[0], place[1]), step)
+        height = {"altitude": place[2]} if len(place) > 2 else {}
+        return {"geodetic_position": {"latitude": point.latitude, "longitude": point.longitude, **height}}
+    position = Vector3(*place) + step
+    if frame == "site" and robot.placement is not None:
+        position = robot.placement.to_world(position)
+    return {"position": [position.x, position.y, position.z][: len(place)]}

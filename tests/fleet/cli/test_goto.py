@@ -72,6 +72,27 @@ def test_a_place_and_a_heading_of_the_site_are_turned_into_the_robots_own_world(
     assert message["yaw"] == pytest.approx(0.0)
 
 
+def test_a_path_has_the_heading_at_its_end_alone_and_no_height_that_nobody_said():
+    aim = Aim(3, 4, frame="site", yaw=1.0, speed=2.0, way=((1.0, 2.0), (2.0, 2.0, 5.0)))
+    (message,) = goals(aim, [a_robot("rex", x=1.0)])
+    first, second, last = message["waypoints"]
+    assert (first, second) == ({"position": [0.0, 2.0]}, {"position": [1.0, 2.0, 5.0]})
+    assert last == {"position": [2.0, 4.0], "yaw": 1.0}
+    assert (message["constraints"], "position" in message) == ({"max_speed_ms": 2.0}, False)
+
+
+def test_a_path_on_earth_is_degrees():
+    (message,) = goals(Aim(47.0, 8.0, 20.0, "geo", way=((47.1, 8.1),)), [a_robot("kestrel")])
+    first, last = (each["geodetic_position"] for each in message["waypoints"])
+    assert first == pytest.approx({"latitude": 47.1, "longitude": 8.1})
+    assert last == pytest.approx({"latitude": 47.0, "longitude": 8.0, "altitude": 20.0})
+
+
+def test_one_path_for_several_robots_is_refused():
+    with pytest.raises(Refused, match="one path for 2 robots"):
+        goals(Aim(1, 2, frame="site", spacing=4.0, way=((0.0, 0.0),)), APART)
+
+
 @pytest.fixture
 def yard(play_edge):
     robots = {
@@ -100,3 +121,20 @@ def test_that_nobody_knows_how_far_a_robot_is_from_another_is_said(fleet, yard):
 
 def test_two_frames_at_once_are_a_usage_error(fleet, yard):
     assert fleet("goto", "rex", "1", "2", "--geo", "--site").code == 2
+
+
+def test_a_robot_is_led_through_the_places_of_the_command_line_or_of_a_file(fleet, yard, tmp_path):
+    asked = yard.answers("rex", TAKEN)
+    (tmp_path / "round.csv").write_text("1,2\n3,4\n")
+    assert fleet("goto", "rex", "1,2", "3,4").code == 0
+    assert fleet("goto", "rex", "--path", str(tmp_path / "round.csv")).code == 0
+    ways = [json.loads(each.payload)["waypoints"] for each in asked]
+    assert ways == [[{"position": [1.0, 2.0]}, {"position": [3.0, 4.0]}]] * 2
+
+
+@pytest.mark.parametrize("arguments", [(), ("1", "2", "--path", "round.csv")])
+def test_either_places_or_a_path_are_needed(fleet, yard, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "round.csv").write_text("1,2\n")
+    result = fleet("goto", "rex", *arguments)
+    assert (result.code, "either places or --path" in result.err) == (2, True)
