@@ -55,7 +55,10 @@ def read_route(file: Path) -> Route:
 
 def _of_csv(text: str) -> Route:
     """Return the places of CSV."""
-    rows = [(at, row) for at, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(row)]
+    try:
+        rows = [(at, row) for at, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(row)]
+    except csv.Error as error:
+        raise Refused(f"is no CSV: {error}") from None
     names = [cell.strip().lower() for cell in rows[0][1]] if rows else []
     heading = names and not _is_number(names[0])
     if heading and tuple(names) not in {METRES[:2], METRES, EARTH[:2], EARTH}:
