@@ -14,7 +14,7 @@ import msgspec
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.route import read_route, route_of
+from fleet.cli.route import Route, read_route, route_of
 from fleet.cli.send import ask_each
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -96,7 +96,7 @@ def goto(
         raise click.UsageError("--geo and --site contradict each other")
     if bool(places) == (path is not None):
         raise click.UsageError("either places or --path is needed")
-    route = read_route(path) if path is not None else route_of(places)
+    route = read_route(path) if path is not None else _said(places)
     if route.geo and site:
         raise click.UsageError("--site is metres, and the places of the file are on Earth")
     frame = "geo" if geo or route.geo else "site" if site else "world"
@@ -111,6 +111,14 @@ def goto(
         return made
 
     return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file)
+
+
+def _said(places: tuple[str, ...]) -> Route:
+    """Return the places of the command line."""
+    try:
+        return route_of(places)
+    except Refused as error:
+        raise click.UsageError(error.reason) from None
 
 
 def goals(aim: Aim, robots: list[RobotState]) -> list[dict[str, Any]]:

@@ -113,7 +113,7 @@ def test_an_edge_that_took_the_stop_from_its_supervisor_is_not_missing(fleet, ya
 
     answer = Stopped(edge="yard-1", names=("rex",))
     monkeypatch.setattr("fleet.cli.stop.join_control", no_way_in)
-    monkeypatch.setattr("fleet.cli.stop.stop_all", lambda *_: [answer])
+    monkeypatch.setattr("fleet.cli.stop.stop_all", lambda *_, **__: [answer])
     result = fleet("stop", "rex", "--json")
     assert result.json["missing"] == []
     assert result.json["edges"] == ["yard-1"]
