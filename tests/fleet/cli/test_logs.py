@@ -142,4 +142,4 @@ def test_what_is_sent_to_a_file_is_in_the_file_though_a_table_is_on_the_terminal
     assert b"fleet.robot.rex" not in shown
     assert re.search(rb"\d{4}-\d\d-\d\dT[\d:.]+[+-]\d\d:\d\d \w+ +fleet", errors.read_bytes())
     kept = (tmp_path / "state" / "fleet" / "yard-1" / "log").glob("*.jsonl")  # the robot is in a worker
-    assert any(b"standstill" in each.read_bytes() for each in kept)
+    assert any(b"fleet.robot.rex" in each.read_bytes() for each in kept)
