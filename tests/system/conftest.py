@@ -188,8 +188,9 @@ class Pilot:
             ) from None
 
     def answers(self, name: str) -> list[dict[str, Any]]:
-        """Return the legacy answers to a command on the command topic."""
-        return [each for each in self.of("command") if "status" in each and each["command"] == name]
+        """Return the legacy answers to a command on the command topic, without the ends of what was taken."""
+        told = [each for each in self.of("command") if "status" in each and each["command"] == name]
+        return [each for each in told if each.get("done") is not False]
 
     def command(self, name: str, **data: Any) -> dict[str, Any]:
         """Send a command and return its answer."""

@@ -43,9 +43,10 @@ def edge(fleet, ears, mosquitto, tmp_path):
 
 
 def telemetry(listener, robot):
-    """Return the types of a twin's telemetry, in order."""
+    """Return how a twin came and went, in order."""
     topic = f"cyberwave/twin/{TWINS[robot]}/telemetry"
-    return [message["type"] for heard, message in list(listener.heard) if heard == topic]
+    types = [message["type"] for heard, message in list(listener.heard) if heard == topic]
+    return [each for each in types if each in {"connected", "disconnected"}]
 
 
 def reasons(listener, robot):

@@ -57,7 +57,7 @@ class Site:
                 {
                     "edge": {"id": f"yard-{uuid.uuid4().hex[:8]}"},
                     "cloud": {"host": "127.0.0.1", "port": broker.port, "tls": False},
-                    "bus": {"listen": ["tcp/127.0.0.1:0"]},
+                    "bus": {"listen": ["tcp/127.0.0.1:0"], "insecure": "local"},
                     "plugins": [str(PLUGINS)],
                     "robots": [robot],
                 }
