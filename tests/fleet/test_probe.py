@@ -11,6 +11,7 @@ import pytest
 from fleet.dropin import insecure
 from fleet.probe import Case, Place, Probe, ProbeError, bare_environment
 from fleet.registry import PluginState, Registry
+from fleet.testing.waiting import wait_until
 
 TOY = """
 from typing import Literal
@@ -55,7 +56,7 @@ FAULTS = {
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch):
-    monkeypatch.setattr("fleet.probe.IMPORT_WITHIN", 10.0)
+    monkeypatch.setattr("fleet.probe.IMPORT_WITHIN", 5.0)
 
 
 def write(folder, **files):
@@ -74,7 +75,7 @@ def test_a_file_that_fails_at_import_is_one_report_and_leaves_nothing_behind(tmp
     assert report in bad.report
     assert registry.get("toy").state is PluginState.LOADED
     registry.close()
-    assert left_of(tmp_path) == []
+    wait_until("nothing is left of it", lambda: not left_of(tmp_path))
 
 
 def test_a_file_that_forks_at_import_is_asked_once_and_its_child_ends(tmp_path):
@@ -83,7 +84,7 @@ def test_a_file_that_forks_at_import_is_asked_once_and_its_child_ends(tmp_path):
     registry.add_folder(tmp_path)
     assert registry.get("toy").state is PluginState.LOADED
     registry.close()
-    assert left_of(tmp_path) == []
+    wait_until("nothing is left of it", lambda: not left_of(tmp_path))
 
 
 def test_a_file_is_never_imported_in_this_process_and_gets_none_of_its_environment(tmp_path, monkeypatch):
