@@ -131,6 +131,8 @@ class Guard:
     def obeyed(self, reply: Reply) -> None:
         """Take the answer to what moves the robot: one that did it is ours again."""
         self.taken = self.taken and not reply.done
+        if reply.ok and reply.done is None:
+            self._tell_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
             begins = reply.ok and reply.done is None
             self.apart.comes_down(self._way_down(reply.command) if begins else ())
@@ -158,7 +160,6 @@ class Guard:
 
     def beginning(self, ask: Command) -> str | None:
         """Return why a command may not begin a flight or change its height; None when it may, or does not."""
-        self._tell_landing(ask.name)
         return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
 
     def _tell_landing(self, name: str) -> None:

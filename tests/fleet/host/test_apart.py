@@ -309,3 +309,17 @@ def test_who_would_be_sent_under_a_robot_that_lands_is_refused_until_it_is_down(
     assert not under[0].ok
     assert "high's way" in under[0].reason
     assert beside[0].ok
+
+
+def test_asking_whether_a_landing_would_be_taken_tells_of_none():
+    async def work(field):
+        field.send("drone-1", 0, 5, 6)
+        await asyncio.sleep(12)
+        field.send("drone-2", 0, 5, 1)
+        await asyncio.sleep(12)
+        told = []
+        field.robots["drone-1"].desk.guard._teller.event = lambda *given, **_more: told.append(given)
+        field.robots["drone-1"].describe()
+        return told
+
+    assert in_field(DRONES, work) == []
