@@ -131,10 +131,10 @@ class Guard:
     def obeyed(self, reply: Reply) -> None:
         """Take the answer to what moves the robot: one that did it is ours again."""
         self.taken = self.taken and not reply.done
-        if reply.ok and reply.done is None:
+        begins = reply.ok and reply.done is None
+        if begins:
             self._tell_landing(reply.command)
         if reply.command in LANDINGS and self.apart is not None:
-            begins = reply.ok and reply.done is None
             self.apart.comes_down(self._way_down(reply.command) if begins else ())
 
     def _look(self) -> None:
