@@ -44,16 +44,16 @@ class FakeLane:
     def publishers(self, _pattern):
         return SimpleNamespace(wanted=lambda _key: None)
 
-    def subscribe(self, key, call):
+    def subscribe_noted(self, key, call):
         self.heard.append((key, call))
 
     def answer(self, key, call):
         self.takers.append((key, call))
 
-    def put(self, key, payload, *, urgent=False):
+    def put(self, key, payload, *, urgent=False, note=b""):
         for declared, call in self.heard:
             if key in (declared, declared.replace("yard", "*")):
-                call(declared, payload)
+                call(payload, note)
 
     def ask(self, key, payload, **parameters):
         """Ask; return what was answered, which may come later."""
