@@ -21,6 +21,7 @@ from fleet.errors import BusError
 log = logging.getLogger(__name__)
 
 OnSample = Callable[[str, bytes], None]
+OnNoted = Callable[[bytes, bytes], None]
 OnSamples = Callable[[list[tuple[str, bytes]]], None]
 
 GATHERED = 128
@@ -142,8 +143,11 @@ class Lane:
         """Return publishers like it for all keys under a pattern."""
         return Publishers(self._session, pattern)
 
-    def put(self, key: str, payload: bytes, *, urgent: bool = False) -> None:
-        """Publish once; ``urgent`` overtakes everything and is not dropped."""
+    def put(self, key: str, payload: bytes, *, urgent: bool = False, note: bytes | None = None) -> None:
+        """Publish once; ``urgent`` overtakes everything and is not dropped.
+
+        A ``note`` goes beside the payload, in the same message; only who subscribes to notes reads it.
+        """
         if urgent:
             self._session.put(
                 key,
@@ -151,15 +155,25 @@ class Lane:
                 priority=zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 express=True,
+                attachment=note,
             )
         else:
-            self._session.put(key, payload)
+            self._session.put(key, payload, attachment=note)
 
     def subscribe(self, key: str, call: OnSample) -> None:
         """Call with key and payload of everything published under ``key``."""
 
         def arrived(sample: zenoh.Sample) -> None:
             call(*_read(sample))
+
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def subscribe_noted(self, key: str, call: OnNoted) -> None:
+        """Call with payload and note of everything published under ``key``; empty where there is no note."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            note = sample.attachment
+            call(sample.payload.to_bytes(), note.to_bytes() if note is not None else b"")
 
         self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
 

@@ -45,7 +45,7 @@ from fleet.host.settings import (
 )
 from fleet.host.stop_cause import local_cause
 from fleet.host.stop_inputs import TELL, StopInputs
-from fleet.host.stops import take_stops
+from fleet.host.stops import stop_everywhere, take_stops
 from fleet.host.task import Task, specs_here, task_of
 from fleet.host.traffic import traffic_of
 from fleet.host.workers import Worker, names_of
@@ -377,16 +377,13 @@ class Edge:
 
     def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
         """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
-        self.process.stop_robots(names, local_cause("", why))
-        for robot in self.remote.values():
-            if not names or robot.name in names:
-                robot.emergency(why)
+        stop_everywhere(self.process, self.remote.values(), names, local_cause("", why))
 
     def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
         """Set the stop again of robots in workers that do not have it; from any thread."""
         for robot in self.remote.values():
-            if (not names or robot.name in names) and not robot.state().emergency_stop:
-                robot.emergency(why)
+            if not names or robot.name in names:
+                robot.renew_stop(local_cause("", why))
 
     def _halt_worker(self, worker: str) -> None:
         """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""

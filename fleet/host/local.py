@@ -21,7 +21,7 @@ from fleet.host.happenings import Happenings
 from fleet.host.journal import RobotJournal
 from fleet.host.make import AdapterClass, capabilities, make_adapter, timed
 from fleet.host.outbox import Outbox
-from fleet.host.recorder import Recorder
+from fleet.host.recorder import Recorder, never_raises
 from fleet.host.runner import Runner
 from fleet.host.shared import Shared
 from fleet.host.snapshot import Snapshot, is_known
@@ -116,7 +116,7 @@ class LocalRobot:
         self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
         self._log = robot_log(config.name)
         self._refusals = Tally(self._log, clock)
-        self._record = record  # into the edge's history
+        self._record = never_raises(record)  # into the edge's history
         self._recorder = Recorder(self.publish, clock)
         self._can = can = timed(capabilities(plugin), config)
         self.desk = Desk(
@@ -264,8 +264,8 @@ class LocalRobot:
 
     def follow_emergency(self, cause: StopCause) -> None:
         """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
-        self._recorder.stopped(cause)
         self._loop.call_soon_threadsafe(self._follow_emergency, cause)
+        self._recorder.stopped(cause)
 
     def watched(self) -> Watched:
         """Return what the watchdog needs."""

@@ -2,14 +2,17 @@
 
 A velocity is asked many times a second: the first of a row of them is written, and how the row ended. What is
 refused again and again is counted, and the number told with the next refusal that is written.
+
+What is asked of a robot, a stop above all, does not depend on being written: a failure here is logged.
 """
 
 from __future__ import annotations
 
+import logging
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import partial
-from typing import Any
+from functools import partial, wraps
+from typing import Any, ParamSpec
 
 import msgspec
 
@@ -29,6 +32,22 @@ ROW_ENDS = 3.0  # s without a velocity after which the next one begins another r
 REFUSED_EVERY = 5.0  # s between refused velocities that are written
 REMEMBERED = 256  # requests, to know a repeat
 
+log = logging.getLogger(__name__)
+_Given = ParamSpec("_Given")
+
+
+def never_raises(write: Callable[_Given, None]) -> Callable[_Given, None]:
+    """Return what writes as ``write`` does, and logs its failure."""
+
+    @wraps(write)
+    def guarded(*given: _Given.args, **named: _Given.kwargs) -> None:
+        try:
+            write(*given, **named)
+        except Exception:
+            log.exception("what happened could not be written into the history")
+
+    return guarded
+
 
 class Recorder:
     """One robot's part of the history; ``put`` takes events from any thread and never blocks."""
@@ -41,6 +60,7 @@ class Recorder:
         self._window, self._refused, self._untold = float("-inf"), 0, 0
         self._known: OrderedDict[str, bool] = OrderedDict()  # requests, with whether their sender was proven
 
+    @never_raises
     def asked(self, ask: Ask, ticket: Ticket) -> None:
         """Write an ask and what is answered to it; on the loop, before it is taken."""
         if isinstance(ask, Setpoint):
@@ -56,10 +76,12 @@ class Recorder:
             return
         ticket.watch(partial(self._answered, ask, ticket))
 
+    @never_raises
     def emergency(self, origin: Origin, request: str = "") -> None:
         """Write an emergency stop that a message asked for; from any thread."""
         self.stopped(StopCause(asker_of(origin), request=request))
 
+    @never_raises
     def stopped(self, cause: StopCause) -> None:
         """Write an emergency stop, once for each request: it may come by more than one way. Any thread."""
         if cause.request:
@@ -74,15 +96,18 @@ class Recorder:
             EventReport(now, EventKind.STOP, text, Severity.CRITICAL, cause.asker, EMERGENCY, request, data)
         )
 
+    @never_raises
     def followed(self, cause: StopCause, ticket: Ticket) -> None:
         """Write how an emergency stop ended that no message at this robot asked for."""
         ask = Command(EMERGENCY, id=cause.request)
         ticket.watch(partial(self._answered, ask, ticket, asker=cause.asker))
 
+    @never_raises
     def unread(self, kind: str, origin: Origin, ticket: Ticket) -> None:
         """Write that a message could not be read; its ``ticket`` is refused next."""
         ticket.watch(partial(self._answered, Command(ticket.command or kind, origin=origin), ticket))
 
+    @never_raises
     def lease_ran_out(self) -> None:
         """Write that the velocities ended without a stop."""
         driver, self._driver = self._driver, None
@@ -92,6 +117,7 @@ class Recorder:
                 EventReport(self._clock.time(), EventKind.OUTCOME, text, Severity.WARNING, driver, "move")
             )
 
+    @never_raises
     def _answered(self, ask: Ask, ticket: Ticket, reply: Reply, asker: Asker | None = None) -> None:
         """Write the receipt of an ask, and its end; one answer may be both."""
         if reply is ticket.receipt:
@@ -117,12 +143,14 @@ class Recorder:
             text = f"{name} {reply.outcome}"
             self._add(EventKind.COMMAND, text, ask, severity=Severity.WARNING, data=data)
 
+    @never_raises
     def _repeated(self, ask: Ask, ticket: Ticket, reply: Reply) -> None:
         """Write that the same was asked again; it is not done twice."""
         if reply is ticket.receipt and self._is_told():
             text = f"{_name(ask)} asked again: the first answer was given again"
             self._add(EventKind.COMMAND, text, ask, data={"repeat": True})
 
+    @never_raises
     def _drove(self, ask: Setpoint, reply: Reply) -> None:
         """Write the first velocity of a row, and now and then one that is refused."""
         now, asker = self._clock.monotonic(), asker_of(ask.origin)

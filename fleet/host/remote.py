@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import threading
 from collections.abc import Callable
 from functools import partial
 
@@ -18,7 +20,8 @@ from fleet.host.aside import HALT_WAIT, aside
 from fleet.host.asks import Decoder, is_once, is_stop, patience, told_flaw
 from fleet.host.local import source_type
 from fleet.host.safety.speeds import Speeds
-from fleet.host.teller import robot_log
+from fleet.host.stop_cause import StopCause, local_cause, note_of
+from fleet.host.teller import asker_of, request_of, robot_log
 from fleet.model.command import Answer, Asked, Command, Reply, ReplyStatus, Way
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.model.health import Level
@@ -31,6 +34,7 @@ from fleet.wire.stops import EMERGENCY
 
 ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
 SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
+AGAIN = 0.5  # s between two stops that are put again for a worker that does not say that it is stopped
 
 
 class RemoteRobot:
@@ -65,7 +69,9 @@ class RemoteRobot:
         self._cause = "its worker is starting"
         self._heard = float("-inf")
         self._told = clock.monotonic()  # when the state came
-        self._unheard_stop = False
+        self._unheard: StopCause | None = None  # of a stop that the worker has not told of yet
+        self._put_again_at = float("-inf")
+        self._putting_again = threading.Lock()
         self._refusals = Tally(self._log, clock)
         self._state = RobotState(
             name=self.name,
@@ -86,22 +92,48 @@ class RemoteRobot:
         """True once somebody has moved it through this edge, as its worker says."""
         return self._state.in_use
 
-    def emergency(self, _why: str) -> None:
+    def emergency(self, cause: StopCause) -> None:
         """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
-        self.stop_later()
-        aside(self._put_stop, wait=HALT_WAIT)
+        named = _named(cause)
+        self.stop_later(named)
+        aside(partial(self._put_stop, named), wait=HALT_WAIT)
 
-    def stop_later(self) -> None:
+    def stop_later(self, cause: StopCause) -> None:
         """Remember an emergency stop until the worker says that it is set; from any thread.
 
         One that is frozen, dead or away now is stopped as soon as it is there again.
         """
-        self._unheard_stop = True
+        self._unheard = self._unheard or _named(cause)
 
-    def _put_stop(self) -> None:
+    def renew_stop(self, cause: StopCause) -> None:
+        """Put the stop again where the worker's own word is that it has none; from any thread."""
+        if not self._state.emergency_stop:
+            self.stop_later(cause)
+            self._put_again()
+
+    def _put_again(self) -> None:
+        """Put the stop of which the worker has not told, now and then, and one at a time. Never waits."""
+        cause, now = self._unheard, self._clock.monotonic()
+        if cause is None or now - self._put_again_at < AGAIN:
+            return
+        if not self._putting_again.acquire(blocking=False):
+            return
+        self._put_again_at = now
+
+        def put() -> None:
+            try:
+                self._put_stop(cause)
+            finally:
+                self._putting_again.release()
+
+        aside(put)
+
+    def _put_stop(self, cause: StopCause) -> None:
         """Put the stop on its lane; waits while that is full. Never raises."""
         try:
-            self._control.put(keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True)
+            self._control.put(
+                keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True, note=note_of(cause)
+            )
         except Exception:  # noqa: BLE001 - told
             self._log.exception("the emergency stop did not go out at once")
 
@@ -139,7 +171,7 @@ class RemoteRobot:
         if ask is None:
             return None
         if ask.name == EMERGENCY:
-            self.emergency("asked over the cloud")
+            self.emergency(StopCause(asker_of(ask.origin), request=request_of(ask)))
         if isinstance(ask, Command) and ask.flaw:
             return Asked(partial(self._hand_over_stop, ask, parameters), stops=True)
         until = self._arrival() + patience(ask, self._config)
@@ -207,7 +239,7 @@ class RemoteRobot:
 
     def state(self) -> RobotState:
         """Return what the worker last said, or why it says nothing."""
-        stopped = self._state.emergency_stop or self._unheard_stop
+        stopped = self._state.emergency_stop or self._unheard is not None
         now, age = self._clock.monotonic(), self._state.age
         age = None if age is None else round(age + now - self._told, 2)
         said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
@@ -236,8 +268,10 @@ class RemoteRobot:
             self._log.warning("a state with the unknown health %a", state.health[:40])
             return
         self._state = state
-        self._unheard_stop &= not state.emergency_stop
         self._heard = self._told = self._clock.monotonic()
+        if state.emergency_stop:
+            self._unheard = None
+        self._put_again()
 
     def _state_asked(self, question: Question) -> None:
         """Answer with the state, beside the worker: it may be gone. On the bus's thread."""
@@ -246,6 +280,12 @@ class RemoteRobot:
 
     def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Set an emergency stop again in a worker that was started anew: only a release ends it."""
-        if alive and (self._state.emergency_stop or self._unheard_stop):
+        if alive and (self._state.emergency_stop or self._unheard is not None):
             self._log.warning("its worker is back: the emergency stop is set again")
-            self.emergency("set before its worker ended")
+            before = self._state.stop_cause or "set before its worker ended"
+            self.emergency(self._unheard or local_cause("", before))
+
+
+def _named(cause: StopCause) -> StopCause:
+    """Return a cause with a request, by which a stop that is put again is known for the same one."""
+    return cause if cause.request else msgspec.structs.replace(cause, request=os.urandom(8).hex())

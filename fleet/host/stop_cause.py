@@ -10,10 +10,12 @@ from collections.abc import Mapping
 import msgspec
 
 from fleet.config.text import printable
+from fleet.decoding import decode_json
 from fleet.model.command import Way
 from fleet.model.event import Asker
 
 LONGEST = 200  # characters of a reason
+LARGEST = 1 << 14  # bytes of a note that is read
 _BY, _WHY, _ID = "by", "why", "id"
 _WAYS: Mapping[Way, str] = {
     Way.CLOUD: "over the cloud",
@@ -57,6 +59,28 @@ def parameters_of(by: str, why: str, request: str) -> dict[str, str]:
     return {name: _clipped(value).encode(errors="replace").hex() for name, value in said.items() if value}
 
 
+def note_of(cause: StopCause) -> bytes:
+    """Return the note that goes beside a published stop: who stops, why, and by which request.
+
+    Empty where that cannot be written: the stop goes without it.
+    """
+    try:
+        return msgspec.json.encode(_cut(cause))
+    except (ValueError, TypeError):
+        return b""
+
+
+def cause_noted(note: bytes) -> StopCause:
+    """Return what the note of a published stop says; it is claimed. What cannot be read is the stop key."""
+    if not note or len(note) > LARGEST:
+        return THE_KEY
+    try:
+        said = _cut(decode_json(note, StopCause))
+    except (ValueError, RecursionError):  # of which msgspec's own errors are some
+        return THE_KEY
+    return msgspec.structs.replace(said, asker=msgspec.structs.replace(said.asker, proven=False))
+
+
 def local_cause(name: str, reason: str = "", request: str = "") -> StopCause:
     """Return the cause of a stop of this computer's own, whose sender is proven."""
     return StopCause(Asker(Way.LOCAL, _clipped(name), proven=True), _clipped(reason), _clipped(request))
@@ -67,6 +91,14 @@ def told_asker(asker: Asker) -> str:
     known = "proven" if asker.proven else "claimed"
     words = [known, *filter(None, [asker.source_type]), _WAYS[asker.way]]
     return f"{asker.name or 'somebody'} ({', '.join(words)})"
+
+
+def _cut(cause: StopCause) -> StopCause:
+    """Return a cause whose words are safe to show, and not too long."""
+    who = cause.asker
+    source = None if who.source_type is None else _clipped(who.source_type)
+    asker = Asker(who.way, _clipped(who.name), source, proven=who.proven)
+    return StopCause(asker, _clipped(cause.reason), _clipped(cause.request))
 
 
 def _clipped(text: str) -> str:

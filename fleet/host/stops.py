@@ -6,6 +6,7 @@ asks may say so, and why, beside it (``stop_cause``).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
@@ -16,7 +17,9 @@ from fleet.bus.lane import Question
 from fleet.bus.session import Bus
 from fleet.decoding import decode_json
 from fleet.host.process import RobotProcess
-from fleet.host.stop_cause import THE_KEY, StopCause, cause_in
+from fleet.host.stop_cause import StopCause, cause_in, cause_noted
+
+log = logging.getLogger(__name__)
 
 LARGEST = 1 << 20  # bytes of a stop that is read for names
 
@@ -26,8 +29,11 @@ class Elsewhere(Protocol):
 
     name: str
 
-    def stop_later(self) -> None:
+    def stop_later(self, cause: StopCause) -> None:
         """Remember the stop for a process that does not hear it now; from any thread."""
+
+    def emergency(self, cause: StopCause) -> None:
+        """Stop it over the bus, and remember the stop; from any thread. Never raises."""
 
 
 def take_stops(
@@ -36,6 +42,7 @@ def take_stops(
     """Stop this process's robots when the stop key is published or asked; on the bus's threads.
 
     Returns what does so for whoever else asks, from any thread: it takes what the key would, and the cause.
+    Of that the processes of the robots ``elsewhere`` hear nothing, so it is put on the stop key for them.
     """
     others = tuple(elsewhere)
     key = keys.stop(process.edge)
@@ -44,7 +51,7 @@ def take_stops(
         names = names_in(payload, groups)
         for robot in others:
             if not names or robot.name in names:
-                robot.stop_later()
+                robot.stop_later(cause)
         return process.stop_robots(names, cause)
 
     def asked(question: Question) -> None:
@@ -52,13 +59,31 @@ def take_stops(
         question.reply(msgspec.json.encode(stopped))
         question.close()
 
-    def published(_key: str, payload: bytes) -> None:
-        stop(payload, THE_KEY)
+    def published(payload: bytes, note: bytes) -> None:
+        stop(payload, cause_noted(note))
 
     for lane in (bus.control, bus.reports):
-        lane.subscribe(key, published)
+        lane.subscribe_noted(key, published)
     bus.control.answer(key, asked)
-    return stop
+    return lambda payload, cause: stop_everywhere(process, others, names_in(payload, groups), cause)
+
+
+def stop_everywhere(
+    process: RobotProcess, elsewhere: Iterable[Elsewhere], names: tuple[str, ...], cause: StopCause
+) -> list[str]:
+    """Stop robots of this process and those elsewhere, from any thread; no name means all.
+
+    Returns who was stopped in this process. A failure here is logged, and keeps nobody elsewhere moving.
+    """
+    try:
+        stopped = process.stop_robots(names, cause)
+    except Exception:
+        log.exception("the emergency stop failed in this process")
+        stopped = []
+    for robot in elsewhere:
+        if not names or robot.name in names:
+            robot.emergency(cause)
+    return stopped
 
 
 def names_in(payload: bytes, groups: dict[str, list[str]]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from fleet.host.journal import RobotJournal
 from fleet.host.local import LocalRobot
 from fleet.host.process import RobotProcess, RobotSpec
 from fleet.host.remote import RemoteRobot
-from fleet.host.stop_cause import THE_KEY
+from fleet.host.stop_cause import THE_KEY, local_cause
 from fleet.host.stops import take_stops
 from fleet.model.geometry import Velocity
 from fleet.tally import Tally
@@ -44,16 +44,16 @@ class FakeLane:
     def publishers(self, _pattern):
         return SimpleNamespace(wanted=lambda _key: None)
 
-    def subscribe(self, key, call):
+    def subscribe_noted(self, key, call):
         self.heard.append((key, call))
 
     def answer(self, key, call):
         self.takers.append((key, call))
 
-    def put(self, key, payload, *, urgent=False):
+    def put(self, key, payload, *, urgent=False, note=b""):
         for declared, call in self.heard:
             if key in (declared, declared.replace("yard", "*")):
-                call(declared, payload)
+                call(payload, note)
 
     def ask(self, key, payload, **parameters):
         """Ask; return what was answered, which may come later."""
@@ -97,6 +97,7 @@ class Rig:
 
     def __init__(self, puppet, *, worker):
         self.clock, self.lane, self.journal = ManualClock(), FakeLane(), FakeJournal()
+        self.write = lambda: None  # what the history does with an event
         self.config = puppet.Config(name="rex", twin=TWIN)
         loop = asyncio.get_running_loop()
         self.process = RobotProcess(
@@ -104,7 +105,7 @@ class Rig:
             SimpleNamespace(control=self.lane, reports=self.lane),
             [RobotSpec(self.config, puppet, "puppet")],
             journal=self.journal,
-            history=SimpleNamespace(add=lambda _robot, _event: None),
+            history=SimpleNamespace(add=lambda _robot, _event: self.write()),
             clock=self.clock,
         )
         self.robot: LocalRobot = self.process.robots["rex"]
@@ -199,6 +200,18 @@ JSON = st.recursive(
 FIELDS = st.sampled_from(["timestamp", "ts", "source_type", "session_id", "data", "action_id", "x"])
 NAMES = st.sampled_from(["stop", "emergency_stop", "estop", "hover", "brake", "STOP", "E-Stop", " Stop"])
 EMERGENCIES = {"emergency_stop", "estop", "E-Stop"}
+
+
+def fail():
+    raise OSError("no history")
+
+
+FAULTS = {
+    "the history refuses": lambda rig: setattr(rig, "write", fail),
+    "the recorder has no clock": lambda rig: setattr(rig.robot._recorder, "_clock", None),
+    "the recorder has no way out": lambda rig: setattr(rig.robot._recorder, "_put", None),
+}
+"""What may be wrong with the record of a stop."""
 
 
 @st.composite
@@ -338,3 +351,47 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     assert rig.robot.desk.latched
     assert latched == []
     assert [change.why for change in rig.journal.latched] == ["the stop key"]
+
+
+def test_two_stops_go_on_though_one_robot_is_not_written(puppet):
+    async def play():
+        rig = Rig(puppet, worker=False)
+        drive(rig)
+        FAULTS["the recorder has no clock"](rig)
+        rig.process.robots = {"first": rig.robot, "second": rig.robot}
+        stopped = rig.process.stop_robots((), local_cause("anna", request="r1"))
+        for _ in range(12):
+            await asyncio.sleep(0)
+        return rig, stopped
+
+    with asyncio.Runner() as runner:
+        rig, stopped = runner.run(play())
+    assert len(stopped) == 2
+    assert "stop" in rig.puppet.told
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", ["stop", "emergency_stop"])
+@pytest.mark.parametrize("way", ["mqtt command", "bus command", "stop key"])
+def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
+    async def play():
+        rig, answers = Rig(puppet, worker=False), []
+        drive(rig)
+        FAULTS[fault](rig)
+        before = len(rig.puppet.told)
+        message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
+        if way == "bus command":
+            answers = rig.lane.ask(keys.command("yard", "rex"), json.dumps(message).encode())
+        else:
+            WAYS[way](rig, json.dumps(message).encode())
+        for _ in range(12):
+            await asyncio.sleep(0)
+        return rig, rig.puppet.told[before:], answers
+
+    with asyncio.Runner() as runner:
+        rig, told, answers = runner.run(play())
+    assert "stop" in told
+    assert not moves(told)
+    assert rig.robot.desk.latched == (name == "emergency_stop" or way == "stop key")
+    assert "could not be written into the history" in caplog.text
+    assert (way == "bus command") == bool(answers)

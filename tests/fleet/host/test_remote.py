@@ -7,13 +7,15 @@ import pytest
 
 from fleet.bus import keys
 from fleet.bus.lane import Lane
-from fleet.host.remote import SILENT_AFTER, RemoteRobot
+from fleet.host.remote import AGAIN, SILENT_AFTER, RemoteRobot
+from fleet.host.stop_cause import cause_noted, local_cause
 from fleet.model.command import Reply, ReplyStatus, Way
 from fleet.model.state import RobotState
 from fleet.robot_config import AdapterConfig
 from fleet.testing.waiting import DEADLINE, wait_until
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
+ANNA = local_cause("anna", "smoke", "r1")
 LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
 DONE = Reply("takeoff", ReplyStatus.ACCEPTED)
 
@@ -26,8 +28,9 @@ class Bench:
         self.lane = Lane(LONELY)
         self.later = queue.Queue()
         self.stops = []
+        self.causes = []
         self.reports = []
-        self.lane.subscribe(keys.stop("yard"), lambda _key, payload: self.stops.append(json.loads(payload)))
+        self.lane.subscribe_noted(keys.stop("yard"), self._heard)
         self.robot = RemoteRobot(
             AdapterConfig(name="rex", twin=TWIN),
             adapter="toy",
@@ -42,6 +45,10 @@ class Bench:
         self.lane.subscribe(
             keys.state("yard", "rex"), lambda _key, payload: self.robot.state_arrived(payload)
         )
+
+    def _heard(self, payload, note):
+        self.causes.append(cause_noted(note))
+        self.stops.append(json.loads(payload))
 
     def works(self, *answers):
         """Play a worker that gives these answers; returns what it is asked."""
@@ -308,20 +315,56 @@ def test_an_emergency_stop_that_the_worker_had_no_time_to_tell_outlives_it_too(b
     assert bench.stopped(2) == [["rex"], ["rex"]]
 
 
-def test_a_stop_that_came_while_the_worker_was_frozen_is_set_in_the_next_one(bench):
+def test_a_stop_that_a_worker_does_not_tell_of_is_put_again_while_it_speaks(bench):
+    bench.robot.stop_later(ANNA)
     bench.says(health="ok")
-    bench.robot.stop_later()
-    bench.says(health="ok")
+    assert bench.stopped() == [["rex"]]
     assert bench.robot.state().emergency_stop
+    wait_until("it has gone out", lambda: not bench.robot._putting_again.locked())
+    bench.clock.advance(AGAIN)
+    bench.says(health="ok")
+    assert bench.stopped(2) == [["rex"], ["rex"]]
+    assert [cause.request for cause in bench.causes] == ["r1", "r1"]
+
+
+def test_a_stop_that_came_while_the_worker_was_frozen_is_set_in_the_next_one(bench):
+    bench.robot.stop_later(ANNA)
     bench.lane.token(keys.robot("yard", "rex"))
     assert bench.stopped() == [["rex"]]
+    assert bench.causes[0].why == "asked by anna (claimed, on this computer): smoke"
 
 
 def test_a_stop_that_the_worker_has_told_is_the_workers_to_release(bench):
-    bench.robot.stop_later()
+    bench.robot.stop_later(ANNA)
     bench.says(health="ok", emergency_stop=True)
     bench.says(health="ok", emergency_stop=False)
     assert not bench.robot.state().emergency_stop
+    assert bench.stops == []
+
+
+def test_a_stop_is_renewed_by_the_workers_own_word(bench):
+    bench.robot.stop_later(ANNA)
+    bench.robot.renew_stop(ANNA)
+    assert bench.stopped() == [["rex"]]
+    bench.says(health="ok", emergency_stop=True)
+    bench.clock.advance(AGAIN)
+    bench.robot.renew_stop(ANNA)
+    assert bench.stops == [["rex"]]
+
+
+def test_a_stop_says_to_the_worker_who_asked_for_it(bench):
+    message = {"command": "emergency_stop", "source_type": "tele", "session_id": "anna"}
+    bench.robot.read("command", json.dumps(message).encode(), way=Way.CLOUD, request_id="q1")
+    bench.stopped()
+    (cause,) = bench.causes
+    assert cause.why == "asked by anna (claimed, tele, over the cloud)"
+    assert len(cause.request) == 32  # of the very message, as the worker reckons it
+
+
+def test_a_stop_of_the_edges_own_says_to_the_worker_why(bench):
+    bench.robot.emergency(local_cause("", "stop input button: no heartbeat for 1 s"))
+    bench.stopped()
+    assert [cause.why for cause in bench.causes] == ["stop input button: no heartbeat for 1 s"]
 
 
 def test_what_was_released_stays_released(bench):

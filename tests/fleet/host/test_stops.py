@@ -6,7 +6,10 @@ from hypothesis import strategies as st
 
 from fleet.bus.lane import Lane
 from fleet.bus.session import Bus
-from fleet.host.stops import names_in, take_stops
+from fleet.host.stop_cause import THE_KEY, StopCause, cause_noted, local_cause, note_of
+from fleet.host.stops import names_in, stop_everywhere, take_stops
+from fleet.model.command import Way
+from fleet.model.event import Asker
 
 GROUPS = {"yard": ["rex", "beast"], "none": []}
 LONELY = {"mode": "peer", "listen/endpoints": [], "scouting/multicast/enabled": False}
@@ -102,16 +105,71 @@ def test_names_never_come_to_mean_everything(names):
     assert set(names) <= set(names_in(json.dumps(names).encode(), GROUPS))
 
 
-@pytest.mark.parametrize(("payload", "later"), [(b"", ["rex"]), (b'["yard"]', ["rex"]), (b'["kestrel"]', [])])
-def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload, later):
-    stopped = []
+class Elsewhere:
+    """A robot of a worker: the causes of the stops that it is told of, and how."""
 
-    class Elsewhere:
-        name = "rex"
+    name = "rex"
 
-        def stop_later(self):
-            stopped.append(self.name)
+    def __init__(self):
+        self.told = []
 
-    take_stops(Process("yard-1"), bus, GROUPS, [Elsewhere()])
+    def stop_later(self, cause):
+        self.told.append(("later", cause))
+
+    def emergency(self, cause):
+        self.told.append(("now", cause))
+
+
+ANNA = local_cause("anna", "smoke", "r1")
+WHOM = pytest.mark.parametrize(
+    ("payload", "told"), [(b"", True), (b'["yard"]', True), (b'["kestrel"]', False)]
+)
+
+
+@WHOM
+def test_a_robot_in_a_worker_that_may_not_hear_it_is_stopped_later(bus, payload, told):
+    robot = Elsewhere()
+    take_stops(Process("yard-1"), bus, GROUPS, [robot])
     bus.control.put("fleet/*/stop", payload)
-    assert stopped[:1] == later
+    assert robot.told[:1] == [("later", THE_KEY)] * told
+
+
+@WHOM
+def test_a_stop_that_comes_by_the_supervisor_is_put_on_for_a_robot_in_a_worker(bus, payload, told):
+    robot = Elsewhere()
+    stop = take_stops(Process("yard-1", "beast"), bus, GROUPS, [robot])
+    assert stop(payload, ANNA) == ["beast"] * told
+    assert robot.told == [("now", ANNA)] * told
+
+
+def test_a_robot_in_a_worker_is_stopped_though_the_stop_fails_here(bus, caplog):
+    class Broken(Process):
+        def stop_robots(self, names, why):
+            raise RuntimeError("the loop is closed")
+
+    robot = Elsewhere()
+    assert stop_everywhere(Broken("yard-1"), [robot], (), ANNA) == []
+    assert robot.told == [("now", ANNA)]
+    assert "the emergency stop failed in this process" in caplog.text
+
+
+def test_a_published_stop_says_who_asks_and_why(bus):
+    robot = Elsewhere()
+    take_stops(Process("yard-1"), bus, GROUPS, [robot])
+    bus.control.put("fleet/*/stop", b"", urgent=True, note=note_of(ANNA))
+    assert robot.told[0] == ("later", StopCause(Asker(Way.LOCAL, "anna", proven=False), "smoke", "r1"))
+
+
+@pytest.mark.parametrize(
+    "note", [b"", b"{", b"[]", b'{"asker": {"way": "nowhere"}}', b"\xff", b"[" * 5000, b" " * (1 << 20)]
+)
+def test_a_stop_whose_cause_cannot_be_read_is_a_stop(bus, processes, note):
+    bus.control.put("fleet/*/stop", b"", urgent=True, note=note)
+    assert stopped(processes) == [["rex"], ["beast"], ["kestrel"]]
+    assert cause_noted(note) == THE_KEY
+
+
+def test_a_cause_that_cannot_be_written_is_cut_or_left_out():
+    assert cause_noted(note_of(StopCause(Asker(Way.CLOUD, "\ud800")))).asker.way is Way.CLOUD
+    assert note_of(StopCause(Asker(Way.CLOUD, 5))) == b""
+    assert len(note_of(StopCause(Asker(Way.CLOUD, "a" * 100_000), "b" * 100_000, "c" * 100_000))) < 2000

@@ -20,6 +20,8 @@ from fleet.host.edge import Edge
 from fleet.host.settings import worker_of
 from fleet.host.workers import Worker, names_of
 from fleet.model.command import Reply, Way
+from fleet.supervisor.client import Supervised
+from fleet.supervisor.messages import Stop
 from fleet.testing.waiting import wait_until
 
 MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
@@ -97,6 +99,32 @@ async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
     field.lane.put(keys.stop(field.place.id), b"", urgent=True)
     await asks.until(lambda: "stop" in field.place.words("arm"))
     await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
+
+
+class Passing(Supervised):
+    """A supervisor's client through which the test passes stops on."""
+
+    def begin(self, edge, worker="", *, stop, end):
+        self.stop = stop
+
+
+async def test_a_stop_that_comes_by_the_supervisor_reaches_a_robot_in_a_worker(yard, run_edge, asks):
+    place, passing = yard(arm={}, rex={"worker": "main"}), Passing()
+    edge = Edge(load(place.file), directory=place.runtime, clock=SystemClock(), supervised=passing)
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        passing.stop(Stop(names=("arm",), by="anna", why="smoke", request="r1"))
+        await asks.until(lambda: "stop" in place.words("arm"))
+        said = "asked by anna (claimed, on this computer): smoke"
+        await asks.until(lambda: state_of(edge, "arm").stop_cause == said)
+        assert not state_of(edge, "rex").emergency_stop
+
+
+async def test_the_stop_of_a_stop_input_stands_at_a_robot_in_a_worker_in_its_words(field, asks):
+    field.edge._stop_robots((), "stop input button: no heartbeat for 1 s")
+    await asks.until(
+        lambda: state_of(field.edge, "arm").stop_cause == "stop input button: no heartbeat for 1 s"
+    )
 
 
 async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
