@@ -1,3 +1,4 @@
+import logging
 import threading
 
 import msgspec
@@ -197,6 +198,25 @@ async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     assert statuses(refused) == [REJECTED] * 3
     bench.ask(asks.command("release_emergency_stop"))
     assert statuses(bench.ask(asks.setpoint())) == [ACCEPTED]
+
+
+async def test_an_emergency_stop_is_told_only_once_the_orderly_stop_is_under_way(bench, asks):
+    """A log or a bus that is held up there would keep everything before it waiting."""
+    seen = []
+
+    class Slow(logging.Handler):
+        def emit(self, record):
+            if record.levelno == logging.CRITICAL:
+                seen.append((bench.desk.in_motion, bench.desk._executor.stopping))
+
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.desk.teller.log.addHandler(slow := Slow())
+    try:
+        bench.ask(asks.command("emergency_stop"))
+    finally:
+        bench.desk.teller.log.removeHandler(slow)
+    assert seen == [(False, True)]
 
 
 async def test_landing_is_allowed_while_an_emergency_stop_is_latched(bench, asks):
