@@ -247,5 +247,5 @@ class RemoteRobot:
     def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Set an emergency stop again in a worker that was started anew: only a release ends it."""
         if alive and (self._state.emergency_stop or self._unheard_stop):
-            self._log.warning("its worker is back: the emergency stop is set again")
             self.emergency("set before its worker ended")
+            self._log.warning("its worker is back: the emergency stop is set again")

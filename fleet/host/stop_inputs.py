@@ -158,15 +158,15 @@ class StopInput:
     def _lost(self, why: str) -> None:
         """Stop the robots, once for each time that the heartbeat goes."""
         trouble = f"stop input {self.name}: {why}"
-        if trouble != self.trouble and not self._ended.is_set():
-            log.error("%s; its robots are stopped", trouble)
         if self._ended.is_set():
             return
         with self._deciding:
-            self.trouble = trouble
+            before, self.trouble = self.trouble, trouble
             again, self._stopped = self._stopped, True
         self._hold()
         (self._renew if again else self._stop)(trouble)
+        if trouble != before:  # last: a log may be held up
+            log.error("%s; its robots are stopped", trouble)
 
 
 class StopInputs:

@@ -11,9 +11,10 @@ import pytest
 
 from fleet.config.schema import StopInputConfig
 from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge, robots_of
+from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge, StopInput, robots_of
 from fleet.model.command import Way
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import wait_until
 
 HERE = {"worker": "main"}
 
@@ -233,6 +234,25 @@ async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(
                 pass
         assert "no heartbeat for 0.3 s" in reply["reason"]
         await asks.until(lambda: stopped(edge, "max"))
+
+
+def test_a_lost_heartbeat_holds_and_stops_before_it_is_logged(blocked_log):
+    done = []
+    one = StopInput(
+        CONFIG,
+        stop=lambda why: done.append(("stop", why)),
+        hold=lambda: done.append(("hold", one.trouble)),
+        renew=lambda _: None,
+        clock=ManualClock(),
+    )
+    why = "stop input button: no heartbeat for 0.5 s"
+    with blocked_log("fleet.host.stop_inputs"):
+        thread = threading.Thread(target=one.watched().expired, daemon=True)
+        thread.start()
+        wait_until("it is stopped while the log hangs", lambda: len(done) == 2)
+        assert thread.is_alive()
+    thread.join(20)
+    assert done == [("hold", why), ("stop", why)]
 
 
 CONFIG = StopInputConfig(name="button", kind="serial", device="/dev/null", robots=("ground",))
