@@ -105,6 +105,17 @@ async def test_a_zero_ends_motion_however_late_or_early_its_stamp_is(bench, asks
     assert not bench.desk.in_motion
 
 
+@pytest.mark.parametrize("stamp", [None, 0.0, -30.0])
+async def test_a_zero_ends_motion_while_nothing_may_move_the_robot(bench, asks, stamp):
+    bench.ask(asks.setpoint(lease=5.0))
+    bench.desk.latch.held = "the edge, which reads its stop input, is silent"
+    assert statuses(bench.ask(asks.setpoint())) == [REJECTED]
+    zero = asks.setpoint(x=0.0, stamp=None if stamp is None else bench.clock.time() + stamp)
+    assert statuses(bench.ask(zero)) == [ACCEPTED]
+    assert bench.puppet.told[-1] == ZERO_VELOCITY
+    assert not bench.desk.in_motion
+
+
 async def test_a_late_zero_tells_a_robot_that_stands_nothing(bench, asks):
     bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
     assert bench.puppet.told == []
