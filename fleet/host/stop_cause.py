@@ -12,8 +12,8 @@ import msgspec
 from fleet.config.text import printable
 from fleet.model.command import Way
 from fleet.model.event import Asker
+from fleet.supervisor.messages import LONGEST_REASON
 
-LONGEST = 200  # characters of a reason
 _BY, _WHY, _ID = "by", "why", "id"
 _WAYS: Mapping[Way, str] = {
     Way.CLOUD: "over the cloud",
@@ -71,7 +71,7 @@ def told_asker(asker: Asker) -> str:
 
 def _clipped(text: str) -> str:
     """Return text of others that is safe to show, and not too long."""
-    return printable(text[:LONGEST])
+    return printable(text[:LONGEST_REASON])
 
 
 def _read(digits: str) -> str:

@@ -95,11 +95,11 @@ class Admission:
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:
-        """Return whether a velocity is zero, and any other would be refused for its age, a stop or a fault."""
+        """Return whether a velocity is zero, and any other would be refused for its age or as motion."""
         return ask.velocity.is_zero and (self.motion() or self._setpoint_age(ask)) is not None
 
     def untimely_zero(self, ask: Setpoint) -> str | None:
-        """Judge a velocity of zero that is late, stamped by a clock that is off, or of a robot that may not move.
+        """Judge a velocity of zero that is late, stamped by a clock that is off, or while nothing may move.
 
         It may end motion, and gives back the control that its sender has; it never takes control. One that is
         late is no word of who holds the stick now: it may be from before the stop that he is to let go after.
