@@ -72,6 +72,7 @@ class LogFile(logging.Handler):
             while not self._write():
                 if self._closing.wait(AGAIN_AFTER):
                     return
+        self._write()  # what came while the last lines were written
 
     def _write(self) -> bool:
         """Write what waits; return whether the disk took it."""
