@@ -268,8 +268,6 @@ class Desk:
         """End all motion; never refused, never a repeat."""
         if ask.name == EMERGENCY:
             self.emergency(f"asked by {ask.origin.session or ask.origin.way}")
-            if self.latch.is_news():
-                self.teller.emergency_stop(ask, self.latch.why)
         self._executor.cancel(f"superseded by {ask.name}")
         self._navigator.cancel(f"stopped by {ask.name}")
         self._driving.let_go()
@@ -280,6 +278,8 @@ class Desk:
         else:
             self._executor.stop(self._hold_for(ask.name, ticket), ask.name)
         self.last.follow(ask.name, ticket)
+        if ask.name == EMERGENCY and self.latch.is_news():  # last: a log may be held up
+            self.teller.emergency_stop(ask, self.latch.why)
 
     async def _hold_for(self, why: str, ticket: Ticket) -> None:
         """Stop the robot and answer."""

@@ -6,13 +6,14 @@ import contextlib
 import logging
 import os
 import threading
+import time
 from collections import deque
 from pathlib import Path
 
 SIZE = 8 << 20  # bytes after which a file is rotated
 KEEP = 5  # rotated files
 WAITING = 10_000  # lines in memory at most
-LAST_WORDS = 0.3  # s that a critical line waits to be written: the process may end right after it
+LOOK = 0.005  # s between looks whether the last words are written
 AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
 
 
@@ -34,13 +35,12 @@ class LogFile(logging.Handler):
         self._keep = keep
         self._waiting: deque[str] = deque()
         self._something = threading.Event()
-        self._written = threading.Event()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-log", daemon=True)
         self._thread.start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take a line; from any thread."""
+        """Take a line; from any thread. A stop may be logged, so it waits for no disk, whatever the level."""
         try:
             line = self.format(record)
         except Exception:  # noqa: BLE001 - a line that cannot be put together hurts nobody
@@ -49,11 +49,13 @@ class LogFile(logging.Handler):
         if len(self._waiting) >= WAITING:
             self.lost += 1
             return
-        self._written.clear()
         self._waiting.append(line)
         self._something.set()
-        if record.levelno >= logging.CRITICAL:
-            self._written.wait(LAST_WORDS)
+
+    @property
+    def waiting(self) -> bool:
+        """True while a line is not in the file yet."""
+        return bool(self._waiting)
 
     def close(self) -> None:
         """Write what waits, and end."""
@@ -70,7 +72,7 @@ class LogFile(logging.Handler):
             while not self._write():
                 if self._closing.wait(AGAIN_AFTER):
                     return
-            self._written.set()
+        self._write()  # what came while the last lines were written
 
     def _write(self) -> bool:
         """Write what waits; return whether the disk took it."""
@@ -97,6 +99,15 @@ class LogFile(logging.Handler):
                     with contextlib.suppress(FileNotFoundError):
                         rotated(self._path, number).replace(rotated(self._path, number + 1))
                 self._path.replace(rotated(self._path, 1))
+
+
+def last_words(log: logging.Logger, text: str, *, within: float) -> None:
+    """Log why this process ends at once, and wait at most ``within`` seconds for the log files to have it."""
+    end = time.monotonic() + within
+    log.critical("%s", text)
+    files = [each for each in logging.getLogger().handlers if isinstance(each, LogFile)]
+    while any(file.waiting for file in files) and time.monotonic() < end:
+        time.sleep(LOOK)
 
 
 def rotated(path: Path, number: int) -> Path:

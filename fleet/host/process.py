@@ -25,6 +25,7 @@ from fleet.host.blame import LoopThread
 from fleet.host.claims import Claims
 from fleet.host.journal import Journal
 from fleet.host.local import LocalRobot
+from fleet.host.log_file import last_words
 from fleet.host.outbox import Outbox
 from fleet.host.shared import Shared
 from fleet.host.starvation import Starvation
@@ -388,8 +389,8 @@ class RobotProcess:
 
     def _stuck(self, name: str) -> None:
         """Give the process up: it is restarted by who watches it; every robot has been halted."""
-        text = "the event loop is stuck in %s: this process ends now"
-        aside(lambda: log.critical(text, name), wait=LAST_WORDS)
+        text = f"the event loop is stuck in {name}: this process ends now"
+        aside(partial(last_words, log, text, within=LAST_WORDS), wait=LAST_WORDS)
         os._exit(70)
 
 

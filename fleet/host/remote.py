@@ -281,9 +281,9 @@ class RemoteRobot:
     def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
         """Set an emergency stop again in a worker that was started anew: only a release ends it."""
         if alive and (self._state.emergency_stop or self._unheard is not None):
-            self._log.warning("its worker is back: the emergency stop is set again")
             before = self._state.stop_cause or "set before its worker ended"
             self.emergency(self._unheard or local_cause("", before))
+            self._log.warning("its worker is back: the emergency stop is set again")
 
 
 def _named(cause: StopCause) -> StopCause:

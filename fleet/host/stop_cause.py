@@ -13,8 +13,8 @@ from fleet.config.text import printable
 from fleet.decoding import decode_json
 from fleet.model.command import Way
 from fleet.model.event import Asker
+from fleet.supervisor.messages import LONGEST_REASON
 
-LONGEST = 200  # characters of a reason
 LARGEST = 1 << 14  # bytes of a note that is read
 _BY, _WHY, _ID = "by", "why", "id"
 _WAYS: Mapping[Way, str] = {
@@ -103,7 +103,7 @@ def _cut(cause: StopCause) -> StopCause:
 
 def _clipped(text: str) -> str:
     """Return text of others that is safe to show, and not too long."""
-    return printable(text[:LONGEST])
+    return printable(text[:LONGEST_REASON])
 
 
 def _read(digits: str) -> str:

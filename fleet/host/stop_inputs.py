@@ -158,15 +158,15 @@ class StopInput:
     def _lost(self, why: str) -> None:
         """Stop the robots, once for each time that the heartbeat goes."""
         trouble = f"stop input {self.name}: {why}"
-        if trouble != self.trouble and not self._ended.is_set():
-            log.error("%s; its robots are stopped", trouble)
         if self._ended.is_set():
             return
         with self._deciding:
-            self.trouble = trouble
+            before, self.trouble = self.trouble, trouble
             again, self._stopped = self._stopped, True
         self._hold()
         (self._renew if again else self._stop)(trouble)
+        if trouble != before:  # last: a log may be held up
+            log.error("%s; its robots are stopped", trouble)
 
 
 class StopInputs:
@@ -240,11 +240,18 @@ class HeldByEdge:
     """What keeps robots of a worker from moving: stop inputs, of which the edge tells.
 
     ``latches`` are theirs, by name. They are held from the start: whether the input was ever heard is not
-    known yet.
+    known yet. ``ended`` is told a robot that is held from now on, and why, on any thread: it ends its motion.
     """
 
-    def __init__(self, latches: Mapping[str, Latch], *, clock: Clock) -> None:
+    def __init__(
+        self,
+        latches: Mapping[str, Latch],
+        *,
+        ended: Callable[[str, str], None],
+        clock: Clock,
+    ) -> None:
         self._latches = latches
+        self._ended = ended
         self._clock = clock
         self._heard = clock.monotonic()
         for latch in self._latches.values():
@@ -258,14 +265,21 @@ class HeldByEdge:
             log.warning("which robots are held cannot be read: %s", error)
             return
         self._heard = self._clock.monotonic()
-        for robot, latch in self._latches.items():
-            latch.held = held.get(robot, "")
+        for robot in self._latches:
+            self._hold(robot, held.get(robot, ""))
 
     def look(self) -> None:
         """Hold the robots again while the edge is silent: then nobody here knows of their stop inputs."""
         if self._clock.monotonic() - self._heard > SILENT_AFTER:
-            for latch in self._latches.values():
-                latch.held = latch.held or "the edge, which reads its stop input, is silent"
+            for robot, latch in self._latches.items():
+                self._hold(robot, latch.held or "the edge, which reads its stop input, is silent")
+
+    def _hold(self, robot: str, why: str) -> None:
+        """Hold a robot, empty: do not; end its motion where it was not held until now."""
+        latch = self._latches[robot]
+        before, latch.held = latch.held, why
+        if why and not before:
+            self._ended(robot, why)
 
 
 def robots_of(

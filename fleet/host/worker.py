@@ -13,6 +13,7 @@ import asyncio
 import logging
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 from fleet.bus import keys
@@ -72,7 +73,8 @@ async def run(task: Task, directory: Path, parent: int | None) -> None:
     bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
     bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
     if task.held:
-        held = HeldByEdge({robot: process.robots[robot].desk.latch for robot in task.held}, clock=clock)
+        latches = {robot: process.robots[robot].desk.latch for robot in task.held}
+        held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)
         bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
         process.wheel.every(TELL, held.look)
     recall = Recall(history)
@@ -101,6 +103,11 @@ async def run(task: Task, directory: Path, parent: int | None) -> None:
         recall.close()
         await process.close()
         end_logs()
+
+
+def _end_motion(process: RobotProcess, robot: str, why: str) -> None:
+    """End the motion of a robot that is held from now on; from any thread. A landing goes on."""
+    process.loop.call_soon_threadsafe(process.robots[robot].desk.end, why)
 
 
 def main() -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.supervisor import messages
-from fleet.supervisor.messages import LONGEST, Stop, Stopped
+from fleet.supervisor.messages import LONGEST, LONGEST_REASON, Stop, Stopped
 from fleet.supervisor.place import connected, sockets_in
 
 log = logging.getLogger(__name__)
@@ -23,12 +23,15 @@ def stop_all(
 ) -> list[Stopped]:
     """Emergency-stop robots through every supervisor of this user; returns their answers.
 
-    Needs neither the bus nor fleet.yaml. No name means every robot. ``why`` is for the history, ``request``
-    tells there that the stop on the bus is this one.
+    Needs neither the bus nor fleet.yaml. No name means every robot, and so do more than fit a message.
+    ``why`` is for the history, ``request`` tells there that the stop on the bus is this one; both are cut.
     """
     # A name that is no text must not hold up the others.
     named = tuple(name.encode(errors="replace").decode() for name in names)
-    message = messages.encode(Stop(named, why=why.encode(errors="replace").decode(), request=request))
+    why, request = (text[:LONGEST_REASON].encode(errors="replace").decode() for text in (why, request))
+    message = messages.encode(Stop(named, why=why, request=request))
+    if len(message) > LONGEST:
+        message = messages.encode(Stop(why=why, request=request))
     asked = []
     for path in sockets_in(directory):
         try:

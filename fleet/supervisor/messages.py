@@ -11,6 +11,7 @@ import msgspec
 from fleet.decoding import json_decoder
 
 LONGEST = 65536  # bytes of a message
+LONGEST_REASON = 200  # characters of a stop's reason, and of its request
 
 
 class Hello(msgspec.Struct, tag="hello", frozen=True):

@@ -274,6 +274,8 @@ class Supervisor:
         try:
             self._take(peer, messages.decode(data), descriptors)
         except (msgspec.DecodeError, OSError) as error:
+            if isinstance(error, msgspec.DecodeError) and not _has_robots(peer):  # it may be a stop
+                self._stop(peer, Stop(why="a message to the supervisor could not be read"))
             self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
         for descriptor in descriptors:  # what was kept is taken out of the list
             with contextlib.suppress(OSError):

@@ -95,19 +95,21 @@ class Admission:
         return refusal
 
     def is_untimely_zero(self, ask: Setpoint) -> bool:
-        """Return whether a velocity is zero, and its age would have any other refused."""
-        return ask.velocity.is_zero and self._setpoint_age(ask) is not None
+        """Return whether a velocity is zero, and any other would be refused for its age or as motion."""
+        return ask.velocity.is_zero and (self.motion() or self._setpoint_age(ask)) is not None
 
     def untimely_zero(self, ask: Setpoint) -> str | None:
-        """Judge a velocity of zero that is late, overtaken, or stamped by a clock that is off.
+        """Judge a velocity of zero that is late, stamped by a clock that is off, or while nothing may move.
 
-        It may end motion, and gives back the control that its sender has; it never takes control, and is no
-        word of who holds the stick now: it may be from before the stop that he is to let go after.
+        It may end motion, and gives back the control that its sender has; it never takes control. One that is
+        late is no word of who holds the stick now: it may be from before the stop that he is to let go after.
         """
-        session = ask.origin.session
-        refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, self._clock.monotonic())
+        session, now = ask.origin.session, self._clock.monotonic()
+        refusal = self._policy.refusal(ask.origin) or self.lease.refusal(session, now)
         if refusal is None:
             self.lease.let_go(session)
+            if self._setpoint_age(ask) is None:
+                self._let_go.refusal(_asker(ask.origin), now, zero=True)
         return refusal
 
     def navigate(self, ask: Navigate) -> str | None:

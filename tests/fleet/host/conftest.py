@@ -3,8 +3,10 @@
 import asyncio
 import contextlib
 import json
+import logging
 import shutil
 import tempfile
+import threading
 import uuid
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
@@ -358,3 +360,31 @@ async def running(edge: Edge) -> AsyncIterator[asyncio.Task[None]]:
 @pytest.fixture
 def run_edge() -> Any:
     return running
+
+
+class _Blocked(logging.Handler):
+    """A handler that holds up who logs, as a full pipe or a disk that hangs would, until it is let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.free = threading.Event()
+
+    def emit(self, _record: logging.LogRecord) -> None:
+        self.free.wait(20)
+
+
+@contextlib.contextmanager
+def block_log(name: str) -> Iterator[None]:
+    """Hold up whoever logs to a logger of this name while a ``with`` block lasts."""
+    handler = _Blocked()
+    logging.getLogger(name).addHandler(handler)
+    try:
+        yield
+    finally:
+        handler.free.set()
+        logging.getLogger(name).removeHandler(handler)
+
+
+@pytest.fixture
+def blocked_log() -> Any:
+    return block_log

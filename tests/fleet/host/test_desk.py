@@ -1,3 +1,4 @@
+import logging
 import threading
 
 import msgspec
@@ -104,6 +105,17 @@ async def test_a_zero_ends_motion_however_late_or_early_its_stamp_is(bench, asks
     assert not bench.desk.in_motion
 
 
+@pytest.mark.parametrize("stamp", [None, 0.0, -30.0])
+async def test_a_zero_ends_motion_while_nothing_may_move_the_robot(bench, asks, stamp):
+    bench.ask(asks.setpoint(lease=5.0))
+    bench.desk.latch.held = "the edge, which reads its stop input, is silent"
+    assert statuses(bench.ask(asks.setpoint())) == [REJECTED]
+    zero = asks.setpoint(x=0.0, stamp=None if stamp is None else bench.clock.time() + stamp)
+    assert statuses(bench.ask(zero)) == [ACCEPTED]
+    assert bench.puppet.told[-1] == ZERO_VELOCITY
+    assert not bench.desk.in_motion
+
+
 async def test_a_late_zero_tells_a_robot_that_stands_nothing(bench, asks):
     bench.ask(asks.setpoint(x=0.0, stamp=bench.clock.time() - 30))
     assert bench.puppet.told == []
@@ -197,6 +209,25 @@ async def test_an_emergency_stop_is_latched_until_it_is_released(bench, asks):
     assert statuses(refused) == [REJECTED] * 3
     bench.ask(asks.command("release_emergency_stop"))
     assert statuses(bench.ask(asks.setpoint())) == [ACCEPTED]
+
+
+async def test_an_emergency_stop_is_told_only_once_the_orderly_stop_is_under_way(bench, asks):
+    """A log or a bus that is held up there would keep everything before it waiting."""
+    seen = []
+
+    class Slow(logging.Handler):
+        def emit(self, record):
+            if record.levelno == logging.CRITICAL:
+                seen.append((bench.desk.in_motion, bench.desk._executor.stopping))
+
+    bench.ask(asks.goal())
+    await asks.settle()
+    bench.desk.teller.log.addHandler(slow := Slow())
+    try:
+        bench.ask(asks.command("emergency_stop"))
+    finally:
+        bench.desk.teller.log.removeHandler(slow)
+    assert seen == [(False, True)]
 
 
 async def test_landing_is_allowed_while_an_emergency_stop_is_latched(bench, asks):

@@ -3,13 +3,14 @@
 import logging
 import re
 import threading
+import time
 
 import msgspec
 import pytest
 
 from fleet.event_loop import OWNER
 from fleet.host import log_file
-from fleet.host.log_file import LogFile, rotated
+from fleet.host.log_file import LogFile, last_words, rotated
 from fleet.host.log_lines import AsJson, AsText, Line, as_text
 from fleet.host.logs import Logging, start_logging
 from fleet.testing.waiting import wait_until
@@ -115,9 +116,32 @@ def test_a_disk_that_fails_is_tried_again(opened, monkeypatch, tmp_path):
     wait_until("it is written", lambda: (tmp_path / "in" / "a.jsonl").exists() and not file.problem)
 
 
-def test_the_last_words_of_a_process_are_written_before_it_goes_on(opened, tmp_path):
-    opened().handle(record("this process ends now", logging.CRITICAL))
+@pytest.mark.parametrize("level", [logging.INFO, logging.ERROR, logging.CRITICAL])
+def test_a_line_of_any_level_waits_for_no_disk(opened, monkeypatch, level):
+    free = threading.Event()
+    monkeypatch.setattr(log_file, "_append", lambda _path, _data: free.wait(20))
+    file = opened()
+    began = time.monotonic()
+    for _ in range(100):  # a stop of a hundred robots
+        file.handle(record("the emergency stop was set", level))
+    assert time.monotonic() - began < 0.2
+    free.set()
+
+
+def test_the_last_words_of_a_process_are_written_before_it_goes_on(opened, root, tmp_path):
+    root.addHandler(opened())
+    last_words(logging.getLogger("fleet.host"), "this process ends now", within=20.0)
     assert lines(tmp_path / "a.jsonl")[0].level == "CRITICAL"
+
+
+def test_the_last_words_of_a_process_wait_for_a_disk_that_hangs_for_a_bounded_time(opened, root, monkeypatch):
+    free = threading.Event()
+    monkeypatch.setattr(log_file, "_append", lambda _path, _data: free.wait(20))
+    root.addHandler(opened())
+    began = time.monotonic()
+    last_words(logging.getLogger("fleet.host"), "this process ends now", within=0.1)
+    assert 0.1 <= time.monotonic() - began < 5.0
+    free.set()
 
 
 def test_stderr_has_what_was_asked_for_and_the_kept_log_everything_from_info_on(root, tmp_path, capsys):

@@ -10,6 +10,8 @@ import time
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
+from fleet.host.log_file import LogFile
+from fleet.host.log_lines import AsJson
 from fleet.host.stop_cause import local_cause
 from fleet.host.ticket import Ticket
 from fleet.host.watchdog import BLOCKED
@@ -80,6 +82,24 @@ async def test_a_block_of_the_hosts_own_blames_no_robot(served, caplog):
                 break
     assert "the host blocks the event loop" in caplog.text
     assert {robot.state().health for robot in process.robots.values()} == {"ok"}
+
+
+async def test_a_process_that_gives_itself_up_has_its_last_words_in_the_log_file(
+    served, tmp_path, monkeypatch
+):
+    process, _ = served
+    path, found = tmp_path / "main.jsonl", []
+    monkeypatch.setattr("fleet.host.process.LAST_WORDS", 20.0)
+    monkeypatch.setattr("os._exit", lambda code: found.append((code, path.read_text())))
+    logging.getLogger().addHandler(file := LogFile(path, AsJson()))
+    try:
+        await asyncio.to_thread(process._stuck, "rex")
+    finally:
+        logging.getLogger().removeHandler(file)
+        file.close()
+    ((code, written),) = found
+    assert code == 70
+    assert "the event loop is stuck in rex: this process ends now" in written
 
 
 async def test_a_robot_that_comes_and_goes_begins_and_ends_its_telemetry(served):

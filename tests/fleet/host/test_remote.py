@@ -157,6 +157,16 @@ def test_what_cannot_be_read_is_for_the_worker_to_refuse(bench):
     assert asked[0].payload == b"{"
 
 
+def test_a_worker_that_is_back_is_stopped_again_before_it_is_logged(bench, blocked_log):
+    bench.robot.stop_later()
+    with blocked_log("fleet.robot.rex"):
+        thread = threading.Thread(target=bench.robot._came_or_went, args=("key", True), daemon=True)
+        thread.start()
+        wait_until("it is stopped while the log hangs", lambda: bench.stops == [["rex"]])
+        assert thread.is_alive()
+    thread.join(20)
+
+
 def test_a_reply_on_its_way_back_asks_nothing(bench):
     asked = bench.works(DONE)
     assert bench.ask({"status": "ok", "command": "takeoff"}) == []

@@ -11,9 +11,10 @@ import pytest
 
 from fleet.config.schema import StopInputConfig
 from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge, robots_of
+from fleet.host.stop_inputs import SILENT_AFTER, HeldByEdge, StopInput, robots_of
 from fleet.model.command import Way
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import wait_until
 
 HERE = {"worker": "main"}
 
@@ -235,6 +236,25 @@ async def test_a_robot_in_a_worker_is_stopped_too_and_is_not_released_meanwhile(
         await asks.until(lambda: stopped(edge, "max"))
 
 
+def test_a_lost_heartbeat_holds_and_stops_before_it_is_logged(blocked_log):
+    done = []
+    one = StopInput(
+        CONFIG,
+        stop=lambda why: done.append(("stop", why)),
+        hold=lambda: done.append(("hold", one.trouble)),
+        renew=lambda _: None,
+        clock=ManualClock(),
+    )
+    why = "stop input button: no heartbeat for 0.5 s"
+    with blocked_log("fleet.host.stop_inputs"):
+        thread = threading.Thread(target=one.watched().expired, daemon=True)
+        thread.start()
+        wait_until("it is stopped while the log hangs", lambda: len(done) == 2)
+        assert thread.is_alive()
+    thread.join(20)
+    assert done == [("hold", why), ("stop", why)]
+
+
 CONFIG = StopInputConfig(name="button", kind="serial", device="/dev/null", robots=("ground",))
 GROUPS = {"ground": ["max"]}
 
@@ -242,7 +262,10 @@ GROUPS = {"ground": ["max"]}
 def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_silent():
     clock, latches = ManualClock(), {"max": Latch(), "kestrel": Latch()}
     named = robots_of([CONFIG], GROUPS, latches)
-    held = HeldByEdge({robot: latches[robot] for robot in named}, clock=clock)
+    ended = []
+    held = HeldByEdge(
+        {robot: latches[robot] for robot in named}, ended=lambda *told: ended.append(told), clock=clock
+    )
     assert "has not told yet" in latches["max"].refusal()
     assert latches["kestrel"].refusal() is None, "no input names it"
     held.take(b'{"max": "stop input button has not been heard yet"}')
@@ -256,16 +279,48 @@ def test_a_worker_holds_its_robots_before_the_edge_s_word_and_while_the_edge_is_
     clock.advance(0.1)
     held.look()
     assert "is silent" in latches["max"].refusal()
+    held.look()
+    assert ended == [("max", latches["max"].held)], "once for each time"
     held.take(b"{}")
     assert latches["max"].refusal() is None
+    held.take(b'{"max": "stop input button: no heartbeat for 0.5 s"}')
+    assert ended[1:] == [("max", "stop input button: no heartbeat for 0.5 s")]
 
 
 def test_a_worker_that_hears_nothing_at_all_holds_its_robots_for_ever():
     clock, latches = ManualClock(), {"max": Latch()}
     everything = StopInputConfig(name="all", kind="serial", device="/dev/null")
     assert robots_of([everything], {}, latches) == ("max",)
-    held = HeldByEdge(latches, clock=clock)
+    held = HeldByEdge(latches, ended=lambda *_: None, clock=clock)
     for _ in range(100):
         clock.advance(1.0)
         held.look()
         assert latches["max"].refusal()
+
+
+@pytest.mark.parametrize("how", ["driving", "goal"])
+async def test_what_moves_a_robot_of_a_worker_is_ended_when_the_edge_is_silent(bench, asks, how):
+    desk, said = bench.desk, b"{}"
+    held = HeldByEdge({"rex": desk.latch}, ended=lambda _, why: desk.end(why), clock=bench.clock)
+    held.take(said)
+    (answer,) = bench.ask(asks.goal() if how == "goal" else asks.setpoint(lease=5.0))
+    assert answer.ok
+    await asks.settle()
+    bench.clock.advance(SILENT_AFTER + 0.1)
+    held.look()
+    assert not desk.in_motion
+    await asks.settle()
+    assert "stop" in bench.puppet.told
+    assert "is silent" in bench.ask(asks.setpoint())[0].reason
+
+
+async def test_a_landing_goes_on_when_the_edge_is_silent(bench, asks):
+    desk = bench.desk
+    held = HeldByEdge({"rex": desk.latch}, ended=lambda _, why: desk.end(why), clock=bench.clock)
+    held.take(b"{}")
+    bench.ask(asks.command("land"))
+    await asks.settle()
+    bench.clock.advance(SILENT_AFTER + 0.1)
+    held.look()
+    await asks.settle()
+    assert bench.puppet.told == ["land"]

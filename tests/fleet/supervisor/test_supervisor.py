@@ -140,6 +140,39 @@ def test_stops_that_are_asked_again_and_again_are_one_for_the_next_edge(field):
     assert [stop.names for stop in field.supervisor._stops] == [("rex",)]
 
 
+@pytest.mark.parametrize("letter", ["x", "\0", "\U0001f600", "\udce9"])
+def test_a_stop_with_a_long_reason_is_taken_and_the_reason_cut(field, letter):
+    (answer,) = stop_all(field.folder, ("rex",), why=letter * 70_000, request=letter * 70_000)
+    assert answer.kept
+    (stop,) = field.supervisor._stops
+    assert (stop.names, len(stop.why), len(stop.request)) == (("rex",), 200, 200)
+
+
+def test_a_stop_of_more_names_than_fit_a_message_is_one_for_all(field):
+    (answer,) = stop_all(field.folder, tuple(f"robot-{number}" for number in range(10_000)))
+    assert answer.kept
+    assert [stop.names for stop in field.supervisor._stops] == [()]
+
+
+@pytest.mark.parametrize(
+    "message", [b'{"type":"stop","names":["re', b"stop", messages.encode(Stop(why="x" * 70_000))]
+)
+def test_what_cannot_be_read_of_who_has_no_robots_is_a_stop_for_all(field, message):
+    with contextlib.closing(connected(field.path, within=5.0)) as somebody:
+        somebody.send(message)
+        assert messages.decode(somebody.recv(1000)) == Stopped(kept=True)
+    assert [stop.names for stop in field.supervisor._stops] == [()]
+
+
+def test_what_cannot_be_read_of_a_worker_stops_nothing(field):
+    with contextlib.closing(connected(field.path, within=5.0)) as worker:
+        worker.send(messages.encode(messages.Hello("yard", worker="arm", process=1)))
+        worker.recv(1000)
+        worker.send(b"nonsense")
+        wait_until("it is told", lambda: any("was refused" in line for line in field.lines))
+    assert field.supervisor._stops == []
+
+
 def test_a_name_that_is_no_text_holds_up_no_stop(field):
     (answer,) = stop_all(field.folder, ("rex", "r\udce9x"))
     assert answer.kept

@@ -108,6 +108,24 @@ def test_a_stick_that_is_held_behind_an_emergency_stop_does_not_drive_at_its_rel
     assert gate.drive("anna") is None
 
 
+def test_a_zero_passes_a_stop_a_fault_and_a_hold_and_lets_go_if_it_is_not_late():
+    gate = Gate()
+    assert gate.drive("anna") is None
+    gate.stop("bert", name="emergency_stop")
+    gate.until(1.0)
+    gate.drive("anna")
+    assert gate.zero("anna", sent=-5.0) is None
+    gate.latch.release()
+    gate.latch.held = "the edge is silent"
+    assert "is silent" in gate.drive("anna")
+    assert gate.zero("anna") is None
+    gate.latch.held, gate.rules.fault = "", "a motor is hot"
+    assert "a motor is hot" in gate.drive("anna")
+    assert gate.zero("anna") is None
+    gate.rules.fault = ""
+    assert gate.drive("anna") is None, "she has let go"
+
+
 @pytest.mark.parametrize("skew", [0.3, 1.0, 2.0])
 def test_a_stick_that_is_held_while_its_velocities_are_too_late_is_still_held(skew):
     gate = Gate(clock_skew=skew)
