@@ -130,6 +130,10 @@ cut: once more than {LOOP} requests from the cloud have led to events of one kin
 no more of that kind that such a request led to are told until a minute has passed in which that was not so.
 What was cut is told as `gap` on `T telemetry`, with the reason `rate` or `loop` and the number, a minute
 after the first of it.
+
+A program on the bus says no event with `source: "fleet"` of a robot that runs in the bridge's own process: it
+is refused and counted as `forged`. Of a worker's robot it is told, with limits of its own, and its `asker` is
+never `proven`.
 """
 
 WHAT_HAPPENED = {

@@ -183,7 +183,10 @@ class Bridge:
         if edge is not None:
             self.voice.beat_edge(edge, states.values())
         if self.client.state is CloudState.CONNECTED:
-            for gap in (*self.client.spool.take_gaps(), *self.uplink.events.take_cuts(self._clock.time())):
+            for gap in (
+                *self.client.spool.take_gaps(),
+                *self.uplink.events.take_cuts(self._clock.monotonic()),
+            ):
                 self._tell_gap(gap)
         self.client.flush_queued()
 

@@ -101,7 +101,7 @@ class Downlink:
         self._relay = Relay(put, refusals, clock)
         self._inbox: deque[Arrived] = deque()
         self._waiting = 0  # bytes in it, about: two threads count
-        self._stops: dict[str, Arrived] = {}  # by robot, the newest that found the inbox full
+        self._stops: dict[str, dict[str, Arrived]] = {}  # beyond the bound, by twin and topic
         self._kept = KeptStops()
         self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
         self.held: Mapping[str, str] = {}
@@ -134,14 +134,21 @@ class Downlink:
         self._put(Arrived(route, message, now, asked), stops=stops)
 
     def _put(self, one: Arrived, *, stops: bool) -> None:
-        """Let a message wait for the loop; of the stops beyond the bound each robot's newest waits."""
+        """Let a message wait for the loop, behind all that came before it.
+
+        Beyond the bound a stop waits all the same, unless one of its topic does and nothing for the robot has
+        found room since: so many more wait than the bound as there are topics that take stops.
+        """
+        topic, twin = one.message.topic, one.route.topic.twin
         if len(self._inbox) < MOST_WAITING and self._waiting < MOST_BYTES:
-            self._inbox.append(one)
-            self._waiting += len(one.message.payload)
+            self._stops.pop(twin, None)  # the next stop ends what this one may begin
+        elif stops and topic not in self._stops.setdefault(twin, {}):
+            self._stops[twin][topic] = one
+        else:
+            self.refusals.add("too many", "a message on %s finds too many before it", topic)
             return
-        if stops:
-            self._stops[one.route.topic.twin] = one
-        self.refusals.add("too many", "a message on %s finds too many before it", one.message.topic)
+        self._inbox.append(one)
+        self._waiting += len(one.message.payload)
 
     def take(self) -> bool:
         """Hand what has arrived to whom it is for, as far as its turn goes; on the loop.
@@ -150,11 +157,14 @@ class Downlink:
         meanwhile, so that a flood would never end here, and no robot have its turn.
         """
         end = self._clock.monotonic() + TURN
-        while self._inbox or self._stops:
+        while self._inbox:
             if self._clock.monotonic() > end:
                 return True
-            one = self._inbox.popleft() if self._inbox else self._stops.popitem()[1]
+            one = self._inbox.popleft()
             self._waiting = self._waiting - len(one.message.payload) if self._inbox else 0
+            waiting = self._stops.get(one.route.topic.twin)
+            if waiting and waiting.get(one.message.topic) is one:
+                waiting.pop(one.message.topic, None)
             try:
                 self._hand_over(one)
             except Exception:  # what follows must not wait for the next message: it would be late

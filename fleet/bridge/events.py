@@ -3,7 +3,8 @@
 Pure but for its memory: the clock is passed in. An event may start a workflow, whose command may lead to the
 next event. So of each kind a robot tells at most ``A_MINUTE`` a minute, and no more at all of a kind to
 which more than ``LOOP`` requests from the cloud have led within a minute, until that was so no longer. What
-is cut is counted; the edge's own history has it.
+is cut is counted; the edge's own history has it. What others on the bus say in the fleet's name has limits of
+its own: it takes no room from what this process's robots tell.
 """
 
 from __future__ import annotations
@@ -26,36 +27,45 @@ LOOP = 3
 """Requests from the cloud that may lead to events of one kind of one robot within a minute."""
 
 
+_Told = tuple[str, EventKind, bool]
+"""Topic, kind, and whether others said it."""
+
+
 class EventLimits:
-    """Those of all robots of an edge, by the topic of their events."""
+    """Those of all robots of an edge, by the topic of their events.
+
+    ``now`` is monotonic seconds everywhere, so that a clock that is set silences nothing; ``wall`` Unix
+    seconds.
+    """
 
     def __init__(self) -> None:
-        self._told: dict[tuple[str, EventKind], deque[float]] = {}
-        self._requests: dict[tuple[str, EventKind], dict[str, float]] = {}
-        self._cuts: dict[tuple[str, Reason], Gap] = {}
+        self._told: dict[_Told, deque[float]] = {}
+        self._requests: dict[_Told, dict[str, float]] = {}
+        self._cuts: dict[tuple[str, Reason], tuple[float, Gap]] = {}  # each with when it began
 
-    def admits(self, topic: str, event: EventReport, now: float) -> bool:
-        """Return whether an event is told, and count it when it is not; ``now``: Unix seconds."""
-        if self._loops(topic, event, now):
+    def admits(self, topic: str, event: EventReport, now: float, wall: float, *, heard: bool = False) -> bool:
+        """Return whether an event is told, and count it when it is not; ``heard``: on the bus."""
+        kind = (topic, event.kind, heard)
+        if self._loops(kind, event, now):
             reason = Reason.LOOP
-        elif self._floods(topic, event, now):
+        elif self._floods(kind, now):
             reason = Reason.RATE
         else:
             return True
-        cut = self._cuts.setdefault((topic, reason), Gap(topic, reason, 0, now, now))
-        cut.until, cut.lost = now, cut.lost + 1
+        _, cut = self._cuts.setdefault((topic, reason), (now, Gap(topic, reason, 0, wall, wall)))
+        cut.until, cut.lost = wall, cut.lost + 1
         return False
 
     def take_cuts(self, now: float) -> list[Gap]:
-        """Remove and return what was cut, a minute after the first of it; ``now``: Unix seconds."""
-        due = [key for key, cut in list(self._cuts.items()) if now - cut.since >= WINDOW]
-        return [self._cuts.pop(key) for key in due]
+        """Remove and return what was cut, a minute after the first of it."""
+        due = [key for key, (since, _) in list(self._cuts.items()) if now - since >= WINDOW]
+        return [self._cuts.pop(key)[1] for key in due]
 
-    def _loops(self, topic: str, event: EventReport, now: float) -> bool:
+    def _loops(self, kind: _Told, event: EventReport, now: float) -> bool:
         """Return whether too many requests from the cloud have led to events of this kind."""
         if event.asker is None or event.asker.way is not Way.CLOUD:
             return False
-        requests = self._requests.setdefault((topic, event.kind), {})
+        requests = self._requests.setdefault(kind, {})
         request = event.request or event.asker.name
         requests.pop(request, None)
         requests[request] = now
@@ -64,12 +74,12 @@ class EventLimits:
                 del requests[each]
         return len(requests) > LOOP
 
-    def _floods(self, topic: str, event: EventReport, now: float) -> bool:
+    def _floods(self, kind: _Told, now: float) -> bool:
         """Return whether a robot has told too many of this kind; one that may be told is counted."""
-        told = self._told.setdefault((topic, event.kind), deque())
+        told = self._told.setdefault(kind, deque())
         while told and now - told[0] >= WINDOW:
             told.popleft()
-        if len(told) >= A_MINUTE.get(event.kind, OTHERWISE):
+        if len(told) >= A_MINUTE.get(kind[1], OTHERWISE):
             return True
         told.append(now)
         return False

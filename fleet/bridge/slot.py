@@ -98,7 +98,7 @@ class Slot:
         self.ways: dict[str, Way] = {}  # by leaf
         self.durable = rule.traffic.durable
         self.shared = self.durable or key.channel in SHARED
-        self.ours = False  # a robot of this process tells it, and nobody else may
+        self.ours = False  # a robot of this process tells it; shared or not, nobody else says it in its name
         self.streams = rule.traffic is Traffic.STREAM
         self.heavy = self.document or rule.size > HEAVY
         self.parted = key.channel in PARTED

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
@@ -24,11 +24,11 @@ from fleet.tally import Tally
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
-from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet
+from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet, unproven
 from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import Message, messages_of, to_mqtt
 from fleet.wire.rules import Rule, Traffic
-from fleet.wire.topics import Topics, parse_data_key
+from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +119,7 @@ class Uplink:
                 self._look_for_unread(slot, sample)
         if slot is None:
             return
-        if slot.ours:
+        if slot.ours and (not slot.shared or is_of_the_fleet(sample, slot.channel)):
             line = "somebody on the bus said %s of %s, whose robot runs here and says it itself"
             self.refusals.add("forged", line, slot.channel, slot.twin)
             return
@@ -135,12 +135,18 @@ class Uplink:
     def open(self, key: str) -> Slot | None:
         """Return where this process's own reports of a key cross; None when none may.
 
-        From then on nobody else's do: a robot's state is its own to tell.
+        From then on nobody else's do: a robot's state is its own to tell. Of events others tell theirs, but
+        none in the fleet's name.
         """
         slot = self._slots[key] if key in self._slots else self._meet(key)
-        if slot is not None and not slot.shared:
+        if slot is not None:
             slot.ours = True
         return slot
+
+    def own(self, twins: Iterable[str]) -> None:
+        """Take no event in the fleet's name from the bus of robots that run in this process."""
+        for twin in twins:
+            self.open(data_key(twin, EventReport.channel))
 
     def cross(self, batch: Sequence[tuple[Slot, Report]]) -> None:
         """Take this process's own reports, each with where it crosses; on the loop.
@@ -194,6 +200,7 @@ class Uplink:
 
     def _is_told(self, slot: Slot, sample: Report | bytes) -> bool:
         """Tell an event of the fleet, unless it is cut; False for an event of another program."""
+        heard = sample if isinstance(sample, bytes) else None
         if isinstance(sample, bytes):
             if not is_of_the_fleet(sample, slot.channel):
                 return False
@@ -203,8 +210,9 @@ class Uplink:
                 return False
         if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
             topic = self._topics.twin(slot.twin, slot.rule.leaf)
-            if self.events.admits(topic, sample, self._clock.time()):
-                self._send_walled(slot, sample)
+            now, wall = self._clock.monotonic(), self._clock.time()
+            if self.events.admits(topic, sample, now, wall, heard=heard is not None):
+                self._send_walled(slot, heard or sample)
         return True
 
     def turn(self) -> Iterator[None]:
@@ -352,7 +360,7 @@ class Uplink:
         if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
             leaf, source_type = slot.leaf, slot.info.source_type
             return [(leaf, document_out(leaf, sample, source_type=source_type, session=self._session))]
-        report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
+        report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
         return to_mqtt(report, slot.by, slot.off)
 
     def _open(self, slot: Slot, leaf: str) -> Way:

@@ -10,6 +10,7 @@ what happens                what the store does
 disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
 too many wait               the oldest are lost, counted, and told in the history once it is written
 file damaged                set aside, a new one begun
+another process has it      the same as with a full disk: the journal's thread waits a moment only
 file too old or too large   the oldest events are deleted, a few at a time
 ==========================  ==========================================================================
 """
@@ -26,6 +27,7 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock
+from fleet.errors import StateError, StateTaken
 from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.spool.database import PAGE, is_corrupt, open_checked
@@ -46,6 +48,9 @@ CREATE INDEX event_by_robot ON event (robot, stamp);
 """
 WAITING = 5000  # events in memory at most
 AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
+BUSY = 0.2
+"""Seconds to wait for another process that opens or writes: a stop may wait as long for its record."""
+LAST_PATIENCE = 2.0  # s, as the process ends
 PRUNE_EVERY = 60.0  # s
 AT_ONCE = 1000  # rows that are deleted in one commit
 NEWEST = 1000
@@ -79,6 +84,7 @@ class History:
         self._bounds = bounds or Bounds()
         self._waiting: deque[Row] = deque()
         self._lost = 0
+        self._patience = BUSY
         self._database: sqlite3.Connection | None = None
         self._try_at = float("-inf")
         self._prune_at = float("-inf")
@@ -115,6 +121,9 @@ class History:
     def close(self) -> None:
         """Write what waits once more, and close the file; on the thread that may wait."""
         self._try_at = float("-inf")
+        self._patience = LAST_PATIENCE
+        if self._database is not None:
+            self._database.execute(f"PRAGMA busy_timeout = {LAST_PATIENCE * 1000:.0f}")
         self.write()
         self._shut()
 
@@ -125,8 +134,11 @@ class History:
             self._shut()
         if self._database is None:
             made(self.folder)
-            with locked(path):
-                self._database, _ = open_checked(path, SCHEMA, VERSION, "NORMAL")
+            try:
+                with locked(path, within=self._patience):
+                    self._database, _ = open_checked(path, SCHEMA, VERSION, "NORMAL", busy=self._patience)
+            except StateTaken:
+                raise StateError(f"another process is just opening {path}") from None
         return self._database
 
     def _shut(self) -> None:

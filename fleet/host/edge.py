@@ -310,6 +310,7 @@ class Edge:
             self._presence.leave_words()
         if self.bridge is not None:
             self.process.outbox.bridge = self.bridge.uplink
+            self.bridge.uplink.own(robot.twin for robot in self.process.robots.values())
             self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
             self.bridge.streams.listen(self.bus.reports.subscribe)
         self.bus.control.answer(keys.health(edge), self._asked_health)

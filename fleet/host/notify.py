@@ -27,6 +27,7 @@ from fleet.config.notify import NotifyConfig
 from fleet.errors import WireError
 from fleet.model.event import EventReport, Severity
 from fleet.wire.databus import decode_report
+from fleet.wire.events import unproven
 from fleet.wire.topics import data_key
 
 log = logging.getLogger(__name__)
@@ -48,21 +49,24 @@ class Notifier:
     def __init__(self, configs: Iterable[NotifyConfig], edge: str, clock: Clock) -> None:
         self._targets = [Target(config, edge, clock, sender_of(config)) for config in configs]
 
-    def take(self, robot: str, event: EventReport) -> None:
-        """Take an event of a robot; from any thread, never waits."""
+    def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
+        """Take an event of a robot; from any thread, never waits. ``heard``: it was said on the bus."""
         for target in self._targets:
-            target.take(robot, event)
+            target.take(robot, event, heard=heard)
 
     def hear(self, reports: Lane, robots: Mapping[str, str]) -> None:
-        """Take the events of robots in other processes, by twin and name, from the bus."""
+        """Take the events of robots in other processes, by twin and name, from the bus.
+
+        Anybody there can say them: nobody who asked is proven, and they leave room for those of our own.
+        """
         if not self._targets:
             return
 
         def heard(robot: str, sample: bytes) -> None:
             with contextlib.suppress(WireError):
-                event = decode_report(EventReport.channel, sample)
+                event = unproven(decode_report(EventReport.channel, sample))
                 if isinstance(event, EventReport):
-                    self.take(robot, event)
+                    self.take(robot, event, heard=True)
 
         calls = {data_key(twin, EventReport.channel): partial(heard, name) for twin, name in robots.items()}
         if calls:
@@ -87,24 +91,29 @@ class Target:
         self._send = send
         self._waiting: deque[tuple[str, EventReport]] = deque()
         self._left_out = 0
-        self._sent: deque[float] = deque(maxlen=config.per_minute)
+        self._sent: deque[float] = deque(maxlen=config.per_minute)  # of our own robots
+        self._passed_on: deque[float] = deque(maxlen=config.per_minute)  # heard on the bus
         self._something = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-notify", daemon=True)
         self._thread.start()
 
-    def take(self, robot: str, event: EventReport) -> None:
-        """Take an event, if it is one of those that are to be told; from any thread."""
+    def take(self, robot: str, event: EventReport, *, heard: bool = False) -> None:
+        """Take an event, if it is one of those that are to be told; from any thread.
+
+        Those ``heard`` on the bus have limits of their own, and half of the room at most.
+        """
         config = self._config
         told = event.kind in config.events or event.severity in GRAVE
         if not told or (config.robots and robot not in config.robots):
             return
         now = self._clock.monotonic()
-        full = len(self._sent) == config.per_minute and now - self._sent[0] < MINUTE
-        if full or len(self._waiting) >= WAITING:
+        sent, room = (self._passed_on, WAITING // 2) if heard else (self._sent, WAITING)
+        full = len(sent) == config.per_minute and now - sent[0] < MINUTE
+        if full or len(self._waiting) >= room:
             self._left_out += 1
             return
-        self._sent.append(now)
+        sent.append(now)
         self._waiting.append((robot, event))
         self._something.set()
 

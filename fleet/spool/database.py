@@ -40,22 +40,23 @@ def set_aside(path: Path) -> Path:
 
 
 def open_checked(
-    path: Path, schema: str, version: int, synchronous: Synchronous
+    path: Path, schema: str, version: int, synchronous: Synchronous, *, busy: float = BUSY
 ) -> tuple[sqlite3.Connection, Path | None]:
     """Open a file, or make it; one that is damaged, or of another version, is set aside and a new one made.
 
     Returns the connection, for use on any one thread at a time, and where the old file is now, None when
-    it was well. Raises StateError when neither the old nor a new file can be used.
+    it was well. ``busy``: seconds that a statement waits for another process that writes. Raises StateError
+    when neither the old nor a new file can be used.
     """
     try:
         try:
-            return _opened(path, schema, version, synchronous), None
+            return _opened(path, schema, version, synchronous, busy), None
         except sqlite3.DatabaseError as error:
             if not (is_corrupt(error) or isinstance(error, _Damaged)):
                 raise
             aside = set_aside(path)
             log.error("%s cannot be read (%s): set aside as %s", path, error, aside.name)  # noqa: TRY400
-            return _opened(path, schema, version, synchronous), aside
+            return _opened(path, schema, version, synchronous, busy), aside
     except (sqlite3.Error, OSError) as error:
         raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or mend the disk") from None
 
@@ -64,10 +65,12 @@ class _Damaged(sqlite3.DatabaseError):
     """The file opens but is not what we wrote."""
 
 
-def _opened(path: Path, schema: str, version: int, synchronous: Synchronous) -> sqlite3.Connection:
+def _opened(
+    path: Path, schema: str, version: int, synchronous: Synchronous, busy: float
+) -> sqlite3.Connection:
     """Open a file and check it, or make it, for this user alone: its folder may be open to others."""
     path.touch(mode=0o600)
-    connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+    connection = sqlite3.connect(path, timeout=busy, isolation_level=None, check_same_thread=False)
     try:
         connection.execute(f"PRAGMA page_size = {PAGE}")
         connection.execute("PRAGMA journal_mode = WAL")

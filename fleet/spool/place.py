@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import math
 import os
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from fleet.errors import StateError, StateTaken
 
 SPOOL = "spool.db"
 JOURNAL = "journal.db"
+LOOK = 0.01  # s between looks at a lock that is waited for within a bound
 
 
 def state_folder(edge: str, given: Path | None = None, environ: Mapping[str, str] = os.environ) -> Path:
@@ -80,10 +83,21 @@ class Lock:
 
 
 @contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Have the lock of a file for as long as a ``with`` block lasts, waiting for whoever has it."""
+def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
+    """Have the lock of a file for as long as a ``with`` block lasts, waiting for whoever has it.
+
+    Raises StateTaken when another has it for more than ``within`` seconds, StateError as ``Lock.take`` does.
+    """
     lock = Lock(path)
-    lock.take(wait=True)
+    end = time.monotonic() + within
+    while True:
+        try:
+            lock.take(wait=within == math.inf)
+            break
+        except StateTaken:
+            if time.monotonic() >= end:
+                raise
+            time.sleep(LOOK)
     try:
         yield
     finally:

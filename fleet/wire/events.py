@@ -13,6 +13,7 @@ import msgspec
 from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.model.report import Report
 from fleet.wire.samples import json_payload
 
 FLEET: Literal["fleet"] = "fleet"
@@ -91,6 +92,13 @@ def is_of_the_fleet(sample: bytes, channel: str) -> bool:
         RecursionError,
     ):  # who reads all of it says what is wrong
         return False
+
+
+def unproven(report: Report) -> Report:
+    """Return a report from the bus without the claim that its asker is proven: anybody there can say so."""
+    if not isinstance(report, EventReport) or report.asker is None:
+        return report
+    return msgspec.structs.replace(report, asker=msgspec.structs.replace(report.asker, proven=False))
 
 
 def event_body(report: EventReport) -> dict[str, Any]:

@@ -219,7 +219,36 @@ def test_no_number_of_messages_before_it_keeps_a_stop_from_its_robot(bench, port
         "stop",
     ]
     assert len(ports[OTHER].received) == 1
-    assert bench.downlink.refusals.counts() == {"too many": 6}
+    assert bench.downlink.refusals.counts() == {"too many": 4}
+
+
+def test_a_stop_waits_for_no_more_than_came_before_it_though_the_flood_goes_on(
+    bench, accepting, clock, monkeypatch
+):
+    monkeypatch.setattr("fleet.bridge.downlink.MOST_WAITING", 20)
+    accepting.answers = lambda _kind, _payload: clock.advance(TURN / 3)
+    bench.downlink.arrived([command("before")] * 20 + [command("stop"), command("stop")])
+    for _ in range(100):
+        bench.downlink.take()
+        bench.downlink.arrived([command("after")] * 20)  # another thread keeps the inbox full
+    names = [json.loads(payload)["command"] for _, payload, _ in accepting.received]
+    assert names[:21] == ["before"] * 20 + ["stop"]
+    assert names.count("stop") == 1
+
+
+def test_a_stop_that_waits_takes_no_later_ones_place_once_motion_stands_between(
+    bench, rex, ports, monkeypatch
+):
+    monkeypatch.setattr("fleet.bridge.downlink.MOST_WAITING", 2)
+    ports[OTHER].answers = lambda *_: bench.clock.advance(2 * TURN)  # one message a turn
+    other = command("beep", topic=f"cyberwave/twin/{OTHER}/command")
+    bench.downlink.arrived([other, other, command("stop")])
+    bench.downlink.take()
+    bench.downlink.take()
+    bench.downlink.arrived([command("takeoff"), command("stop"), command("stop")])
+    bench.downlink.take()
+    assert [json.loads(payload)["command"] for _, payload, _ in rex.received] == ["stop", "takeoff", "stop"]
+    assert bench.downlink.refusals.counts() == {"too many": 1}
 
 
 def test_who_gives_an_inbox_gets_the_one_reply_there(bench, accepting):
@@ -478,7 +507,7 @@ def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting
     large = Message(f"{T}/command", b'{"command": "' + b"x" * 600)
     bench.downlink.arrived([large] * 9 + [command("stop")])
     bench.downlink.take()
-    assert bench.downlink.refusals.counts()["too many"] == 8
+    assert bench.downlink.refusals.counts()["too many"] == 7
     assert b"stop" in accepting.received[-1][1]
     bench.arrive(command("beep"))
     assert b"beep" in accepting.received[-1][1]

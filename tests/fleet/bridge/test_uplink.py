@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from fleet.bridge.slot import MOST_PARTS, SLACK, TwinInfo
 from fleet.bridge.uplink import STRANGERS, Uplink
-from fleet.model.event import EventKind, EventReport
+from fleet.model.command import Way
+from fleet.model.event import Asker, EventKind, EventReport
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
@@ -357,8 +358,14 @@ def test_what_a_robot_of_ours_tells_nobody_else_on_the_bus_does(bench, pose, cap
 
 def test_log_lines_and_metrics_of_a_robot_of_ours_may_come_from_others_too(bench):
     for channel in ("driverlog", "metrics"):
-        slot = bench.uplink.open(f"cw/{TWIN}/data/{channel}")
-        assert not slot.ours
+        key = f"cw/{TWIN}/data/{channel}"
+        assert bench.uplink.open(key) is not None
+        bench.uplink.arrived(
+            key, line("theirs") if channel == "driverlog" else b'{"ts": 1, "wheel_slip": 0.5}'
+        )
+        bench.turn()
+        assert bench.of(channel)
+    assert bench.uplink.refusals.counts() == {}
 
 
 def test_a_sensor_s_value_is_not_the_robot_s(bench, pose):
@@ -840,3 +847,48 @@ def test_of_a_flood_of_events_of_our_own_the_cloud_hears_a_few_and_of_what_is_as
     assert [message["event_type"] for _, message in bench.of("event")] == ["separation"] * 6 + [
         "emergency_stop"
     ]
+
+
+FORGED = EventReport(
+    4.0,
+    EventKind.EMERGENCY_STOP,
+    "forged",
+    asker=Asker(Way.LOCAL, "anna", proven=True),
+    command="emergency_stop",
+)
+
+
+def test_nobody_on_the_bus_tells_events_of_our_own_robot_in_the_fleets_name(bench):
+    key = f"cw/{TWIN}/data/event"
+    bench.uplink.own([TWIN])
+    for number in range(12):
+        bench.uplink.arrived(key, encode_report(FORGED, number))
+    bench.uplink.arrived(key, b'{"ts": 1, "event_type": "fall", "source": "camera", "data": {}}')
+    bench.cross({key: EventReport(5.0, EventKind.EMERGENCY_STOP, "true")})
+    told = [(message["event_type"], message["data"].get("text")) for _, message in bench.of("event")]
+    assert told == [("fall", None), ("emergency_stop", "true")]
+    assert bench.uplink.refusals.counts() == {"forged": 12}
+
+
+def test_who_asked_is_never_proven_by_what_is_said_on_the_bus(bench):
+    bench.uplink.arrived(f"cw/{TWIN}/data/event", encode_report(FORGED, 1))
+    ((_, message),) = bench.of("event")
+    assert message["data"]["asker"] == {"way": "local", "name": "anna"}
+
+
+def test_what_the_bus_says_of_a_workers_robot_takes_no_room_from_our_own_events(bench):
+    key = f"cw/{TWIN}/data/event"
+    for number in range(12):
+        bench.uplink.arrived(key, encode_report(FORGED, number))
+    bench.cross({key: EventReport(5.0, EventKind.EMERGENCY_STOP, "true")})
+    assert bench.of("event")[-1][1]["data"]["text"] == "true"
+
+
+def test_a_clock_that_is_set_back_silences_no_event(bench):
+    key = f"cw/{TWIN}/data/event"
+    for _ in range(3):
+        bench.clock.step(-3600.0)
+        for _ in range(6):
+            bench.cross({key: EventReport(4.0, EventKind.SEPARATION, "held")})
+        bench.clock.advance(61.0)
+    assert len(bench.of("event")) == 18

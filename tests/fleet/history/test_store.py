@@ -4,6 +4,7 @@ import json
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -24,7 +25,9 @@ from fleet.history.store import (
 from fleet.history.wanted import Wanted, newest
 from fleet.model.command import Way
 from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.spool.place import locked, made
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import DEADLINE
 
 ANNA = Asker(Way.CLOUD, "anna", "tele")
 
@@ -229,10 +232,9 @@ def test_several_processes_share_the_file(tmp_path):
         "store.close(); sys.exit(store.problem or 0)"
     )
     started = [
-        subprocess.Popen([sys.executable, "-c", script, str(tmp_path), name], stderr=subprocess.PIPE)
-        for name in ("rex", "max")
+        subprocess.Popen([sys.executable, "-c", script, str(tmp_path), name]) for name in ("rex", "max")
     ]
-    assert [process.communicate(timeout=60)[1] for process in started] == [b"", b""]
+    assert [process.wait(60) for process in started] == [0, 0]  # each may have found the other at it
     for name in ("rex", "max"):
         assert len(read(tmp_path, Wanted(robots=(name,), most=1000))) == 200
 
@@ -271,3 +273,37 @@ def _seconds(store, said):
     for _ in range(100):
         store.add("rex", said)
     return (time.perf_counter() - began) / 100
+
+
+def test_a_history_that_another_process_is_opening_is_waited_for_a_moment(store, clock):
+    made(store.folder)
+    with locked(store.folder / HISTORY):
+        store.add("rex", event())
+        writer = threading.Thread(target=store.write, daemon=True)
+        writer.start()
+        writer.join(DEADLINE / 4)
+        assert not writer.is_alive()
+        assert "another process is just opening" in store.problem
+        clock.advance(AGAIN_AFTER)
+        store.write()
+        assert store.problem
+    clock.advance(AGAIN_AFTER)
+    store.write()
+    assert (store.problem, texts(store)) == ("", ["takeoff accepted"])
+
+
+def test_a_history_that_another_process_writes_into_is_waited_for_a_moment(store, clock):
+    store.add("rex", event("one"))
+    store.write()
+    other = sqlite3.connect(store.folder / HISTORY, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    store.add("rex", event("two"))
+    began = time.monotonic()
+    store.write()
+    assert time.monotonic() - began < 1.0
+    assert "locked" in store.problem
+    other.execute("ROLLBACK")
+    other.close()
+    clock.advance(AGAIN_AFTER)
+    store.write()
+    assert (store.problem, texts(store)) == ("", ["one", "two"])

@@ -1,24 +1,28 @@
 """What is remembered of commands and stops when the process dies, is started anew, or its disk fails."""
 
 import asyncio
+import contextlib
 import itertools
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
+import threading
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fleet.history.store import HISTORY, History
 from fleet.host.begun import SIZE, Begun, Latched, Started
 from fleet.host.journal import LOST, REMEMBERED, Ended, Journal, Past
 from fleet.model.command import ReplyStatus
 from fleet.model.report import NavigationReport
-from fleet.spool.place import JOURNAL
+from fleet.spool.place import JOURNAL, locked
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 ACCEPTED, REJECTED = ReplyStatus.ACCEPTED, ReplyStatus.REJECTED
 
@@ -396,7 +400,7 @@ import os, signal, sys
 from pathlib import Path
 from fleet.testing.clock import ManualClock
 from fleet.host.journal import Journal
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 def main():
     folder, memory = map(Path, sys.argv[1:])
@@ -539,3 +543,31 @@ def test_two_processes_write_one_journal(tmp_path, clock):
 
 def test_the_answer_to_a_repeat_says_how_it_ended():
     assert "ended failed" in Past("r1", "land", False, "failed").verdict
+
+
+def test_a_stop_is_on_the_disk_though_another_process_holds_the_history(tmp_path, clock):
+    history = History(tmp_path, clock)
+    with locked(tmp_path / HISTORY):
+        journal = Journal(tmp_path, clock, tmp_path / "begun.main", also=history.write)
+        wait_until("the history has been tried", lambda: history.problem)
+        journal.robot("rex").latch("asked")
+        wait_until("the stop is on the disk", lambda: latches(tmp_path) == [("rex", "asked")])
+        closing = threading.Thread(target=journal.close, daemon=True)
+        closing.start()
+        closing.join(DEADLINE / 4)
+        assert not closing.is_alive()
+    history.close()
+
+
+def test_a_stop_is_on_the_disk_before_the_history_has_its_turn(tmp_path, clock):
+    seen = []
+    journal = Journal(tmp_path, clock, tmp_path / "begun.main", also=lambda: seen.append(latches(tmp_path)))
+    journal.robot("rex").latch("asked")
+    journal.close()
+    assert seen[-1] == [("rex", "asked")]
+
+
+def latches(folder):
+    """Return what another process finds on the disk of the stops that are set."""
+    with contextlib.closing(sqlite3.connect(folder / JOURNAL)) as database:
+        return database.execute("SELECT robot, why FROM latch").fetchall()

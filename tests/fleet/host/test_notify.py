@@ -17,7 +17,7 @@ from fleet.host.notify import Notifier, Target, run_program
 from fleet.host.webhook import Webhook
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.testing.clock import ManualClock
-from fleet.testing.waiting import wait_until
+from fleet.testing.waiting import DEADLINE, wait_until
 
 STOP = EventReport(1000.0, EventKind.STOP, "stop asked", Severity.WARNING)
 
@@ -90,6 +90,16 @@ def test_a_program_gets_it_on_its_stdin(tmp_path):
     wait_until("it ran", lambda: (tmp_path / "got").exists() and (tmp_path / "got").read_bytes())
     assert json.loads((tmp_path / "got").read_bytes())["message"] == "rex: stop asked"
     notifier.close()
+
+
+def test_what_is_heard_on_the_bus_takes_no_room_from_our_own_robots(target):
+    going, sent = threading.Event(), []
+    made = target(lambda body, _within: (going.wait(DEADLINE), sent.append(body)), per_minute=60)
+    for _ in range(200):
+        made.take("forged", STOP, heard=True)
+    made.take("rex", STOP)
+    going.set()
+    wait_until("our own is told", lambda: json.loads(sent[-1])["robot"] == "rex" if sent else False)
 
 
 @pytest.mark.parametrize(
