@@ -188,15 +188,18 @@ class Pilot:
             ) from None
 
     def answers(self, name: str) -> list[dict[str, Any]]:
-        """Return the legacy answers to a command on the command topic, without the ends of what was taken."""
-        told = [each for each in self.of("command") if "status" in each and each["command"] == name]
-        return [each for each in told if each.get("done") is not False]
+        """Return the legacy answers to a command on the command topic."""
+        return [each for each in self.of("command") if "status" in each and each["command"] == name]
+
+    def _receipts(self, name: str) -> list[dict[str, Any]]:
+        """Return the answers to a command but for the failed ends of what was taken before."""
+        return [each for each in self.answers(name) if each.get("done") is not False]
 
     def command(self, name: str, **data: Any) -> dict[str, Any]:
         """Send a command and return its answer."""
-        before = len(self.answers(name))
+        before = len(self._receipts(name))
         self.say("command", command=name, data=data)
-        return wait_until(f"an answer to {name}", lambda: self.answers(name)[before:])[-1]
+        return wait_until(f"an answer to {name}", lambda: self._receipts(name)[before:])[-1]
 
     def insist(self, name: str, **data: Any) -> None:
         """Send a command until it is taken, as a person does with a drone that is not ready yet."""

@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+import uuid
 
 import psutil
 import pytest
@@ -21,7 +22,7 @@ def roll(fleet, broker, tmp_path):
     def roll(port, profile, **fields):
         robot = {"name": "rover", "twin": TWIN, "adapter": "ugv", "profile": profile, "link": port.url}
         cloud = {"host": "127.0.0.1", "port": broker.port, "tls": False}
-        file = {"edge": {"id": "yard"}, "cloud": cloud, "robots": [robot | fields]}
+        file = {"edge": {"id": f"yard-{uuid.uuid4().hex[:6]}"}, "cloud": cloud, "robots": [robot | fields]}
         (tmp_path / "fleet.yaml").write_text(json.dumps(file))
         running = fleet("run", "--json", folder=tmp_path)
         running.robot("rover", "is well", is_well)

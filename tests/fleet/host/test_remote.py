@@ -158,7 +158,7 @@ def test_what_cannot_be_read_is_for_the_worker_to_refuse(bench):
 
 
 def test_a_worker_that_is_back_is_stopped_again_before_it_is_logged(bench, blocked_log):
-    bench.robot.stop_later()
+    bench.robot.stop_later(ANNA)
     with blocked_log("fleet.robot.rex"):
         thread = threading.Thread(target=bench.robot._came_or_went, args=("key", True), daemon=True)
         thread.start()
