@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
@@ -10,14 +11,19 @@ from click.shell_completion import CompletionItem, get_completion_class
 from fleet.cli.output import Output, with_output
 from fleet.errors import FleetError
 
+if TYPE_CHECKING:
+    from fleet.cli.connect import Edges
+
 SHELLS = ("bash", "zsh", "fish")
 VARIABLE = "_FLEET_COMPLETE"
 
 
-class RobotName(click.ParamType):  # type: ignore[type-arg]  # generic in newer clicks alone
-    """The name of a robot or a group of an edge that runs here."""
+class RunningName(click.ParamType):  # type: ignore[type-arg]  # generic in newer clicks alone
+    """A name that the edges which run here know; ``names`` asks them, with what stands before it."""
 
-    name = "robot"
+    def __init__(self, name: str, names: Callable[[Edges, Mapping[str, Any]], set[str]]) -> None:
+        self.name = name
+        self._names = names
 
     def shell_complete(
         self,
@@ -25,48 +31,31 @@ class RobotName(click.ParamType):  # type: ignore[type-arg]  # generic in newer 
         param: click.Parameter,  # noqa: ARG002 - click's signature
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return the names that begin so."""
+        """Return the names that begin with what is written already; none where no edge answers."""
         from fleet.cli.connect import Edges  # noqa: PLC0415 - the bus is not needed without completion
 
         try:
             with Edges.reach(ctx.params.get("file")) as edges:
-                names = {state.name for state in edges.states()}
-                names |= {group for edge in edges.edges() for group in edge.groups}
+                names = self._names(edges, ctx.params)
         except FleetError:
             return []
-        return _beginning(names, incomplete)
+        return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
 
 
-class CommandName(click.ParamType):  # type: ignore[type-arg]  # likewise
-    """The name of a command that the robot of the same line takes."""
-
-    name = "command"
-
-    def shell_complete(
-        self,
-        ctx: click.Context,
-        param: click.Parameter,  # noqa: ARG002 - click's signature
-        incomplete: str,
-    ) -> list[CompletionItem]:
-        """Return the names that begin so."""
-        from fleet.cli.connect import Edges  # noqa: PLC0415 - likewise
-
-        try:
-            with Edges.reach(ctx.params.get("file")) as edges:
-                robots = edges.named(str(ctx.params.get("robot")))
-                found = edges.description(robots[0])
-        except FleetError:
-            return []
-        return _beginning({one.name for one in found.commands}, incomplete)
+def _robots(edges: Edges, _given: Mapping[str, Any]) -> set[str]:
+    """Return the robots and groups."""
+    groups = {group for edge in edges.edges() for group in edge.groups}
+    return groups | {state.name for state in edges.states()}
 
 
-ROBOT = RobotName()
-COMMAND = CommandName()
+def _commands(edges: Edges, given: Mapping[str, Any]) -> set[str]:
+    """Return what the robot of the same line takes."""
+    (robot, *_) = edges.named(str(given.get("robot")))
+    return {one.name for one in edges.description(robot).commands}
 
 
-def _beginning(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
-    """Return the names that begin with what is written already."""
-    return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
+ROBOT = RunningName("robot", _robots)
+COMMAND = RunningName("command", _commands)
 
 
 @click.command()
