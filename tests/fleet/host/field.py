@@ -163,6 +163,26 @@ class _Nowhere:
         return lambda _report: None
 
 
+def local_robot(config, adapter, *, clock, wheel):
+    """Return a robot of no process: what it reports and records goes nowhere."""
+    return LocalRobot(
+        config,
+        adapter,
+        adapter="any",
+        edge="yard",
+        worker="",
+        clock=clock,
+        wheel=wheel,
+        shared=Shared(),
+        outbox=_Nowhere(),
+        journal=RobotJournal(),
+        record=lambda _event: None,
+        arrival=clock.monotonic,
+        changed=lambda _name: None,
+        supervised=Supervised(),
+    )
+
+
 class Field:
     """Robots of one edge by name; ``starts``: class and (x, y, heading) or more fields by name."""
 
@@ -193,22 +213,7 @@ class Field:
                 super().__init__(given)
                 field.made[given.name] = self
 
-        robot = LocalRobot(
-            config,
-            Made,
-            adapter="walker",
-            edge="yard",
-            worker="",
-            clock=self.clock,
-            wheel=self.wheel,
-            shared=Shared(),
-            outbox=_Nowhere(),
-            journal=RobotJournal(),
-            record=lambda _event: None,
-            arrival=self.clock.monotonic,
-            changed=lambda _name: None,
-            supervised=Supervised(),
-        )
+        robot = local_robot(config, Made, clock=self.clock, wheel=self.wheel)
         robot.share_space(self.traffic)
         return robot
 

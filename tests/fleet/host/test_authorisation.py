@@ -11,19 +11,16 @@ import uuid
 
 import pytest
 
-from fleet.host.journal import RobotJournal
-from fleet.host.local import LocalRobot
-from fleet.host.shared import Shared
 from fleet.host.wheel import Wheel
 from fleet.model.command import Way
 from fleet.robot_config import Accepts
-from fleet.supervisor.client import Supervised
 from fleet.testing.clock import LoopClock
 from fleet.wire.commands import SETTINGS, VERBS
 from fleet.wire.stops import STOP_WORDS
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
+from tests.fleet.host.field import local_robot
 
 MISSING = "no source type"
 SOURCES = (
@@ -56,30 +53,11 @@ ROBOTS = {
 }
 
 
-class Nowhere:
-    def sender(self, _twin):
-        return lambda _report: None
-
-
 def robot_of(adapter, fields, **more):
     loop = asyncio.get_running_loop()
     clock = LoopClock(loop)
-    return LocalRobot(
-        adapter.Config(name="rex", twin=uuid.UUID(int=1), **fields, **more),
-        adapter,
-        adapter="any",
-        edge="yard",
-        worker="",
-        clock=clock,
-        wheel=Wheel(loop, clock),
-        shared=Shared(),
-        outbox=Nowhere(),
-        journal=RobotJournal(),
-        record=lambda _event: None,
-        arrival=clock.monotonic,
-        changed=lambda _name: None,
-        supervised=Supervised(),
-    )
+    config = adapter.Config(name="rex", twin=uuid.UUID(int=1), **fields, **more)
+    return local_robot(config, adapter, clock=clock, wheel=Wheel(loop, clock))
 
 
 def message_of(source, **fields):
