@@ -1,4 +1,4 @@
-"""What was refused or lost, counted by reason, and told at most once a minute for each reason.
+"""What was refused or lost, counted by reason, and told at most once a minute; what may pass in a minute.
 
 Bad input can come a thousand times a second: the counters keep all of it, the log keeps readable.
 """
@@ -7,16 +7,32 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter
+from collections import Counter, deque
 
 from fleet.clock import Clock
 
 TELL_EVERY = 60.0  # s between lines of one reason
+A_MINUTE = 60.0  # s
 MOST_REASONS = (
     500  # that are counted, and told in a minute; what others say never becomes a reason of its own
 )
 OTHERS = "others"  # the reason of all beyond
 LONGEST = 500  # characters of a line: who sends something bad may choose its words
+
+
+class Allowance:
+    """At most so many within any minute; monotonic seconds. Not for several threads at once."""
+
+    def __init__(self, most: int) -> None:
+        self._passed: deque[float] = deque(maxlen=most)
+
+    def is_used(self, now: float) -> bool:
+        """Return whether no more may pass now."""
+        return len(self._passed) == self._passed.maxlen and now - self._passed[0] < A_MINUTE
+
+    def use(self, now: float) -> None:
+        """Note that one passes."""
+        self._passed.append(now)
 
 
 class Tally:

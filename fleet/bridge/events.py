@@ -9,13 +9,13 @@ its own: it takes no room from what this process's robots tell.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType
 
 from fleet.model.command import Way
 from fleet.model.event import EventKind, EventReport
 from fleet.spool.losses import Gap, Reason
+from fleet.tally import Allowance
 
 WINDOW = 60.0  # s
 OTHERWISE = 6
@@ -39,7 +39,7 @@ class EventLimits:
     """
 
     def __init__(self) -> None:
-        self._told: dict[_Told, deque[float]] = {}
+        self._told: dict[_Told, Allowance] = {}
         self._requests: dict[_Told, dict[str, float]] = {}
         self._cuts: dict[tuple[str, Reason], tuple[float, Gap]] = {}  # each with when it began
 
@@ -76,10 +76,8 @@ class EventLimits:
 
     def _floods(self, kind: _Told, now: float) -> bool:
         """Return whether a robot has told too many of this kind; one that may be told is counted."""
-        told = self._told.setdefault(kind, deque())
-        while told and now - told[0] >= WINDOW:
-            told.popleft()
-        if len(told) >= A_MINUTE.get(kind[1], OTHERWISE):
+        told = self._told.setdefault(kind, Allowance(A_MINUTE.get(kind[1], OTHERWISE)))
+        if told.is_used(now):
             return True
-        told.append(now)
+        told.use(now)
         return False

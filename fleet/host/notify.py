@@ -26,6 +26,7 @@ from fleet.clock import Clock
 from fleet.config.notify import NotifyConfig
 from fleet.errors import WireError
 from fleet.model.event import EventReport, Severity
+from fleet.tally import Allowance
 from fleet.wire.databus import decode_report
 from fleet.wire.events import unproven
 from fleet.wire.topics import data_key
@@ -34,7 +35,6 @@ log = logging.getLogger(__name__)
 
 WAITING = 100  # events of one target in memory at most
 WAITS = (1.0, 5.0)  # s before the second and the third try
-MINUTE = 60.0
 LAST_WORDS = 2.0  # s that what waits may still take when the edge ends
 GRAVE = frozenset({Severity.ERROR, Severity.CRITICAL})
 """Events of these severities are told whatever their kind."""
@@ -91,8 +91,8 @@ class Target:
         self._send = send
         self._waiting: deque[tuple[str, EventReport]] = deque()
         self._left_out = 0
-        self._sent: deque[float] = deque(maxlen=config.per_minute)  # of our own robots
-        self._passed_on: deque[float] = deque(maxlen=config.per_minute)  # heard on the bus
+        self._sent = Allowance(config.per_minute)  # of our own robots
+        self._passed_on = Allowance(config.per_minute)  # heard on the bus
         self._something = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-notify", daemon=True)
@@ -109,11 +109,10 @@ class Target:
             return
         now = self._clock.monotonic()
         sent, room = (self._passed_on, WAITING // 2) if heard else (self._sent, WAITING)
-        full = len(sent) == config.per_minute and now - sent[0] < MINUTE
-        if full or len(self._waiting) >= room:
+        if sent.is_used(now) or len(self._waiting) >= room:
             self._left_out += 1
             return
-        sent.append(now)
+        sent.use(now)
         self._waiting.append((robot, event))
         self._something.set()
 

@@ -1,7 +1,7 @@
 import logging
 import threading
 
-from fleet.tally import LONGEST, MOST_REASONS, TELL_EVERY, Tally
+from fleet.tally import LONGEST, MOST_REASONS, TELL_EVERY, Allowance, Tally
 from fleet.testing.clock import ManualClock
 
 
@@ -59,3 +59,12 @@ def test_nothing_is_lost_when_many_threads_count():
     for thread in threads:
         thread.join()
     assert refusals.counts() == {"x": 8000}
+
+
+def test_no_more_than_is_allowed_passes_within_any_minute():
+    allowance, passed = Allowance(2), []
+    for now in range(200):
+        if not allowance.is_used(now):
+            allowance.use(now)
+            passed.append(now)
+    assert passed == [0, 1, 60, 61, 120, 121, 180, 181]
