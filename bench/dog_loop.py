@@ -25,13 +25,13 @@ from fleet.clock import SystemClock
 from fleet.model.report import Report
 from fleet.testing.robot import RecordingRobot
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
-from fleet_quadruped.body.machine import Ask
-from fleet_quadruped.can.bus import Bus
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.can.bus import CanConnection
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
-from fleet_quadruped.control.orders import Errand, Order, State
+from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units
-from fleet_quadruped.drives.cia402.states import State as DriveState
+from fleet_quadruped.drives.cia402.states import DriveState as DriveState
 from fleet_quadruped.drives.cia402.states import state_of
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
@@ -60,15 +60,15 @@ class Script:
         self.seconds = seconds
         self.controller: Timed | None = None
         self.took: list[float] = []
-        self.state = State()
+        self.state = DogState()
 
     def order(self) -> Order:
         now = time.monotonic()
         walking = STAND < now - self.begun < self.seconds
-        order = Order(until=now + 1.0, alive=now, errand=Errand(1, Ask.STAND), x=0.4 * walking)
+        order = Order(until=now + 1.0, alive=now, errand=Activity(1, BodyRequest.STAND), x=0.4 * walking)
         return order if now - self.begun < self.seconds else Order(alive=now, leave=True)
 
-    def put(self, state: State) -> None:
+    def put(self, state: DogState) -> None:
         if state.mode == "walking":
             self.took.append(time.perf_counter() - self.controller.began)
             self.state = state
@@ -76,7 +76,7 @@ class Script:
 
 def controller(url: str, seconds: float) -> None:
     clock = SystemClock()
-    bus = Bus("a", url, 1_000_000, clock)
+    bus = CanConnection("a", url, 1_000_000, clock)
     script = Script(seconds)
     script.controller = Timed(DOG, {"a": bus})
     script.controller.drives.configure()

@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -40,12 +40,12 @@ class Walk:
     def square(self):
         """Stand up, walk round a square, sit down."""
         self.rig.go(0.5)
-        self.rig.ask(Ask.STAND)
+        self.rig.ask(BodyRequest.STAND)
         self.rig.go(2.5)
         for corner in range(1, 5):
             self._forward()
             self._turn(corner * math.pi / 2)
-        self.rig.ask(Ask.SIT)
+        self.rig.ask(BodyRequest.SIT)
         self.rig.go(2.5)
 
     def _forward(self):

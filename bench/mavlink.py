@@ -13,7 +13,7 @@ import time
 
 from bench.common import cpu_seconds, fleet, free_port, line, mosquitto, process, quantiles, robot, twin_of
 from bench.latency import DO_SET_HOME, Cloud, samples
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 
 AIRCRAFT = 50
 SECONDS = 8.0
@@ -24,7 +24,7 @@ PRICE = "aim: under 1 %"
 HUB = """
 import asyncio, contextlib, sys
 from fleet.clock import SystemClock
-from fleet_mavlink.hub import open_hub
+from fleet_mavlink.link_hub import open_hub
 async def main():
     async with open_hub(["udpin:127.0.0.1:" + sys.argv[1]], SystemClock(), 245, 191) as hub:
         with contextlib.ExitStack() as stack:

@@ -22,10 +22,10 @@ import msgspec
 from bench import dog_loop
 from bench.common import line
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.control.loop import no_collector
-from fleet_quadruped.drives.cia402.states import State
-from fleet_quadruped.robot.description import EXAMPLE, Description, load_description
+from fleet_quadruped.drives.cia402.states import DriveState
+from fleet_quadruped.robot.description import EXAMPLE, DogDescription, load_description
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
@@ -44,7 +44,7 @@ COMMANDS = {
 }
 
 
-def standing(dog: Description, seed: int = 1, loss: float = 0.0) -> Rig:
+def standing(dog: DogDescription, seed: int = 1, loss: float = 0.0) -> Rig:
     rig = Rig(dog, MujocoWorld(dog, friction=0.6 + 0.04 * seed), seed=seed)
     rig.stand()
     if loss:
@@ -63,7 +63,7 @@ def walk(rig: Rig, twist: Twist) -> tuple[float, float]:
     return math.dist(start[:2], end[:2]) / 2.5, math.degrees(rig.tilt)
 
 
-def gaits(dog: Description, seeds: int = SEEDS) -> None:
+def gaits(dog: DogDescription, seeds: int = SEEDS) -> None:
     for loss in (0.0, 0.05):
         rigs = [standing(dog, seed, loss) for seed in range(1, seeds + 1)]
         for (name, twist), wanted in zip(COMMANDS.items(), WANTED, strict=True):
@@ -82,7 +82,7 @@ def gaits(dog: Description, seeds: int = SEEDS) -> None:
         line("  fell; stopped by themselves", f"{down}/{seeds}; {len(stopped)}/{seeds}", *set(stopped[:1]))
 
 
-def walks(dog: Description, seeds: int = 4) -> None:
+def walks(dog: DogDescription, seeds: int = 4) -> None:
     """Print speeds of the gait walk at its highest, the tilt of its first steps and after them, odometry."""
     pace = dog.gait.walk
     for name, twist in {
@@ -123,7 +123,7 @@ def place(rig: Rig) -> tuple[tuple[float, float, float], tuple[float, float, flo
     return (x, y, rig.sim.world.imu().rotation.yaw), (odometry.x, odometry.y, odometry.yaw)
 
 
-def wanders(dog: Description, seeds: int = 24) -> None:
+def wanders(dog: DogDescription, seeds: int = 24) -> None:
     """Print the falls of dogs that are sent about at random, switched in mid-stride."""
     for gait in ("trot", "walk"):
         rigs = [standing(dog, 1 + seed % SEEDS) for seed in range(seeds)]
@@ -138,7 +138,7 @@ def wanders(dog: Description, seeds: int = 24) -> None:
         )
 
 
-def stops(dog: Description) -> None:
+def stops(dog: DogDescription) -> None:
     drops, peaks, cycles = [], [], []
     for phase in range(8):
         rig = standing(dog)
@@ -185,12 +185,12 @@ def cycles_until_damped(rig: Rig) -> int:
 
 def stopped(rig: Rig) -> bool:
     """Return True when all drives have stopped by themselves: braking (CiA 402) or limp."""
-    states = {getattr(drive, "state", State.QUICK_STOP) for drive in rig.sim.drives}
+    states = {getattr(drive, "state", DriveState.QUICK_STOP) for drive in rig.sim.drives}
     limp = all(motor.kp == 0 for motor in rig.sim.world.motors)
-    return limp or (rig.dog.drive.protocol == "cia402" and states == {State.QUICK_STOP})
+    return limp or (rig.dog.drive.protocol == "cia402" and states == {DriveState.QUICK_STOP})
 
 
-def dies(dog: Description) -> None:
+def dies(dog: DogDescription) -> None:
     """Print what the drives do when the controller ends in mid-trot."""
     times, nearest = [], math.inf
     for phase in range(8):
@@ -208,12 +208,12 @@ def dies(dog: Description) -> None:
     line("  nearest that a joint came to a limit", f"{nearest:.3f} rad", "aim: none beyond")
 
 
-def enables(dog: Description) -> None:
+def enables(dog: DogDescription) -> None:
     """Print how long it takes until twelve drives are seen to be enabled."""
     rig = Rig(dog)
     rig.go(0.1)
     begun = rig.sim.time
-    rig.ask(Ask.STAND)
+    rig.ask(BodyRequest.STAND)
     while rig.mode is Mode.ENABLING:
         rig.cycle()
     line(
@@ -223,11 +223,11 @@ def enables(dog: Description) -> None:
     )
 
 
-def repeats(dog: Description, times: int = 20) -> None:
+def repeats(dog: DogDescription, times: int = 20) -> None:
     """Print how often it stands up and sits down again."""
     rig, done = standing(dog), 0
     while done < times and rig.mode is Mode.STANDING:
-        rig.ask(Ask.SIT)
+        rig.ask(BodyRequest.SIT)
         rig.go(3.5)
         if rig.mode is Mode.OFF:
             rig.stand()
@@ -235,7 +235,7 @@ def repeats(dog: Description, times: int = 20) -> None:
     line(f"{dog.drive.protocol}: sat down and stood up again", f"{done}/{times}", rig.fault)
 
 
-def recoveries(dog: Description, count: int = 60) -> None:
+def recoveries(dog: DogDescription, count: int = 60) -> None:
     chance = random.Random(99)
     tries = [tries_needed(dog, random_turn(chance), most=5) for _ in range(count)]
     up = sum(one is not None for one in tries)
@@ -247,7 +247,7 @@ def recoveries(dog: Description, count: int = 60) -> None:
     )
 
 
-def checks(dog: Description, right: int = 50) -> None:
+def checks(dog: DogDescription, right: int = 50) -> None:
     """Print what ``fleet can check --move`` finds: each joint's sign and offset wrong, and right dogs."""
     wrong = [
         (name, with_offset(dog, name, offset)) for name in JOINTS for offset in (0.11, -0.11, 0.25, -0.25)
@@ -261,7 +261,7 @@ def checks(dog: Description, right: int = 50) -> None:
     line("right dogs, with the errors of manufacturing", f"{false}/{right} alarms", "aim: none")
 
 
-def cost(dog: Description) -> None:
+def cost(dog: DogDescription) -> None:
     """Print the least processor time of a walking dog's cycles, and who takes it.
 
     All of a cycle counts: frames both ways, the controller, twelve drives, IMU, battery, physics. What the
@@ -318,7 +318,7 @@ def _measured(call: Callable[..., Any], used: dict[str, float], name: str) -> Ca
     return measured
 
 
-EACH: dict[str, Callable[[Description], None]] = {
+EACH: dict[str, Callable[[DogDescription], None]] = {
     "enables": enables,
     "gaits": gaits,
     "walks": walks,
@@ -329,7 +329,7 @@ EACH: dict[str, Callable[[Description], None]] = {
     "cost": cost,
     "recoveries": recoveries,
 }
-ONCE: dict[str, Callable[[Description], None]] = {
+ONCE: dict[str, Callable[[DogDescription], None]] = {
     "checks": checks,
     "loop": lambda _dog: dog_loop.run(),
 }

@@ -76,7 +76,9 @@ class Churn:
 
     def _kill(self):
         """Kill a worker, if one is there."""
-        workers = [each for each in self._edge.children() if "fleet.host.worker" in each.cmdline()]
+        workers = [
+            each for each in self._edge.children() if "fleet.host.workers.worker_process" in each.cmdline()
+        ]
         if workers:
             self._chance.choice(workers).kill()
             self.kills += 1

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from bench.common import fleet, line, mosquitto, twin_of, wait_for
 from fleet.bus import keys
-from fleet.bus.session import join_control
+from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
 from fleet.wire.databus import decode_report
 
@@ -47,10 +47,10 @@ WAYS = ("stop", "emergency_stop", "silence")
 class Watch:
     """One robot on the bus: what is asked of it, and where it says that it is."""
 
-    def __init__(self, lane, name):
-        self.lane, self.name, self.twin = lane, name, twin_of(name)
+    def __init__(self, bus_session, name):
+        self.bus_session, self.name, self.twin = bus_session, name, twin_of(name)
         self.poses = []
-        lane.subscribe(f"cw/{self.twin}/data/position", self._seen)
+        bus_session.subscribe(f"cw/{self.twin}/data/position", self._seen)
 
     def _seen(self, _key, sample):
         at = decode_report("position", sample).position
@@ -61,13 +61,15 @@ class Watch:
         payload = json.dumps({"command": command, "data": data or {}, "source_type": "sim_tele"}).encode()
         parameters = {"kind": "command", "wait": "1" if wait else "0"}
         key = keys.command("bench", self.name)
-        found = list(self.lane.ask(key, payload, timeout=90.0, parameters=parameters))
+        found = list(self.bus_session.ask(key, payload, timeout=90.0, parameters=parameters))
         return json.loads(found[-1][1]) if found else {}
 
     def drive(self, speed, seconds):
         """Drive forward for a while."""
         for _ in range(round(seconds / 0.05)):
-            self.lane.put(f"cw/{self.twin}/data/commands/velocity", json.dumps({"linear_x": speed}).encode())
+            self.bus_session.put(
+                f"cw/{self.twin}/data/commands/velocity", json.dumps({"linear_x": speed}).encode()
+            )
             time.sleep(0.05)
 
     def speed(self, at):
@@ -99,8 +101,8 @@ def measure(kind, fields, speed, begin):
     robot = {"name": "robot", "twin": twin_of("robot"), **fields}
     with mosquitto() as broker, fleet([robot], broker) as edge:
         edge.all_well(1)
-        lane = join_control(BusSettings("bench"), Path(edge.runtime))
-        watch = Watch(lane, "robot")
+        bus_session = join_control(BusSettings("bench"), Path(edge.runtime))
+        watch = Watch(bus_session, "robot")
         time.sleep(8.0)
         for way in WAYS:
             found = [once(watch, way, speed, begin) for _ in range(TIMES)]
@@ -110,7 +112,7 @@ def measure(kind, fields, speed, begin):
             line(f"{kind}: {way}", figure, f"at most {worst}; from {usual[2]:.2f} m/s")
         if kind.startswith(("px4", "ardupilot")):
             watch.ask("land")
-        lane.close()
+        bus_session.close()
 
 
 def once(watch, way, speed, begin):
@@ -121,7 +123,7 @@ def once(watch, way, speed, begin):
     watch.drive(speed, 4.0)
     since = time.monotonic()
     if way == "emergency_stop":
-        watch.lane.put(keys.stop("bench"), b"[]", urgent=True)
+        watch.bus_session.put(keys.stop("bench"), b"[]", urgent=True)
     elif way == "stop":
         watch.ask("stop")
     return watch.standstill(since)

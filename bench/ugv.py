@@ -24,8 +24,8 @@ import psutil
 
 from fleet import LinkLost, NotReady, Vector3, Velocity
 from fleet.clock import SystemClock
-from fleet.host.make import make_adapter
-from fleet.host.wheel import Wheel
+from fleet.host.robot.adapter_factory import create_adapter
+from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.sim.process import SimProcess
 from fleet_ugv import UgvAdapter, UgvConfig
 from fleet_ugv.sim.server import Bases
@@ -42,9 +42,9 @@ PROFILE = "waveshare-beast"
 class BenchRobot:
     """What an adapter is given: the host's own wheel, and nobody who listens."""
 
-    def __init__(self, wheel):
+    def __init__(self, scheduler):
         self.name, self.clock, self.log = "bench", SystemClock(), logging.getLogger("bench")
-        self.wheel, self.reports, self.health_now = wheel, 0, None
+        self.scheduler, self.reports, self.health_now = scheduler, 0, None
 
     def report(self, _report):
         self.reports += 1
@@ -56,7 +56,7 @@ class BenchRobot:
         """Nobody is told."""
 
     def every(self, seconds, call):
-        self.wheel.every(seconds, call, owner=self.name, failed=self.failed)
+        self.scheduler.every(seconds, call, owner=self.name, failed=self.failed)
 
     def failed(self, error):
         """A pulled cable is no surprise here; anything else is."""
@@ -69,16 +69,16 @@ class BenchRobot:
 
 def adapter_of(url, profile=PROFILE):
     config = UgvConfig(name="bench", twin=uuid.uuid4(), adapter="ugv", profile=profile, link=url)
-    return make_adapter(UgvAdapter, config)
+    return create_adapter(UgvAdapter, config)
 
 
 async def many():
     """Drive many bases at 20 Hz; measure the CPU of this process."""
-    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
-    wheel.start()
+    scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
+    scheduler.start()
     async with SimProcess("fleet_ugv.sim") as simulator:
         urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
-        robots = [BenchRobot(wheel) for _ in urls]
+        robots = [BenchRobot(scheduler) for _ in urls]
         adapters = [adapter_of(url) for url in urls]
         runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
         await until(lambda: all(is_well(robot) for robot in robots))
@@ -96,7 +96,7 @@ async def many():
             f"  {BASES} bases, setpoints and feedback at 20 Hz: "
             f"{cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
         )
-        wheel.stop()
+        scheduler.stop()
         for run in runs:
             run.cancel()
         await asyncio.gather(*runs, return_exceptions=True)
@@ -136,9 +136,9 @@ async def latency():
         tap([master for master, _ in pairs], told)
         os._exit(0)
     os.close(told)
-    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
-    wheel.start()
-    robots = [BenchRobot(wheel) for _ in pairs]
+    scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
+    scheduler.start()
+    robots = [BenchRobot(scheduler) for _ in pairs]
     adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
     runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
     await until(lambda: all(is_well(robot) for robot in robots))
@@ -156,7 +156,7 @@ async def latency():
         f"p50 {statistics.median(waits):.2f} ms, p99 {waits[int(len(waits) * 0.99)]:.2f} ms"
     )
     await asyncio.to_thread(os.waitpid, child, 0)
-    wheel.stop()
+    scheduler.stop()
     for run in runs:
         run.cancel()
     await asyncio.gather(*runs, return_exceptions=True)
@@ -188,14 +188,14 @@ def is_well(robot):
 async def unplugs():
     """Pull cables; measure until the adapter's run has ended."""
     waits = []
-    wheel = Wheel(asyncio.get_running_loop(), SystemClock())
-    wheel.start()
+    scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
+    scheduler.start()
     with tempfile.TemporaryDirectory() as folder:
         server = Bases(Path(folder))
         life = asyncio.create_task(server.run())
         for _ in range(PULLS):
             port = await server.add(SimSpec(PROFILE))
-            robot = BenchRobot(wheel)
+            robot = BenchRobot(scheduler)
             run = asyncio.create_task(adapter_of(port.url).run(robot))
             await until(lambda robot=robot: is_well(robot))
             pulled = time.perf_counter()
@@ -206,7 +206,7 @@ async def unplugs():
                 run.result()
         life.cancel()
         await asyncio.gather(life, return_exceptions=True)
-    wheel.stop()
+    scheduler.stop()
     print(f"  {PULLS} cables pulled: noticed after at most {max(waits):.1f} ms")
 
 
@@ -214,10 +214,10 @@ def drive_for_ever(url):
     """Drive in a forked child until it is killed."""
 
     async def drive():
-        wheel = Wheel(asyncio.get_running_loop(), SystemClock())
-        wheel.start()
+        scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
+        scheduler.start()
         adapter = adapter_of(url)
-        run = asyncio.create_task(adapter.run(BenchRobot(wheel)))
+        run = asyncio.create_task(adapter.run(BenchRobot(scheduler)))
         while not run.done():
             await asyncio.sleep(0.02)
             with contextlib.suppress(NotReady):

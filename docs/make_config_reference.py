@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from fleet.config.schema import FleetConfig
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 from fleet.robot_config import AdapterConfig
 
 TARGET = pathlib.Path(__file__).with_name("config.md")

@@ -10,16 +10,16 @@ import pathlib
 import re
 from collections.abc import Iterable, Iterator
 
-from fleet.bridge.events import A_MINUTE, LOOP, OTHERWISE
+from fleet.bridge.event_limits import A_MINUTE, LOOP, OTHERWISE
 from fleet.bus import keys
 from fleet.model.event import EventKind
-from fleet.topic_rules import topic_name
 from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
 from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, Change
-from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Form, Rule, Taker
+from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Recipient, TopicForm, TopicRule
 from fleet.wire.stops import STOP_WORDS
+from fleet.wire.topic_rules import topic_name
 from fleet.wire.topics import NAMESPACES
 
 TARGET = pathlib.Path(__file__).with_name("topics.md")
@@ -240,11 +240,11 @@ SHAPES = {
 }
 
 
-def topic(leaf: str) -> str:
+def topic(suffix: str) -> str:
     """Return how a leaf is written in the tables."""
-    namespace, _, rest = leaf.partition(":")
+    namespace, _, rest = suffix.partition(":")
     if namespace not in NAMESPACES:
-        return f"`T {leaf}`".replace("+", "{client_id}")
+        return f"`T {suffix}`".replace("+", "{client_id}")
     return f"`J {rest}`" if namespace == "joint" else f"`{namespace}/{{uuid}}/{rest}`".replace("+", "{type}")
 
 
@@ -265,17 +265,19 @@ def profiles() -> Iterator[str]:
     """Yield the table of profiles: a row for each topic that one of them changes."""
     yield f"| topic | {' | '.join(f'`{name}`' for name in PROFILES)} |"
     yield f"|---|{'---|' * len(PROFILES)}"
-    changed = dict.fromkeys(leaf for profile in PROFILES.values() for leaf in profile.changes)
-    for leaf in changed:
+    changed = dict.fromkeys(suffix for profile in PROFILES.values() for suffix in profile.changes)
+    for suffix in changed:
         row = [
-            said_change(profile.changes[leaf]) if leaf in profile.changes else said_change(_own(RULES[leaf]))
+            said_change(profile.changes[suffix])
+            if suffix in profile.changes
+            else said_change(_own(RULES[suffix]))
             for profile in PROFILES.values()
         ]
-        yield f"| `{topic_name(leaf)}` | {' | '.join(row)} |"
+        yield f"| `{topic_name(suffix)}` | {' | '.join(row)} |"
     yield f"| bytes that may wait | {' | '.join(size(one.backlog) for one in PROFILES.values())} |"
 
 
-def _own(rule: Rule) -> Change:
+def _own(rule: TopicRule) -> Change:
     """Return what the table says of a topic."""
     return Change(rate=rule.max_rate, size=rule.size if rule.size > 64 * KIB else None)
 
@@ -299,7 +301,7 @@ def outbound() -> Iterator[str]:
         rates = f"{rate(rule.max_rate)} | {rate(rule.repeat)} | {rate(rule.max_age)}"
         about = rule.about if rule.on else f"{rule.about} (off)"
         carried = f"{rule.traffic.word} | {rule.qos} | {rates} | {size(rule.size)}"
-        yield f"| {topic(rule.leaf)} | {about} | {channel} | {carried} |"
+        yield f"| {topic(rule.suffix)} | {about} | {channel} | {carried} |"
 
 
 def inbound() -> Iterator[str]:
@@ -308,12 +310,12 @@ def inbound() -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     for rule in INWARD.values():
         goes = {True: "the robot", False: "the bridge"}[rule.taker.asks]
-        if rule.taker is Taker.RELAY:
+        if rule.taker is Recipient.RELAY:
             key = f"cw/{{uuid}}/data/{rule.channel}"
-            goes = f"`{key}/{{type}}`" if rule.leaf.endswith("+") else f"`{key}`"
+            goes = f"`{key}/{{type}}`" if rule.suffix.endswith("+") else f"`{key}`"
         about = rule.about if rule.on else f"{rule.about} (off)"
         bounds = f"{rule.qos} | {rate(rule.max_rate)} | {size(rule.size)}"
-        yield f"| {topic(rule.leaf)} | {about} | {goes} | {bounds} |"
+        yield f"| {topic(rule.suffix)} | {about} | {goes} | {bounds} |"
 
 
 def telemetry_parts() -> Iterator[str]:
@@ -339,9 +341,13 @@ def channels() -> Iterator[str]:
     yield from ("| key | payload | goes to |", "|---|---|---|")
     for channel, leaves in CHANNEL_LEAVES.items():
         rule = RULES[leaves[0]]
-        own = "as on MQTT; stamped by `timestamp`, `ts` or the header" if rule.form is Form.DOCUMENT else ""
+        own = (
+            "as on MQTT; stamped by `timestamp`, `ts` or the header"
+            if rule.form is TopicForm.DOCUMENT
+            else ""
+        )
         shape = SHAPES.get(channel) or own or "the report's fields, with `ts`"
-        sensor = "/{type}" if rule.leaf.endswith("+") else "[/{sensor}]" if rule.sensors else ""
+        sensor = "/{type}" if rule.suffix.endswith("+") else "[/{sensor}]" if rule.sensors else ""
         yield f"| `cw/{{twin}}/data/{channel}{sensor}` | {shape} | {', '.join(map(topic, leaves))} |"
     yield "| `cw/{twin}/data/commands/velocity` | `linear_x` to `angular_z`, signed | the robot: a setpoint |"
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         TimedOut,
         Unsupported,
     )
-    from fleet.link.framing import Lines, Whole
+    from fleet.link.framing import DatagramFraming, LineFraming
     from fleet.link.url import LinkText, open_link
     from fleet.model.command import Command
     from fleet.model.geodesy import GeoOrigin, GeoPoint
@@ -54,7 +54,7 @@ _HOME = {
         "TimedOut",
         "Unsupported",
     ),
-    "fleet.link.framing": ("Lines", "Whole"),
+    "fleet.link.framing": ("LineFraming", "DatagramFraming"),
     "fleet.link.url": ("LinkText", "open_link"),
     "fleet.model.command": ("Command",),
     "fleet.model.geodesy": ("GeoOrigin", "GeoPoint"),
@@ -91,7 +91,7 @@ __all__ = [
     "Health",
     "Level",
     "Limits",
-    "Lines",
+    "LineFraming",
     "LinkLost",
     "LinkRefused",
     "LinkText",
@@ -110,7 +110,7 @@ __all__ = [
     "Unsupported",
     "Vector3",
     "Velocity",
-    "Whole",
+    "DatagramFraming",
     "__version__",
     "command",
     "open_link",

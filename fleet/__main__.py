@@ -30,14 +30,14 @@ def _main() -> int:
         sys.stdout.write(f"fleet {__version__}\n")
         return 0
     from fleet.cli.main import main as run_command  # noqa: PLC0415 - the version is told without it
-    from fleet.host.leave import leave  # noqa: PLC0415 - likewise
+    from fleet.host.runtime.shutdown import shutdown  # noqa: PLC0415 - likewise
 
     raise_from_now_on()
     try:
         code = run_command(sys.argv[1:])
     finally:
         end_at_once()
-    return leave(code)
+    return shutdown(code)
 
 
 if __name__ == "__main__":

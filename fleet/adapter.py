@@ -22,7 +22,7 @@ from fleet.clock import Clock
 from fleet.commands import CommandSpec, command, commands_of
 from fleet.errors import Unsupported
 from fleet.link.base import Address, Link
-from fleet.link.framing import Framing, Lines
+from fleet.link.framing import Framing, LineFraming
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health
@@ -178,7 +178,7 @@ class FrameAdapter(ABC, Generic[ConfigT]):
     separation: ClassVar[Separation] = Adapter.separation
     holonomic: ClassVar[bool] = False
     combines_keys: ClassVar[bool] = False
-    framing: ClassVar[Framing] = Lines()
+    framing: ClassVar[Framing] = LineFraming()
     verbs: ClassVar[tuple[str, ...]] = ()
     drives: ClassVar[bool] = True
     repeat: ClassVar[float] = 0.1

@@ -12,8 +12,8 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
-from fleet.decoding import convert
 from fleet.errors import Refused
+from fleet.runtime.decoding import convert
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
 _MARK = "__fleet_commands__"

@@ -13,7 +13,7 @@ from uuid import UUID
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from fleet.model.polygon import is_simple
-from fleet.topic_rules import Topics
+from fleet.wire.topic_rules import TopicsConfig
 from fleet.yaml_model import Model, wrong
 
 __all__ = [
@@ -23,7 +23,7 @@ __all__ = [
     "Limits",
     "Model",
     "Name",
-    "Origin",
+    "WorldOrigin",
     "Positive",
     "Separation",
     "SourceType",
@@ -97,7 +97,7 @@ class Accepts(Model):
     )
 
 
-class Origin(Model):
+class WorldOrigin(Model):
     """The place on Earth where this robot's world frame has its origin."""
 
     latitude: float = Field(ge=-90, le=90, description="Degrees, WGS-84.")
@@ -188,7 +188,7 @@ class BatteryPolicy(Model):
     )
 
 
-class AdapterConfig(Topics):
+class AdapterConfig(TopicsConfig):
     """The fields of every robot. An adapter subclasses it and adds ``adapter: Literal["name"]``."""
 
     name: Name = Field(description="The robot's name, used in commands, keys and logs.")
@@ -239,7 +239,9 @@ class AdapterConfig(Topics):
         True,
         description="Answer commands that have no Response Topic with a status message.",
     )
-    origin: Origin | None = Field(None, description="World origin; left out, the robot's home is the origin.")
+    origin: WorldOrigin | None = Field(
+        None, description="World origin; left out, the robot's home is the origin."
+    )
     start: tuple[float, float, float] | None = Field(
         None,
         description="[x, y, heading] for a robot without GPS: where it stands when the edge starts, metres "

@@ -22,7 +22,7 @@ from fleet_ugv import UgvAdapter, UgvConfig
 from fleet_ugv.battery import THREE_LITHIUM
 from fleet_ugv.codecs.base import Codec
 from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Wheels
-from fleet_ugv.profiles import Profile, Setting
+from fleet_ugv.profiles import BaseProfile, CodecSettings
 
 ADDRESS = 0x80
 SET_TIMEOUT, GET_TIMEOUT, GET_VOLTS, SPEEDS, COUNTERS = 14, 15, 24, 37, 78
@@ -114,12 +114,12 @@ class RoboclawCodec(Codec):
         return self._ask(GET_VOLTS) + self._ask(COUNTERS)
 
 
-def _codec(setting: Setting) -> Codec:
+def _codec(setting: CodecSettings) -> Codec:
     """Return the codec of a robot."""
     return RoboclawCodec(ticks=setting.ticks, timeout=setting.timeout)
 
 
-ROBOCLAW = Profile(
+ROBOCLAW = BaseProfile(
     codec=_codec,
     baud=115200,
     track=0.30,
@@ -142,7 +142,7 @@ class RoboclawConfig(UgvConfig):
     profile: str = Field("roboclaw", description="What the base is: roboclaw.")
 
     @classmethod
-    def profiles(cls) -> dict[str, Profile]:
+    def profiles(cls) -> dict[str, BaseProfile]:
         """Return the one profile."""
         return {"roboclaw": ROBOCLAW}
 

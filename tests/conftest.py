@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from fleet.event_loop import BackgroundLoop, FleetLoop
+from fleet.runtime.event_loop import BackgroundLoop, FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])

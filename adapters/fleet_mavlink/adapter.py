@@ -23,14 +23,14 @@ from fleet.errors import LinkError
 from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.hub import open_hub
+from fleet_mavlink.constants import Landed
+from fleet_mavlink.link_hub import open_hub
+from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
-from fleet_mavlink.require import home_unknown, not_in_the_air, require_connection
-from fleet_mavlink.session import GENTLE, Session
+from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection
+from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
-from fleet_mavlink.upkeep import UpkeepCommands
-from fleet_mavlink.words import Landed
 
 _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
@@ -72,7 +72,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
             signer = Signer(key_of(key.get_secret_value()), robot.clock.time) if key else None
             claim = hub.vehicle(config.system_id, signer, accept_unsigned=config.accept_unsigned)
             vehicle = stack.enter_context(claim)
-            self._session = Session(config, config.limits.over(self.limits), hub, vehicle, robot)
+            self._session = VehicleSession(config, config.limits.over(self.limits), hub, vehicle, robot)
             losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
             try:
                 await self._session.serve(*losses)
@@ -242,7 +242,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         async for progress in self._to_height(session, height + metres):
             yield progress
 
-    async def _to_height(self, session: Session, height: float) -> AsyncIterator[Progress]:
+    async def _to_height(self, session: VehicleSession, height: float) -> AsyncIterator[Progress]:
         """Go to a height (m above home) at this place."""
         vehicle = session.vehicle
         here, home = vehicle.state.position, vehicle.state.home_altitude

@@ -8,11 +8,11 @@ from typing import ClassVar
 from fleet import Refused
 from fleet.model.geodesy import GeoPoint
 from fleet_mavlink.ardupilot_kinds import ArduPilotKind
+from fleet_mavlink.constants import AUTOPILOT, MAG_CAL_SUCCESS, Cmd, Frame
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import CommandLong, Message, SetPositionTargetGlobalInt
+from fleet_mavlink.messages import CommandLong, MavlinkMessage, SetPositionTargetGlobalInt
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import AUTOPILOT, MAG_CAL_SUCCESS, Cmd, Frame
 
 _GROUND_SPEED = 1.0  # param1 of DO_CHANGE_SPEED
 _PLACE_AND_YAW = 0x9F8  # type_mask: everything but the place and the yaw is ignored
@@ -102,7 +102,7 @@ class ArduCopter(ArduPilotKind, Flavour):
         """Return DO_CHANGE_SPEED; before the target it would be reset by it."""
         return CommandLong(Cmd.DO_CHANGE_SPEED, param1=_GROUND_SPEED, param2=speed, param3=-1.0)
 
-    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+    def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
         """Read MAG_CAL_PROGRESS and MAG_CAL_REPORT, one for each compass."""
         if not isinstance(said, MagCalProgress | MagCalReport):
             return None

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.constants import CUSTOM_MODE, VTOL_HOVERS, Cmd
 from fleet_mavlink.messages import CommandLong, EkfStatusReport
 from fleet_mavlink.payload_messages import EscTelemetry1To4, RawImu
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import CUSTOM_MODE, VTOL_HOVERS, Cmd
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 
-class ArduPilotKind(Kind):
+class ArduPilotKind(VehicleKind):
     """What all vehicles on ArduPilot have in common."""
 
     name: ClassVar[str] = "ardupilot"

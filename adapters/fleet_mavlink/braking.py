@@ -6,11 +6,11 @@ from fleet import NotReady, Refused, TimedOut
 from fleet.errors import CommandError
 from fleet_mavlink.commander import Commander, Superseded
 from fleet_mavlink.flavour import arm_command
-from fleet_mavlink.kind import Brake, Kind
 from fleet_mavlink.messages import Ask
-from fleet_mavlink.require import require_heartbeat
+from fleet_mavlink.preconditions import require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 _STANDS = 0.25  # m/s; below it counts as standing
 _SLOWED = 0.7  # share of its speed that it must be down to where it does not stand yet,
@@ -51,7 +51,7 @@ class Brakes:
             return None
         return self._commander.addressed(kind.brakes(state)[0].ask)
 
-    async def _engage(self, kind: Kind) -> str:
+    async def _engage(self, kind: VehicleKind) -> str:
         """Have it take the first brake that it does not refuse; return what it then shows."""
         refusals: list[CommandError] = []
         for brake in kind.brakes(self._vehicle.state):
@@ -70,7 +70,7 @@ class Brakes:
         said = "; ".join(str(each) for each in refusals)
         raise Refused(f"{self._vehicle.what} was not stopped: {said}", hint="stop it by other means")
 
-    async def _take(self, brake: Brake, kind: Kind) -> None:
+    async def _take(self, brake: Brake, kind: VehicleKind) -> None:
         """Give one command, until its mode is shown."""
         if brake.mode:
             await self._commander.enter(brake.mode, kind.mode_of, brake.ask)

@@ -6,11 +6,11 @@ import msgspec
 
 from fleet import Fault, TimedOut, Unsupported
 from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.constants import Cmd
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.payload_messages import CameraImageCaptured
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.vehicle import Part, Vehicle
-from fleet_mavlink.words import Cmd
 
 _ONE = 1.0  # picture
 _TAKEN_WITHIN = 5.0  # s

@@ -17,7 +17,7 @@ from fastcrc import crc16
 from pymavlink.dialects.v20 import all as dialect
 
 from fleet_mavlink import event_messages, messages, mission_messages, payload_messages, transfer_messages
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.signing import SIGNATURE_BYTES, Signer
 
 _MAGIC_1 = 0xFE
@@ -53,7 +53,7 @@ class Frame(msgspec.Struct, frozen=True):
 
     system: int
     component: int
-    message: Message
+    message: MavlinkMessage
     version: int = 2
     signed: bytes = b""
 
@@ -61,7 +61,7 @@ class Frame(msgspec.Struct, frozen=True):
 class _Layout:
     """Where the fields of one message stand in its payload."""
 
-    def __init__(self, kind: type[Message]) -> None:
+    def __init__(self, kind: type[MavlinkMessage]) -> None:
         wire = _WIRES[kind.message_id]
         self.kind = kind
         self.crc_extra = _CRC_EXTRA[kind.message_id]
@@ -84,7 +84,7 @@ class _Layout:
         texts = dict(zip(wire.ordered_fieldnames, _texts(wire), strict=True))
         return any(texts[name] for name, _ in self._wanted)
 
-    def decode(self, payload: bytes) -> Message:
+    def decode(self, payload: bytes) -> MavlinkMessage:
         """Return the message; MAVLink 2 cuts zeros off the end, a newer dialect adds fields."""
         size = self._packing.size
         values = self._packing.unpack(payload[:size].ljust(size, b"\0"))
@@ -92,7 +92,7 @@ class _Layout:
             return self.kind(*self._pick(values))
         return self.kind(**{name: _value(values[place]) for name, place in self._wanted})
 
-    def encode(self, message: Message) -> bytes:
+    def encode(self, message: MavlinkMessage) -> bytes:
         """Return the payload without the zeros at its end (one byte stays)."""
         if self._pick is not None and self._order is not None:
             values: Sequence[Any] = self._order(msgspec.structs.astuple(message) + self._rest)
@@ -161,7 +161,7 @@ _READ = {kind.message_id: _Layout(kind) for module in _MODULES for kind in modul
 _WRITE = {kind.message_id: _Layout(kind) for module in _MODULES for kind in module.OUTGOING}
 
 
-class Way(msgspec.Struct, frozen=True):
+class FrameSettings(msgspec.Struct, frozen=True):
     """How frames for one vehicle are made: in which version, signed by whom, on which of our links."""
 
     version: int = 2
@@ -169,10 +169,12 @@ class Way(msgspec.Struct, frozen=True):
     link: int = 0
 
 
-PLAIN = Way()
+PLAIN = FrameSettings()
 
 
-def pack(message: Message, system: int, component: int, sequence: int, way: Way = PLAIN) -> bytes:
+def pack(
+    message: MavlinkMessage, system: int, component: int, sequence: int, way: FrameSettings = PLAIN
+) -> bytes:
     """Return the frame of an outgoing message, from this system and component.
 
     Version 1 is spoken to who speaks it; a message that it does not have goes out in version 2.
@@ -204,7 +206,7 @@ class Packer:
         self.component = component
         self._sequence = 0
 
-    def pack(self, message: Message, way: Way = PLAIN) -> bytes:
+    def pack(self, message: MavlinkMessage, way: FrameSettings = PLAIN) -> bytes:
         """Return the frame of a message."""
         self._sequence = (self._sequence + 1) & 0xFF
         return pack(message, self.system, self.component, self._sequence, way)

@@ -16,6 +16,7 @@ import msgspec
 
 from fleet import GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Unsupported
 from fleet.model.geodesy import world_from_geo
+from fleet_mavlink.constants import Cmd, Result, result_name
 from fleet_mavlink.messages import (
     Ask,
     CommandAck,
@@ -26,7 +27,6 @@ from fleet_mavlink.messages import (
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import WARNING, Sentence
 from fleet_mavlink.vehicle import Condition, Vehicle
-from fleet_mavlink.words import Cmd, Result, result_name
 
 
 class Timing(msgspec.Struct, frozen=True):
@@ -312,8 +312,8 @@ class Commander:
 
 def _is_bound_for(state: VehicleState, place: GeoPoint, since: float) -> bool:
     """Return whether the vehicle told since then that it flies to a place (altitude AMSL)."""
-    told = state.carried.bound_for
-    if told is None or state.carried.bound_at < since:
+    told = state.sensors.bound_for
+    if told is None or state.sensors.bound_at < since:
         return False
     anchor = GeoOrigin(place.latitude, place.longitude, place.altitude)
     return world_from_geo(anchor, told).norm() <= _SAME_PLACE

@@ -9,16 +9,16 @@ from collections.abc import AsyncIterator
 from fleet import Progress, Refused, TimedOut
 from fleet.errors import CommandError, LinkError
 from fleet_mavlink.flight import Flight
-from fleet_mavlink.heard import Heard
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.payload_messages import MagCalProgress, MagCalReport
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.texts import Sentence
 
 _SILENCE = 15.0  # s without a word after which it counts as ended
 _CANCELLED = Sentence("cancelled", 6, 0.0)
 
-Said = Message | Sentence
+Said = MavlinkMessage | Sentence
 
 
 class Compass:
@@ -26,7 +26,7 @@ class Compass:
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
-        self._heard: Heard[Said] | None = None
+        self._heard: ReceivedMessages[Said] | None = None
 
     async def calibrate(self) -> AsyncIterator[Progress]:
         """Begin, and tell the progress while the vehicle is turned about; ends once it is calibrated.
@@ -58,7 +58,7 @@ class Compass:
         if self._heard is not None:
             self._heard.put(_CANCELLED)
 
-    async def _follow(self, heard: Heard[Said]) -> AsyncIterator[Progress]:
+    async def _follow(self, heard: ReceivedMessages[Said]) -> AsyncIterator[Progress]:
         """Follow it to its end; with several compasses the slowest says how far it is."""
         step_of = self._flight.flavour.calibration_step
         percents: dict[int, float] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import ClassVar
 
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 
 
 class EventWire:
@@ -45,7 +45,7 @@ class EventWire:
     lengths: ClassVar[list[int]] = [1, 1, 1, 1, 1, 1, 40]
 
 
-class Event(Message, frozen=True):
+class Event(MavlinkMessage, frozen=True):
     """EVENT: something happened; what it means stands in a file that the vehicle serves."""
 
     message_id: ClassVar[int] = 410
@@ -55,7 +55,7 @@ class Event(Message, frozen=True):
     arguments: tuple[int, ...]
 
 
-class FileTransfer(Message, frozen=True):
+class FileTransfer(MavlinkMessage, frozen=True):
     """FILE_TRANSFER_PROTOCOL: one request or answer, 251 bytes (``files`` has their layout)."""
 
     message_id: ClassVar[int] = 110
@@ -65,5 +65,5 @@ class FileTransfer(Message, frozen=True):
     payload: tuple[int, ...]
 
 
-INCOMING: tuple[type[Message], ...] = (Event, FileTransfer)
-OUTGOING: tuple[type[Message], ...] = (FileTransfer,)
+INCOMING: tuple[type[MavlinkMessage], ...] = (Event, FileTransfer)
+OUTGOING: tuple[type[MavlinkMessage], ...] = (FileTransfer,)

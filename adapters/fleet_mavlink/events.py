@@ -48,14 +48,14 @@ class _Enum(msgspec.Struct, frozen=True):
     words: Mapping[int, str]
 
 
-class Said(msgspec.Struct, frozen=True):
+class EventText(msgspec.Struct, frozen=True):
     """An event in words, with its severity 0 to 7."""
 
     text: str
     severity: int
 
 
-class Dictionary:
+class EventDictionary:
     """What the events of one firmware mean. Raises ValueError for a file that is none."""
 
     def __init__(self, packed: bytes) -> None:
@@ -84,7 +84,7 @@ class Dictionary:
     def __len__(self) -> int:
         return len(self._kinds)
 
-    def say(self, event: Event) -> Said | None:
+    def say(self, event: Event) -> EventText | None:
         """Return an event in words; None for one that is not known here, or not for people."""
         kind, level = self._kinds.get(event.id), event.log_levels & 0x0F
         if kind is None or level >= _PROTOCOL or kind.group != _FOR_PEOPLE:
@@ -93,7 +93,7 @@ class Dictionary:
             values = self._values(kind.arguments, bytes(event.arguments))
         except (struct.error, KeyError):
             return None
-        return Said(_TAG.sub("", _PLACE.sub(lambda place: _put(place, values), kind.message)), level)
+        return EventText(_TAG.sub("", _PLACE.sub(lambda place: _put(place, values), kind.message)), level)
 
     def _values(self, types: tuple[str, ...], data: bytes) -> list[Any]:
         """Unpack arguments: little-endian, one behind the other; an enumeration's value as its word."""

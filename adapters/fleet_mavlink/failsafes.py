@@ -16,7 +16,7 @@ import msgspec
 from fleet import NotReady, Refused
 from fleet.errors import CommandError
 from fleet_mavlink.parameters import Parameters
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
 
@@ -28,7 +28,7 @@ LinkLoss = Literal["return_to_home", "land", "continue"]
 Keeping = Literal["check", "set", "ignore"]
 
 
-class Rule(msgspec.Struct, frozen=True):
+class ParameterRule(msgspec.Struct, frozen=True):
     """One parameter: ``names`` it has in different versions, the values that do, the one that is written."""
 
     names: tuple[str, ...]
@@ -37,39 +37,47 @@ class Rule(msgspec.Struct, frozen=True):
     danger: str
 
 
-_ON_LINK_LOSS: Mapping[str, Mapping[str, Rule]] = {
+_ON_LINK_LOSS: Mapping[str, Mapping[str, ParameterRule]] = {
     "ardupilot": {
-        "return_to_home": Rule(
+        "return_to_home": ParameterRule(
             ("FS_GCS_ENABLE",), frozenset({1, 3, 4, 5}), 1, "it flies on when the edge is lost"
         ),
-        "land": Rule(("FS_GCS_ENABLE",), frozenset({5}), 5, "it does not land when the edge is lost"),
+        "land": ParameterRule(
+            ("FS_GCS_ENABLE",), frozenset({5}), 5, "it does not land when the edge is lost"
+        ),
     },
     "px4": {
-        "return_to_home": Rule(("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"),
-        "land": Rule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
+        "return_to_home": ParameterRule(
+            ("NAV_DLL_ACT",), frozenset({2, 3}), 2, "it flies on when the edge is lost"
+        ),
+        "land": ParameterRule(("NAV_DLL_ACT",), frozenset({3}), 3, "it does not land when the edge is lost"),
     },
 }
-_ON_RADIO_LOSS: Mapping[str, Rule] = {
-    "ardupilot": Rule(
+_ON_RADIO_LOSS: Mapping[str, ParameterRule] = {
+    "ardupilot": ParameterRule(
         ("FS_THR_ENABLE",), frozenset(range(1, 8)), 1, "it flies on when the remote control is lost"
     ),
-    "px4": Rule(("NAV_RCL_ACT",), frozenset({1, 2, 3}), 2, "it flies on when the remote control is lost"),
+    "px4": ParameterRule(
+        ("NAV_RCL_ACT",), frozenset({1, 2, 3}), 2, "it flies on when the remote control is lost"
+    ),
 }
-_ALWAYS: Mapping[str, tuple[Rule, ...]] = {
+_ALWAYS: Mapping[str, tuple[ParameterRule, ...]] = {
     "ardupilot": (
-        Rule(("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 2, "it flies on with an empty battery"),
-        Rule(("FS_EKF_ACTION",), frozenset({1, 2, 3}), 1, "it flies on without a position"),
+        ParameterRule(("BATT_FS_LOW_ACT",), frozenset(range(1, 8)), 2, "it flies on with an empty battery"),
+        ParameterRule(("FS_EKF_ACTION",), frozenset({1, 2, 3}), 1, "it flies on without a position"),
     ),
     "px4": (
-        Rule(("COM_LOW_BAT_ACT",), frozenset({2, 3}), 3, "it flies on with an empty battery"),
-        Rule(
+        ParameterRule(("COM_LOW_BAT_ACT",), frozenset({2, 3}), 3, "it flies on with an empty battery"),
+        ParameterRule(
             ("COM_OBL_RC_ACT",), frozenset({3, 4, 5}), 5, "it sinks when setpoints stop and no pilot is there"
         ),
     ),
 }
 
 
-def rules_for(flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool) -> tuple[Rule, ...]:
+def rules_for(
+    flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool
+) -> tuple[ParameterRule, ...]:
     """Return what must hold; ``station`` is our own system id, the only one that ArduPilot watches then.
 
     Without a ``receiver`` for a remote control its loss is no matter: ArduPilot could not be armed with it.
@@ -78,7 +86,7 @@ def rules_for(flavour: str, link_loss: LinkLoss, station: int, *, receiver: bool
     lost = _ON_LINK_LOSS[flavour].get(link_loss)
     if lost is None:
         return rules
-    watched = Rule(
+    watched = ParameterRule(
         ("SYSID_MYGCS", "MAV_GCS_SYSID"),
         frozenset({station}),
         station,
@@ -170,7 +178,7 @@ class Failsafes:
         while not await self._vehicle.until(known, _FOREVER):
             self._vehicle.log.debug("it is still not met")
 
-    def _rules(self) -> tuple[Rule, ...]:
+    def _rules(self) -> tuple[ParameterRule, ...]:
         """Return what must hold of this vehicle; raises NotReady before it is known."""
         flavour = self._vehicle.flavour
         if flavour is None:
@@ -178,12 +186,12 @@ class Failsafes:
         receiver = self._vehicle.state.remote_control is not None
         return rules_for(flavour.name, self._link_loss, self._station, receiver=receiver)
 
-    async def _trouble(self, rule: Rule) -> str:
+    async def _trouble(self, rule: ParameterRule) -> str:
         """Return what is wrong with one parameter, empty when nothing is."""
         name, value = await self._read(rule)
         return "" if value in rule.good else f"{name} is {value:g}: {rule.danger} (send set_failsafes)"
 
-    async def _read(self, rule: Rule) -> tuple[str, float]:
+    async def _read(self, rule: ParameterRule) -> tuple[str, float]:
         """Return the name that this version knows and its value; raises Refused when it knows none."""
         for name in rule.names[:-1]:
             try:

@@ -12,13 +12,13 @@ from fleet import GeoOrigin, GeoPoint, Limits, Refused, Vector3
 from fleet.errors import CommandError
 from fleet.model.geodesy import geo_from_world
 from fleet.robot_config import FenceConfig
+from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.mission import is_same
 from fleet_mavlink.mission_messages import MissionItemInt
 from fleet_mavlink.parameters import Parameters, same
-from fleet_mavlink.plans import Kind, Plans
+from fleet_mavlink.plans import Plans, PlanType
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import Cmd, Frame
 
 _FOREVER = 3600.0  # s between looks when nothing happens
 _AGAIN = 10.0  # s until a fence that could not be brought there is tried again
@@ -116,10 +116,10 @@ class FenceKeeper:
         if world is None or flavour is None:
             return
         items = items_of(self._fence, world)
-        if not is_same(items, await self._plans.download(Kind.FENCE)):
+        if not is_same(items, await self._plans.download(PlanType.FENCE)):
             await self._landed()
-            await self._plans.upload(Kind.FENCE, items)
-            if not is_same(items, await self._plans.download(Kind.FENCE)):
+            await self._plans.upload(PlanType.FENCE, items)
+            if not is_same(items, await self._plans.download(PlanType.FENCE)):
                 raise Refused("it keeps another one than was sent")
         for name, value in parameters_of(flavour.name, self._fence, self._limits).items():
             (kept,) = await self._parameters.read([name])

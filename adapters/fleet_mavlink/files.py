@@ -7,10 +7,10 @@ import struct
 import msgspec
 
 from fleet import Refused, TimedOut
+from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.event_messages import FileTransfer
-from fleet_mavlink.heard import Heard
+from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT
 
 _TERMINATE, _OPEN, _READ, _CRC = 1, 4, 5, 14  # opcodes
 _ACK = 128
@@ -20,7 +20,7 @@ _WITHIN, _TRIES = 1.0, 4
 MOST_BYTES = 1 << 20
 
 
-class Answer(msgspec.Struct, frozen=True):
+class FtpAnswer(msgspec.Struct, frozen=True):
     """What came back for one request."""
 
     sequence: int
@@ -29,14 +29,14 @@ class Answer(msgspec.Struct, frozen=True):
     data: bytes
 
     @classmethod
-    def of(cls, message: FileTransfer) -> Answer:
+    def of(cls, message: FileTransfer) -> FtpAnswer:
         """Read the payload of a message."""
         payload = bytes(message.payload)
         sequence, session, opcode, size, _, _, _ = _HEAD.unpack_from(payload)
         return cls(sequence, session, opcode, payload[_HEAD.size : _HEAD.size + min(size, _DATA)])
 
 
-class Files:
+class FtpClient:
     """The files of one vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -75,18 +75,18 @@ class Files:
         self._vehicle.send(FileTransfer(0, self._vehicle.system, AUTOPILOT, payload))
 
     async def _ask(
-        self, heard: Heard[FileTransfer], opcode: int, session: int, offset: int, data: bytes
-    ) -> Answer:
+        self, heard: ReceivedMessages[FileTransfer], opcode: int, session: int, offset: int, data: bytes
+    ) -> FtpAnswer:
         """Ask until it is answered; a repeat has the same number, so that it is not done twice."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         expected = (self._sequence + 1) & 0xFFFF
         for _ in range(_TRIES):
             self._send(opcode, session, offset, data)
-            said = await heard.first(lambda each: Answer.of(each).sequence == expected, _WITHIN)
+            said = await heard.first(lambda each: FtpAnswer.of(each).sequence == expected, _WITHIN)
             if said is None:
                 continue
             self._sequence = expected
-            answer = Answer.of(said)
+            answer = FtpAnswer.of(said)
             if answer.opcode != _ACK:
                 raise Refused(f"it refused a file: error {answer.data[0] if answer.data else '?'}")
             return answer

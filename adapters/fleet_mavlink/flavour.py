@@ -16,16 +16,16 @@ from fleet.model.geometry import (
     ned_from_enu,
     rotate_to_world,
 )
-from fleet_mavlink.kind import Kind
+from fleet_mavlink.constants import AUTOPILOT, FORCE, Cmd, Frame
 from fleet_mavlink.messages import (
     CommandInt,
     CommandLong,
-    Message,
+    MavlinkMessage,
     SetPositionTargetGlobalInt,
     SetPositionTargetLocalNed,
 )
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import AUTOPILOT, FORCE, Cmd, Frame
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 VELOCITY_AND_YAW_RATE = 0x5C7  # type_mask: everything but velocity and yaw rate is ignored
 
@@ -38,7 +38,7 @@ class CalibrationStep(msgspec.Struct, frozen=True):
     others: frozenset[int] = frozenset({0})
 
 
-class Flavour(Kind):
+class Flavour(VehicleKind):
     """One autopilot firmware, for a vehicle that is flown here."""
 
     external: ClassVar[str]  # obeys the setpoints that we stream
@@ -93,7 +93,7 @@ class Flavour(Kind):
         """Return what must follow a go command to make its speed count, if anything must."""
 
     @abstractmethod
-    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+    def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
         """Return what is told of a compass calibration, None for other words; Refused when it failed."""
 
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 
 from fleet_mavlink.ardupilot import ArduCopter
 from fleet_mavlink.ardupilot_kinds import ArduBlimp, ArduBoat, ArduPlane, ArduRover, ArduSub, ArduTracker
+from fleet_mavlink.constants import ARDUPILOT, MULTIROTORS, PX4, VTOLS
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.kind import Kind
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.px4_kinds import Px4Kind, Px4Plane
 from fleet_mavlink.unknown_kind import UnknownKind
-from fleet_mavlink.words import ARDUPILOT, MULTIROTORS, PX4, VTOLS
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 _COPTER, _PX4, _PLANE, _PX4_PLANE = ArduCopter(), Px4(), ArduPlane(), Px4Plane()
 _UNKNOWN, _PX4_OTHER = UnknownKind(), Px4Kind()
 _WINGED = (1, *VTOLS)  # MAV_TYPE: planes
-_BY_TYPE: Mapping[int, Mapping[int, Kind]] = {
+_BY_TYPE: Mapping[int, Mapping[int, VehicleKind]] = {
     ARDUPILOT: {
         **dict.fromkeys(MULTIROTORS, _COPTER),
         **dict.fromkeys(_WINGED, _PLANE),
@@ -31,7 +31,7 @@ _BY_TYPE: Mapping[int, Mapping[int, Kind]] = {
 }
 
 
-def kind_of(heartbeat: Heartbeat) -> Kind:
+def kind_of(heartbeat: Heartbeat) -> VehicleKind:
     """Return of what kind a vehicle is; of an unknown one where its modes are not known here."""
     otherwise = _PX4_OTHER if heartbeat.autopilot == PX4 else _UNKNOWN
     return _BY_TYPE.get(heartbeat.autopilot, {}).get(heartbeat.type, otherwise)

@@ -12,12 +12,12 @@ from fleet.errors import CommandError
 from fleet.model.geodesy import world_from_geo
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.commander import Commander
+from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.flavour import Flavour, arm_command
 from fleet_mavlink.messages import Ask, CommandInt, CommandLong, SetPositionTargetGlobalInt
-from fleet_mavlink.require import home_unknown, not_moved, require_connection, require_heartbeat
+from fleet_mavlink.preconditions import home_unknown, not_moved, require_connection, require_heartbeat
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import Cmd, Frame
 
 _ARMED_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second
 _POLL = 0.5  # s between looks at something that takes long

@@ -10,14 +10,14 @@ import msgspec
 
 from fleet import NotReady, Refused, TimedOut, Unsupported
 from fleet.errors import CommandError, FleetError
-from fleet_mavlink.carried import Aim
 from fleet_mavlink.commander import Commander
+from fleet_mavlink.constants import NAN, Cmd
 from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.onboard_sensors import GimbalAngles
 from fleet_mavlink.payload_messages import GimbalManagerInformation
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.preconditions import require_connection
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import NAN, Cmd
 
 LEASE = 1.0  # s for which a turning speed is held unless it is asked for again
 _LOCKS = 12.0  # roll and pitch stay with the horizon, yaw with the vehicle
@@ -29,7 +29,7 @@ _FASTEST = 360.0  # degrees a second
 _SLACK = 0.5  # degrees beyond a limit that are still meant as the limit
 
 
-class Turn(msgspec.Struct, frozen=True):
+class GimbalTurn(msgspec.Struct, frozen=True):
     """Where to turn, degrees; None leaves an axis alone. ``seconds``: how long the turn is to take."""
 
     pitch: float | None
@@ -56,7 +56,7 @@ class Gimbal:
         self._met_at_boot = -1
         self._ending: asyncio.Task[None] | None = None
 
-    async def turn(self, turn: Turn) -> None:
+    async def turn(self, turn: GimbalTurn) -> None:
         """Turn to angles; returns once it is seen there, where the gimbal tells how it is turned."""
         manager = await self._take_control()
         aim = self._aim_of(turn, manager)
@@ -64,11 +64,11 @@ class Gimbal:
         if turn.seconds > 0:
             await self._turn_slowly(aim, turn.seconds)
         await self._ask(pitch=_or_nan(aim.pitch), yaw=_or_nan(aim.yaw))
-        if self._vehicle.state.carried.aim is None:
+        if self._vehicle.state.sensors.aim is None:
             return  # it does not tell; that the manager took it is all that can be known
 
         def there(state: VehicleState) -> bool:
-            seen = state.carried.aim
+            seen = state.sensors.aim
             return seen is not None and _near(seen, aim)
 
         if not await self._vehicle.until(there, _TURNS_WITHIN):
@@ -98,19 +98,19 @@ class Gimbal:
 
     async def _turn_slowly(self, aim: _Target, seconds: float) -> None:
         """Turn at the speed that brings it there in time."""
-        seen = self._vehicle.state.carried.aim
+        seen = self._vehicle.state.sensors.aim
         if seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="leave the duration out")
         pitch, yaw = _speed(seen.pitch, aim.pitch, seconds), _speed(seen.yaw, aim.yaw, seconds)
         await self._ask(pitch_rate=pitch, yaw_rate=yaw)
         await asyncio.sleep(seconds)
 
-    def _aim_of(self, turn: Turn, manager: GimbalManagerInformation) -> _Target:
+    def _aim_of(self, turn: GimbalTurn, manager: GimbalManagerInformation) -> _Target:
         """Return the angles to be at; raises Refused beyond the gimbal's limits."""
-        seen = self._vehicle.state.carried.aim
+        seen = self._vehicle.state.sensors.aim
         if turn.relative and seen is None:
             raise NotReady("the gimbal does not say how it is turned", hint="give absolute angles")
-        base = seen if turn.relative and seen is not None else Aim(0.0, 0.0)
+        base = seen if turn.relative and seen is not None else GimbalAngles(0.0, 0.0)
         pitch = None if turn.pitch is None else base.pitch + turn.pitch
         yaw = None if turn.yaw is None else base.yaw + turn.yaw
         _require_within("pitch", pitch, manager.pitch_min, manager.pitch_max)
@@ -187,7 +187,7 @@ def _speed(now: float, then: float | None, seconds: float) -> float:
     return NAN if then is None else (then - now) / seconds
 
 
-def _near(seen: Aim, target: _Target) -> bool:
+def _near(seen: GimbalAngles, target: _Target) -> bool:
     """Return whether the axes that were asked for are where they should be."""
     pairs = ((seen.pitch, target.pitch), (seen.yaw, target.yaw))
     return all(then is None or abs(math.remainder(now - then, 360.0)) <= _THERE for now, then in pairs)

@@ -7,11 +7,11 @@ import asyncio
 import msgspec
 
 from fleet import NotReady, Refused, TimedOut
-from fleet_mavlink.heard import Heard
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.constants import AUTOPILOT
+from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.transfer_messages import LogData, LogEntry, LogRequestData, LogRequestEnd, LogRequestList
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT
 
 MOST_BYTES = 64 * 1024  # in one read
 _PIECE = 90  # bytes in a LOG_DATA; a shorter one is the last of its log
@@ -21,7 +21,7 @@ _ROUNDS = 5  # times in a row that something is asked for in vain
 _MOST_LOGS = 2000
 
 
-class Log(msgspec.Struct, frozen=True):
+class OnboardLog(msgspec.Struct, frozen=True):
     """One log on board: its number, bytes, and Unix seconds of its begin (0: unknown)."""
 
     id: int
@@ -29,14 +29,14 @@ class Log(msgspec.Struct, frozen=True):
     time: int
 
 
-class Logs:
+class LogReader:
     """Reads the logs of one vehicle; only on the ground: it would take the link from what is flown."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._lock = asyncio.Lock()
 
-    async def list(self) -> list[Log]:
+    async def list(self) -> list[OnboardLog]:
         """Return the logs on board, oldest number first; raises TimedOut when the autopilot tells none."""
         self._require_ground()
         async with self._lock:
@@ -54,16 +54,16 @@ class Logs:
             finally:
                 self._vehicle.send(LogRequestEnd(self._vehicle.system, AUTOPILOT))
 
-    async def _entries(self, heard: Heard[LogEntry]) -> dict[int, Log]:
+    async def _entries(self, heard: ReceivedMessages[LogEntry]) -> dict[int, OnboardLog]:
         """Ask for the list until every entry came."""
-        found: dict[int, Log] = {}
+        found: dict[int, OnboardLog] = {}
         for _ in range(_ROUNDS):
             self._vehicle.send(LogRequestList(self._vehicle.system, AUTOPILOT))
             while (entry := await heard.next(_LIST_SILENCE)) is not None:
                 if entry.num_logs == 0:
                     return {}
                 if entry.size:
-                    found[entry.id] = Log(entry.id, entry.size, entry.time_utc)
+                    found[entry.id] = OnboardLog(entry.id, entry.size, entry.time_utc)
                 if len(found) >= min(entry.num_logs, _MOST_LOGS):
                     return found
             require_connection(self._vehicle)
@@ -89,7 +89,7 @@ class _Reading:
         self._parts: dict[int, bytes] = {}  # what came, by its offset
         self._data = bytearray()
 
-    async def through(self, heard: Heard[LogData]) -> bytes:
+    async def through(self, heard: ReceivedMessages[LogData]) -> bytes:
         """Ask for what is missing until it is whole; raises TimedOut, and NotReady when it goes away."""
         fruitless = 0
         while fruitless < _ROUNDS:

@@ -11,7 +11,7 @@ from typing import ClassVar
 import msgspec
 
 
-class Message(msgspec.Struct, frozen=True):
+class MavlinkMessage(msgspec.Struct, frozen=True):
     """A MAVLink message; ``message_id`` is its number on the wire.
 
     ``packing`` is how its fields are packed (``struct``), where that is not what the dialect says.
@@ -21,7 +21,7 @@ class Message(msgspec.Struct, frozen=True):
     packing: ClassVar[str] = ""
 
 
-class Heartbeat(Message, frozen=True):
+class Heartbeat(MavlinkMessage, frozen=True):
     """HEARTBEAT: who is there, in which mode, armed or not."""
 
     message_id: ClassVar[int] = 0
@@ -33,7 +33,7 @@ class Heartbeat(Message, frozen=True):
     mavlink_version: int = 3
 
 
-class SysStatus(Message, frozen=True):
+class SysStatus(MavlinkMessage, frozen=True):
     """SYS_STATUS: sensor bits and the battery as the autopilot sums it up."""
 
     message_id: ClassVar[int] = 1
@@ -44,14 +44,14 @@ class SysStatus(Message, frozen=True):
     onboard_control_sensors_present: int = 0
 
 
-class SystemTime(Message, frozen=True):
+class SystemTime(MavlinkMessage, frozen=True):
     """SYSTEM_TIME: here only for the time since boot."""
 
     message_id: ClassVar[int] = 2
     time_boot_ms: int
 
 
-class GpsRawInt(Message, frozen=True):
+class GpsRawInt(MavlinkMessage, frozen=True):
     """GPS_RAW_INT: the satellite receiver's own fix."""
 
     message_id: ClassVar[int] = 24
@@ -64,7 +64,7 @@ class GpsRawInt(Message, frozen=True):
     v_acc: int  # mm, 0 unknown
 
 
-class Attitude(Message, frozen=True):
+class Attitude(MavlinkMessage, frozen=True):
     """ATTITUDE: FRD in NED, radians and rad/s."""
 
     message_id: ClassVar[int] = 30
@@ -74,7 +74,7 @@ class Attitude(Message, frozen=True):
     yaw: float
 
 
-class GlobalPositionInt(Message, frozen=True):
+class GlobalPositionInt(MavlinkMessage, frozen=True):
     """GLOBAL_POSITION_INT: where the estimator thinks the vehicle is."""
 
     message_id: ClassVar[int] = 33
@@ -89,7 +89,7 @@ class GlobalPositionInt(Message, frozen=True):
     hdg: int  # 0.01 degrees, 65535 unknown
 
 
-class MissionCurrent(Message, frozen=True):
+class MissionCurrent(MavlinkMessage, frozen=True):
     """MISSION_CURRENT: which item of the stored mission is active; total 65535 unknown."""
 
     message_id: ClassVar[int] = 42
@@ -97,14 +97,14 @@ class MissionCurrent(Message, frozen=True):
     total: int
 
 
-class MissionItemReached(Message, frozen=True):
+class MissionItemReached(MavlinkMessage, frozen=True):
     """MISSION_ITEM_REACHED: an item of the stored mission was reached."""
 
     message_id: ClassVar[int] = 46
     seq: int
 
 
-class RequestDataStream(Message, frozen=True):
+class RequestDataStream(MavlinkMessage, frozen=True):
     """REQUEST_DATA_STREAM: the old way to ask for rates, which only ArduPilot still obeys."""
 
     message_id: ClassVar[int] = 66
@@ -115,7 +115,7 @@ class RequestDataStream(Message, frozen=True):
     start_stop: int = 1
 
 
-class CommandInt(Message, frozen=True):
+class CommandInt(MavlinkMessage, frozen=True):
     """COMMAND_INT: a command with a place; x and y in degrees times 1e7."""
 
     message_id: ClassVar[int] = 75
@@ -132,7 +132,7 @@ class CommandInt(Message, frozen=True):
     z: float = 0.0
 
 
-class CommandLong(Message, frozen=True):
+class CommandLong(MavlinkMessage, frozen=True):
     """COMMAND_LONG: a command with seven numbers."""
 
     message_id: ClassVar[int] = 76
@@ -149,7 +149,7 @@ class CommandLong(Message, frozen=True):
     param7: float = 0.0
 
 
-class CommandAck(Message, frozen=True):
+class CommandAck(MavlinkMessage, frozen=True):
     """COMMAND_ACK: what the vehicle makes of a command; targets are 0 where it does not say."""
 
     message_id: ClassVar[int] = 77
@@ -161,7 +161,7 @@ class CommandAck(Message, frozen=True):
     target_component: int = 0
 
 
-class SetPositionTargetLocalNed(Message, frozen=True):
+class SetPositionTargetLocalNed(MavlinkMessage, frozen=True):
     """SET_POSITION_TARGET_LOCAL_NED: the setpoint that is streamed; m/s and rad/s in NED."""
 
     message_id: ClassVar[int] = 84
@@ -176,7 +176,7 @@ class SetPositionTargetLocalNed(Message, frozen=True):
     time_boot_ms: int = 0
 
 
-class SetPositionTargetGlobalInt(Message, frozen=True):
+class SetPositionTargetGlobalInt(MavlinkMessage, frozen=True):
     """SET_POSITION_TARGET_GLOBAL_INT: a place to fly to; degrees times 1e7, m, yaw in radians from north."""
 
     message_id: ClassVar[int] = 86
@@ -190,7 +190,7 @@ class SetPositionTargetGlobalInt(Message, frozen=True):
     yaw: float
 
 
-class PositionTargetGlobalInt(Message, frozen=True):
+class PositionTargetGlobalInt(MavlinkMessage, frozen=True):
     """POSITION_TARGET_GLOBAL_INT: the place that the autopilot flies to; degrees times 1e7, m AMSL."""
 
     message_id: ClassVar[int] = 87
@@ -199,7 +199,7 @@ class PositionTargetGlobalInt(Message, frozen=True):
     alt: float
 
 
-class BatteryStatus(Message, frozen=True):
+class BatteryStatus(MavlinkMessage, frozen=True):
     """BATTERY_STATUS: one battery; voltages in mV a cell, 65535 unknown.
 
     The last two are extensions, 0 where they are not told: seconds that are left, MAV_BATTERY_CHARGE_STATE.
@@ -214,14 +214,14 @@ class BatteryStatus(Message, frozen=True):
     charge_state: int = 0
 
 
-class EkfStatusReport(Message, frozen=True):
+class EkfStatusReport(MavlinkMessage, frozen=True):
     """EKF_STATUS_REPORT: ArduPilot's estimator flags."""
 
     message_id: ClassVar[int] = 193
     flags: int
 
 
-class EstimatorStatus(Message, frozen=True):
+class EstimatorStatus(MavlinkMessage, frozen=True):
     """ESTIMATOR_STATUS: PX4's estimator flags; the lower ten bits mean what ArduPilot's mean."""
 
     message_id: ClassVar[int] = 230
@@ -229,7 +229,7 @@ class EstimatorStatus(Message, frozen=True):
     flags: int
 
 
-class HomePosition(Message, frozen=True):
+class HomePosition(MavlinkMessage, frozen=True):
     """HOME_POSITION: where the vehicle returns to; mm AMSL."""
 
     message_id: ClassVar[int] = 242
@@ -238,7 +238,7 @@ class HomePosition(Message, frozen=True):
     altitude: int
 
 
-class ExtendedSysState(Message, frozen=True):
+class ExtendedSysState(MavlinkMessage, frozen=True):
     """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing; of a VTOL whether it hovers."""
 
     message_id: ClassVar[int] = 245
@@ -246,7 +246,7 @@ class ExtendedSysState(Message, frozen=True):
     vtol_state: int = 0
 
 
-class StatusText(Message, frozen=True):
+class StatusTextMessage(MavlinkMessage, frozen=True):
     """STATUSTEXT: the autopilot's words, or a piece of them when ``id`` is not 0."""
 
     message_id: ClassVar[int] = 253
@@ -256,7 +256,7 @@ class StatusText(Message, frozen=True):
     chunk_seq: int = 0
 
 
-INCOMING: tuple[type[Message], ...] = (
+INCOMING: tuple[type[MavlinkMessage], ...] = (
     Attitude,
     BatteryStatus,
     CommandAck,
@@ -270,11 +270,11 @@ INCOMING: tuple[type[Message], ...] = (
     MissionCurrent,
     MissionItemReached,
     PositionTargetGlobalInt,
-    StatusText,
+    StatusTextMessage,
     SysStatus,
     SystemTime,
 )
-OUTGOING: tuple[type[Message], ...] = (
+OUTGOING: tuple[type[MavlinkMessage], ...] = (
     CommandInt,
     CommandLong,
     Heartbeat,

@@ -11,14 +11,14 @@ from fleet import FlyMission, GeoOrigin, GeoPoint, Limits, Progress, Refused
 from fleet.errors import CommandError
 from fleet.model.geodesy import world_from_geo
 from fleet.model.navigation import PlanItem
+from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flight import Flight
 from fleet_mavlink.messages import CommandLong, MissionCurrent, MissionItemReached
 from fleet_mavlink.mission_messages import MissionItemInt
-from fleet_mavlink.plans import Kind, Plans
-from fleet_mavlink.require import home_unknown, require_control
+from fleet_mavlink.plans import Plans, PlanType
+from fleet_mavlink.preconditions import home_unknown, require_control
 from fleet_mavlink.takeoff import TakeOff
-from fleet_mavlink.words import Cmd, Frame
 
 _LOOK = 0.5  # s
 _LOWEST_TAKEOFF = 2.5  # m
@@ -42,14 +42,14 @@ _Told = MissionCurrent | MissionItemReached
 _TOLD: tuple[type[_Told], ...] = (MissionCurrent, MissionItemReached)
 
 
-class Plan(msgspec.Struct, frozen=True):
+class MissionPlan(msgspec.Struct, frozen=True):
     """The items of a mission for one autopilot; ``steps`` has for each the mission's item it belongs to."""
 
     items: tuple[MissionItemInt, ...]
     steps: tuple[int, ...]
 
 
-def plan_of(mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: float) -> Plan:
+def plan_of(mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: float) -> MissionPlan:
     """Return the items of a mission; ``home`` with its altitude AMSL, ``fastest`` in m/s."""
     items: list[MissionItemInt] = []
     steps: list[int] = []
@@ -64,7 +64,7 @@ def plan_of(mission: FlyMission, flavour: Flavour, home: GeoPoint, fastest: floa
             steps.append(step)
         items.append(_item(item, flavour, above_sea=mission.above_sea))
         steps.append(step)
-    return Plan(tuple(items), tuple(steps))
+    return MissionPlan(tuple(items), tuple(steps))
 
 
 def _speed(speed: float) -> MissionItemInt:
@@ -113,7 +113,7 @@ def is_same(sent: Sequence[MissionItemInt], kept: Sequence[MissionItemInt], *, s
     )
 
 
-class Missions:
+class MissionPilot:
     """Flies missions with one vehicle."""
 
     def __init__(self, flight: Flight, takeoff: TakeOff, plans: Plans, limits: Limits) -> None:
@@ -151,20 +151,20 @@ class Missions:
 
     async def clear(self) -> None:
         """Make the autopilot forget its mission; raises Refused while ArduPilot flies it."""
-        await self._plans.clear(Kind.MISSION)
+        await self._plans.clear(PlanType.MISSION)
 
-    async def _load(self, plan: Plan, flavour: Flavour, *, resumed: bool) -> None:
+    async def _load(self, plan: MissionPlan, flavour: Flavour, *, resumed: bool) -> None:
         """Bring a mission into the vehicle's memory and read it back; a resumed one must be there."""
         if not resumed:
-            await self._plans.upload(Kind.MISSION, plan.items)
-        kept = await self._plans.download(Kind.MISSION)
+            await self._plans.upload(PlanType.MISSION, plan.items)
+        kept = await self._plans.download(PlanType.MISSION)
         if not is_same(plan.items, kept, skip=int(flavour.home_is_first)):
             what = (
                 "the mission was replaced meanwhile" if resumed else "it keeps another mission than was sent"
             )
             raise Refused(what, hint="start the mission anew")
 
-    async def _watch(self, mission: FlyMission, plan: Plan) -> AsyncIterator[Progress]:
+    async def _watch(self, mission: FlyMission, plan: MissionPlan) -> AsyncIterator[Progress]:
         """Start, or go on, and follow the items to the end.
 
         Only what is told from the start on counts: both autopilots still tell of the last mission before.
@@ -248,7 +248,7 @@ class _Progress:
     ``before`` is the item of another mission that is still told to be reached, for a while.
     """
 
-    def __init__(self, plan: Plan, count: int, before: int | None) -> None:
+    def __init__(self, plan: MissionPlan, count: int, before: int | None) -> None:
         self._before = before
         self._plan = plan
         self._count = count

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 
 
-class MissionRequest(Message, frozen=True):
+class MissionRequest(MavlinkMessage, frozen=True):
     """MISSION_REQUEST: the vehicle, or we, want one item; ArduPilot still asks in this way."""
 
     message_id: ClassVar[int] = 40
@@ -17,7 +17,7 @@ class MissionRequest(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionRequestList(Message, frozen=True):
+class MissionRequestList(MavlinkMessage, frozen=True):
     """MISSION_REQUEST_LIST: asks how many items there are."""
 
     message_id: ClassVar[int] = 43
@@ -26,7 +26,7 @@ class MissionRequestList(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionCount(Message, frozen=True):
+class MissionCount(MavlinkMessage, frozen=True):
     """MISSION_COUNT: so many items follow, or are there."""
 
     message_id: ClassVar[int] = 44
@@ -36,7 +36,7 @@ class MissionCount(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionClearAll(Message, frozen=True):
+class MissionClearAll(MavlinkMessage, frozen=True):
     """MISSION_CLEAR_ALL: forget a plan."""
 
     message_id: ClassVar[int] = 45
@@ -45,7 +45,7 @@ class MissionClearAll(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionAck(Message, frozen=True):
+class MissionAck(MavlinkMessage, frozen=True):
     """MISSION_ACK: how a transfer ended (MAV_MISSION_RESULT); targets as in COMMAND_ACK."""
 
     message_id: ClassVar[int] = 47
@@ -55,7 +55,7 @@ class MissionAck(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionRequestInt(Message, frozen=True):
+class MissionRequestInt(MavlinkMessage, frozen=True):
     """MISSION_REQUEST_INT: one item, with its place in degrees times 1e7."""
 
     message_id: ClassVar[int] = 51
@@ -65,7 +65,7 @@ class MissionRequestInt(Message, frozen=True):
     mission_type: int = 0
 
 
-class MissionItemInt(Message, frozen=True):
+class MissionItemInt(MavlinkMessage, frozen=True):
     """MISSION_ITEM_INT: one item; x and y in degrees times 1e7, z in metres."""
 
     message_id: ClassVar[int] = 73
@@ -86,14 +86,14 @@ class MissionItemInt(Message, frozen=True):
     mission_type: int = 0
 
 
-INCOMING: tuple[type[Message], ...] = (
+INCOMING: tuple[type[MavlinkMessage], ...] = (
     MissionAck,
     MissionCount,
     MissionItemInt,
     MissionRequest,
     MissionRequestInt,
 )
-OUTGOING: tuple[type[Message], ...] = (
+OUTGOING: tuple[type[MavlinkMessage], ...] = (
     MissionAck,
     MissionClearAll,
     MissionCount,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from fleet.model.report import JointReport
-from fleet_mavlink.carried import Carried
+from fleet_mavlink.onboard_sensors import OnboardSensors
 
 _FRESH = 3.0  # s for which a speed is told
 
@@ -19,14 +19,14 @@ class Motors:
         self._angles = [0.0] * len(self._names)
         self._at: float | None = None
 
-    def report(self, carried: Carried, now: float, stamp: float) -> JointReport | None:
+    def report(self, sensors: OnboardSensors, now: float, stamp: float) -> JointReport | None:
         """Return the joints at monotonic ``now``, None while nobody says how they turn, or without names."""
-        if not self._names or now - carried.motors_at > _FRESH:
+        if not self._names or now - sensors.motors_at > _FRESH:
             self._at = None
             return None
         since = 0.0 if self._at is None else now - self._at
         self._at = now
-        speeds = carried.motors[: len(self._names)]
+        speeds = sensors.motors[: len(self._names)]
         for place, speed in enumerate(speeds):
             self._angles[place] = (self._angles[place] + speed * since) % math.tau
         named = self._names[: len(speeds)]

@@ -28,7 +28,7 @@ from fleet.model.geometry import heading_from_enu_yaw, rotate_to_world, wrap_ang
 from fleet.model.navigation import Constraints
 from fleet_mavlink.flight import FARTHEST, Flight, is_standing
 from fleet_mavlink.frames import pose_of
-from fleet_mavlink.require import known_heading, known_position, require_flying
+from fleet_mavlink.preconditions import known_heading, known_position, require_flying
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.takeoff import TakeOff
 
@@ -44,7 +44,7 @@ _SLOWEST = 0.2  # m/s
 Way = GoTo | FollowPath | RelativeMove
 
 
-class Target(msgspec.Struct, frozen=True):
+class NavigationTarget(msgspec.Struct, frozen=True):
     """One goal made concrete: altitude AMSL, ``heading`` radians from north (None: kept), ``wait`` s."""
 
     point: GeoPoint
@@ -52,7 +52,7 @@ class Target(msgspec.Struct, frozen=True):
     wait: float
 
 
-def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Target, ...]:
+def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[NavigationTarget, ...]:
     """Return the places of a task, in order; raises Refused for what cannot be flown as it stands."""
     if isinstance(task, GoTo):
         return (_target(task.goal, origin),)
@@ -63,7 +63,7 @@ def targets_of(task: Way, state: VehicleState, origin: GeoOrigin) -> tuple[Targe
     return (_target(Goal(position=_moved(task, state, origin)), origin),)
 
 
-def _target(goal: Goal, origin: GeoOrigin) -> Target:
+def _target(goal: Goal, origin: GeoOrigin) -> NavigationTarget:
     """Return the place of a goal on Earth; one so far off that it would be round the Earth is refused."""
     if goal.position is not None and goal.position.horizontal() > FARTHEST:
         raise Refused(
@@ -76,7 +76,7 @@ def _target(goal: Goal, origin: GeoOrigin) -> Target:
     heading = None
     if goal.yaw is not None:
         heading = (heading_from_enu_yaw(goal.yaw) + math.radians(origin.heading)) % math.tau
-    return Target(point, heading, max(0.0, goal.wait))
+    return NavigationTarget(point, heading, max(0.0, goal.wait))
 
 
 def _moved(move: RelativeMove, state: VehicleState, origin: GeoOrigin) -> Vector3:
@@ -97,7 +97,7 @@ def _distance(one: GeoPoint, other: GeoPoint) -> float:
 class _Course:
     """How far a task is: metres left of it all, and whether it gets on."""
 
-    def __init__(self, start: GeoPoint, targets: tuple[Target, ...]) -> None:
+    def __init__(self, start: GeoPoint, targets: tuple[NavigationTarget, ...]) -> None:
         points = [start, *(target.point for target in targets)]
         self._legs = [_distance(*pair) for pair in itertools.pairwise(points)]
         self._length = max(sum(self._legs), 0.01)
@@ -126,7 +126,7 @@ class _Watch:
         return now - self._since
 
 
-class Navigator:
+class AutopilotNavigator:
     """Carries out tasks with one vehicle."""
 
     def __init__(self, flight: Flight, takeoff: TakeOff, limits: Limits) -> None:
@@ -148,11 +148,11 @@ class Navigator:
         """Fly to one place (altitude AMSL), keeping the heading; raises as ``carry_out`` does."""
         require_flying(self._vehicle, self._flight.authority)
         here = known_position(self._vehicle)
-        async for progress in self._fly_all((Target(point, None, 0.0),), here, Constraints()):
+        async for progress in self._fly_all((NavigationTarget(point, None, 0.0),), here, Constraints()):
             yield progress
 
     async def _fly_all(
-        self, targets: tuple[Target, ...], here: GeoPoint, constraints: Constraints
+        self, targets: tuple[NavigationTarget, ...], here: GeoPoint, constraints: Constraints
     ) -> AsyncIterator[Progress]:
         """Check every target, then fly to each in turn; holds after a failure."""
         for target in targets:
@@ -176,7 +176,7 @@ class Navigator:
         if self._takeoff.under_way or shown:
             raise NotReady("busy: it takes off", hint="wait for its end, or send hover")
 
-    def _require_reachable(self, target: Target) -> None:
+    def _require_reachable(self, target: NavigationTarget) -> None:
         """Raise Refused for a target beyond the limits."""
         self._flight.require_altitude(target.point.altitude)
         self._flight.require_distance(target.point)
@@ -187,7 +187,7 @@ class Navigator:
         return max(_SLOWEST, min(limit, constraints.max_speed or limit))
 
     async def _fly(
-        self, target: Target, nose: float, leg: int, course: _Course, constraints: Constraints
+        self, target: NavigationTarget, nose: float, leg: int, course: _Course, constraints: Constraints
     ) -> AsyncIterator[Progress]:
         """Fly to one target with the nose at ``nose``, radians from north, and wait there."""
         flight = self._flight
@@ -203,7 +203,9 @@ class Navigator:
         yield course.progress(leg, 0.0, "there")
         await flight.wait(target.wait, goto)
 
-    async def _until(self, target: Target, tolerance: float, *, turned: bool) -> AsyncIterator[bool]:
+    async def _until(
+        self, target: NavigationTarget, tolerance: float, *, turned: bool
+    ) -> AsyncIterator[bool]:
         """Wait until the vehicle stands at a target, or is turned to it; yields whether it is stuck."""
 
         def there(state: VehicleState) -> bool:
@@ -220,13 +222,13 @@ class Navigator:
                 raise TimedOut(f"it has not got nearer for {_GIVE_UP_AFTER:g} s, {left:.1f} m are left")
             yield stuck > _STUCK_AFTER
 
-    def _left(self, target: Target) -> float:
+    def _left(self, target: NavigationTarget) -> float:
         """Return metres to a target, infinite while the position is unknown."""
         position = self._vehicle.state.position
         return math.inf if position is None else _distance(position, target.point)
 
 
-def _turn_left(target: Target, state: VehicleState) -> float:
+def _turn_left(target: NavigationTarget, state: VehicleState) -> float:
     """Return radians from the wanted heading, infinite while the attitude is unknown."""
     if state.attitude is None or target.heading is None:
         return math.inf

@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 
 from fleet import Refused, TimedOut
+from fleet_mavlink.constants import AUTOPILOT
 from fleet_mavlink.flavour import Flavour
-from fleet_mavlink.heard import Heard
-from fleet_mavlink.require import require_connection, require_heartbeat
+from fleet_mavlink.preconditions import require_connection, require_heartbeat
+from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.transfer_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamValue
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT
 
 REAL32 = 9  # MAV_PARAM_TYPE
 _INTEGERS: Mapping[int, str] = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
@@ -63,12 +63,12 @@ def encode(name: str, value: Number, kind: int, *, bytewise: bool) -> int:
         raise Refused(f"{name} is {what}, {value:g} is not")
     try:
         exact = struct.pack(packing, int(value)) if packing is not None else struct.pack("<f", value)
-        carried = exact if bytewise else struct.pack("<f", value)
+        sensors = exact if bytewise else struct.pack("<f", value)
     except (struct.error, OverflowError):
         raise Refused(f"{value:g} is beyond the range of {name}") from None
-    if packing is not None and not bytewise and struct.unpack("<f", carried)[0] != value:
+    if packing is not None and not bytewise and struct.unpack("<f", sensors)[0] != value:
         raise Refused(f"{value:g} for {name} cannot be sent exactly: the wire carries 24 bits")
-    return int.from_bytes(carried, "little")
+    return int.from_bytes(sensors, "little")
 
 
 def same(one: Number, other: Number) -> bool:
@@ -139,7 +139,7 @@ class Parameters:
             f"system {self._vehicle.system} has no parameter {name}", hint="or it did not answer; try again"
         )
 
-    async def _list(self, heard: Heard[ParamValue]) -> dict[int, Parameter]:
+    async def _list(self, heard: ReceivedMessages[ParamValue]) -> dict[int, Parameter]:
         """Ask for all, then for each that did not come; return them by their index."""
         bytewise = self._bytewise
         self._vehicle.send(ParamRequestList(self._vehicle.system, AUTOPILOT))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from fleet import Range, Refused, command
-from fleet_mavlink.base import SessionAdapter
-from fleet_mavlink.gimbal import Turn
+from fleet_mavlink.gimbal import GimbalTurn
+from fleet_mavlink.session_adapter import SessionAdapter
 
 _TENTH = 0.1  # degrees a second: the unit of a speed in ``pitch``, ``yaw`` and ``roll``
 _RATE = 30.0  # degrees a second
@@ -34,12 +34,12 @@ class PayloadCommands(SessionAdapter):
             raise Refused("a gimbal manager takes no roll", hint="give pitch and yaw")
         if pitch is None and yaw is None:
             raise Refused("give pitch, yaw, or both")
-        await self._open().gimbal.turn(Turn(pitch, yaw, mode == "relative", duration))
+        await self._open().gimbal.turn(GimbalTurn(pitch, yaw, mode == "relative", duration))
 
     @command("set_gimbal_pitch", timeout=20.0, moves=False)
     async def set_gimbal_pitch(self, *, pitch: _Angle) -> None:
         """Turn the gimbal's pitch to an angle (degrees, down is negative)."""
-        await self._open().gimbal.turn(Turn(pitch, None))
+        await self._open().gimbal.turn(GimbalTurn(pitch, None))
 
     @command("gimbal_rotate_speed", moves=False)
     async def gimbal_rotate_speed(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 
 
-class RawImu(Message, frozen=True):
+class RawImu(MavlinkMessage, frozen=True):
     """RAW_IMU as ArduPilot fills it: FRD, thousandths of g and thousandths of rad/s."""
 
     message_id: ClassVar[int] = 27
@@ -19,7 +19,7 @@ class RawImu(Message, frozen=True):
     zgyro: int
 
 
-class HighresImu(Message, frozen=True):
+class HighresImu(MavlinkMessage, frozen=True):
     """HIGHRES_IMU: FRD, m/s2 and rad/s; ``fields_updated`` has a bit for each of them."""
 
     message_id: ClassVar[int] = 105
@@ -32,7 +32,7 @@ class HighresImu(Message, frozen=True):
     fields_updated: int
 
 
-class MagCalProgress(Message, frozen=True):
+class MagCalProgress(MavlinkMessage, frozen=True):
     """MAG_CAL_PROGRESS: how far the calibration of one compass is, percent."""
 
     message_id: ClassVar[int] = 191
@@ -41,7 +41,7 @@ class MagCalProgress(Message, frozen=True):
     completion_pct: int
 
 
-class MagCalReport(Message, frozen=True):
+class MagCalReport(MavlinkMessage, frozen=True):
     """MAG_CAL_REPORT: how the calibration of one compass ended (``MagCal``)."""
 
     message_id: ClassVar[int] = 192
@@ -52,7 +52,7 @@ class MagCalReport(Message, frozen=True):
     fitness: float
 
 
-class SetupSigning(Message, frozen=True):
+class SetupSigning(MavlinkMessage, frozen=True):
     """SETUP_SIGNING: the key to sign with from now on; never answered."""
 
     message_id: ClassVar[int] = 256
@@ -62,7 +62,7 @@ class SetupSigning(Message, frozen=True):
     initial_timestamp: int  # 10 us since 2015
 
 
-class CameraImageCaptured(Message, frozen=True):
+class CameraImageCaptured(MavlinkMessage, frozen=True):
     """CAMERA_IMAGE_CAPTURED: a picture was taken (``capture_result`` 1) or not."""
 
     message_id: ClassVar[int] = 263
@@ -71,7 +71,7 @@ class CameraImageCaptured(Message, frozen=True):
     file_url: str
 
 
-class GimbalManagerInformation(Message, frozen=True):
+class GimbalManagerInformation(MavlinkMessage, frozen=True):
     """GIMBAL_MANAGER_INFORMATION: there is a gimbal, and how far it turns, radians."""
 
     message_id: ClassVar[int] = 280
@@ -82,7 +82,7 @@ class GimbalManagerInformation(Message, frozen=True):
     yaw_max: float
 
 
-class GimbalDeviceAttitudeStatus(Message, frozen=True):
+class GimbalDeviceAttitudeStatus(MavlinkMessage, frozen=True):
     """GIMBAL_DEVICE_ATTITUDE_STATUS: how the gimbal is turned; w x y z, FRD."""
 
     message_id: ClassVar[int] = 285
@@ -90,14 +90,14 @@ class GimbalDeviceAttitudeStatus(Message, frozen=True):
     q: tuple[float, ...]
 
 
-class EscTelemetry1To4(Message, frozen=True):
+class EscTelemetry1To4(MavlinkMessage, frozen=True):
     """ESC_TELEMETRY_1_TO_4 (ArduPilot): the turns a minute of four motors."""
 
     message_id: ClassVar[int] = 11030
     rpm: tuple[int, ...]
 
 
-INCOMING: tuple[type[Message], ...] = (
+INCOMING: tuple[type[MavlinkMessage], ...] = (
     CameraImageCaptured,
     EscTelemetry1To4,
     GimbalDeviceAttitudeStatus,
@@ -107,4 +107,4 @@ INCOMING: tuple[type[Message], ...] = (
     MagCalReport,
     RawImu,
 )
-OUTGOING: tuple[type[Message], ...] = (SetupSigning,)
+OUTGOING: tuple[type[MavlinkMessage], ...] = (SetupSigning,)

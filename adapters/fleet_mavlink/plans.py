@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from fleet import Refused, TimedOut
-from fleet_mavlink.heard import Heard
-from fleet_mavlink.messages import Message
+from fleet_mavlink.constants import AUTOPILOT
+from fleet_mavlink.messages import MavlinkMessage
 from fleet_mavlink.mission_messages import (
     MissionAck,
     MissionClearAll,
@@ -26,9 +26,9 @@ from fleet_mavlink.mission_messages import (
     MissionRequestInt,
     MissionRequestList,
 )
-from fleet_mavlink.require import require_connection
+from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.received_messages import ReceivedMessages
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT
 
 _SILENCE = 1.5  # s without a word after which we say ours again
 _TRIES = 5
@@ -65,7 +65,7 @@ _KINDS: tuple[type[_Said], ...] = (
 _TOLD = (MissionCount, MissionItemInt)  # what a vehicle says that is asked for its plan
 
 
-class Kind(enum.IntEnum):
+class PlanType(enum.IntEnum):
     """MAV_MISSION_TYPE."""
 
     MISSION = 0
@@ -79,7 +79,7 @@ class Plans:
         self._vehicle = vehicle
         self._lock = asyncio.Lock()
 
-    async def upload(self, kind: Kind, items: Sequence[MissionItemInt]) -> None:
+    async def upload(self, kind: PlanType, items: Sequence[MissionItemInt]) -> None:
         """Replace a plan by these items; they are numbered and addressed here.
 
         What counts is what ``download`` finds afterwards: the vehicle's last word may have been lost.
@@ -97,7 +97,7 @@ class Plans:
                 hint=f"{sent} of {len(items)} items were sent; is the link good?",
             )
 
-    async def download(self, kind: Kind) -> tuple[MissionItemInt, ...]:
+    async def download(self, kind: PlanType) -> tuple[MissionItemInt, ...]:
         """Return the items of a plan as the vehicle has them."""
         async with self._lock:
             require_connection(self._vehicle)
@@ -107,7 +107,7 @@ class Plans:
             self._send(MissionAck(0, 0, _ACCEPTED, kind))
             return items
 
-    async def clear(self, kind: Kind) -> None:
+    async def clear(self, kind: PlanType) -> None:
         """Forget a plan."""
         async with self._lock:
             require_connection(self._vehicle)
@@ -118,7 +118,9 @@ class Plans:
                 )
         _require_accepted(ack, f"to forget its {kind.name.lower()}")
 
-    async def _send_all(self, kind: Kind, items: Sequence[MissionItemInt], heard: Heard[_Said]) -> int:
+    async def _send_all(
+        self, kind: PlanType, items: Sequence[MissionItemInt], heard: ReceivedMessages[_Said]
+    ) -> int:
         """Announce the items and answer what is asked until the vehicle says that it has them.
 
         Returns how many were asked for: fewer than there are when it gave up on the way.
@@ -144,7 +146,7 @@ class Plans:
         return len(asked)
 
     def _answer_request(
-        self, kind: Kind, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]
+        self, kind: PlanType, items: Sequence[MissionItemInt], seq: int, asked: dict[int, int]
     ) -> None:
         """Send the item that was asked for; raises Refused for one that is not there."""
         if not 0 <= seq < len(items):
@@ -155,7 +157,7 @@ class Plans:
         self._send(msgspec.structs.replace(items[seq], seq=seq, mission_type=kind))
 
     async def _newest(
-        self, kind: Kind, heard: Heard[_Said]
+        self, kind: PlanType, heard: ReceivedMessages[_Said]
     ) -> MissionRequest | MissionRequestInt | MissionAck | None:
         """Return the newest request, or the end, of what has arrived; None when nothing comes."""
 
@@ -171,7 +173,7 @@ class Plans:
             newest = later
         return None if isinstance(newest, _TOLD) else newest
 
-    async def _count(self, kind: Kind, heard: Heard[_Said]) -> int:
+    async def _count(self, kind: PlanType, heard: ReceivedMessages[_Said]) -> int:
         """Return how many items there are; an upload that was broken off makes ArduPilot deny it at first."""
         for _ in range(_TRIES):
             said = await self._answer(
@@ -186,7 +188,7 @@ class Plans:
             await asyncio.sleep(_SILENCE)
         raise Refused(f"system {self._vehicle.system} does not tell its {kind.name.lower()}")
 
-    async def _item(self, kind: Kind, seq: int, heard: Heard[_Said]) -> MissionItemInt:
+    async def _item(self, kind: PlanType, seq: int, heard: ReceivedMessages[_Said]) -> MissionItemInt:
         """Return one item."""
         said = await self._answer(
             MissionRequestInt(0, 0, seq, kind),
@@ -200,7 +202,9 @@ class Plans:
             raise Refused(f"system {self._vehicle.system} does not tell item {seq}: {_name(said)}")
         return said
 
-    async def _answer(self, ask: Message, heard: Heard[_Said], wanted: Callable[[_Said], bool]) -> _Said:
+    async def _answer(
+        self, ask: MavlinkMessage, heard: ReceivedMessages[_Said], wanted: Callable[[_Said], bool]
+    ) -> _Said:
         """Ask until the answer comes; raises TimedOut."""
         for _ in range(_TRIES):
             self._send(ask)
@@ -209,7 +213,7 @@ class Plans:
                 return said
         raise TimedOut(f"system {self._vehicle.system} did not answer {type(ask).__name__}")
 
-    def _send(self, message: Message) -> None:
+    def _send(self, message: MavlinkMessage) -> None:
         """Write a message, addressed."""
         self._vehicle.send(
             msgspec.structs.replace(message, target_system=self._vehicle.system, target_component=AUTOPILOT)

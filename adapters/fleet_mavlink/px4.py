@@ -8,11 +8,11 @@ from typing import ClassVar
 
 from fleet import Refused
 from fleet.model.geodesy import GeoPoint
+from fleet_mavlink.constants import NAN, Cmd, Frame
 from fleet_mavlink.flavour import CalibrationStep, Flavour
-from fleet_mavlink.messages import CommandInt, CommandLong, Message
+from fleet_mavlink.messages import CommandInt, CommandLong, MavlinkMessage
 from fleet_mavlink.px4_kinds import Px4Kind
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import NAN, Cmd, Frame
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _CAL = "[cal] "  # with which it begins what it says of a calibration
@@ -74,7 +74,7 @@ class Px4(Px4Kind, Flavour):
         """Return nothing."""
         return None
 
-    def calibration_step(self, said: Message | Sentence) -> CalibrationStep | None:
+    def calibration_step(self, said: MavlinkMessage | Sentence) -> CalibrationStep | None:
         """Read its words, which begin with ``[cal]``."""
         if not isinstance(said, Sentence) or not said.text.startswith(_CAL):
             return None

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.constants import CUSTOM_MODE, NAN, VTOL_HOVERS, Cmd
 from fleet_mavlink.messages import CommandLong, EstimatorStatus
 from fleet_mavlink.payload_messages import HighresImu
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import CUSTOM_MODE, NAN, VTOL_HOVERS, Cmd
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 _CHANGE_MODE = 1.0  # param2 of DO_REPOSITION
 _HOLD = "AUTO.LOITER"
 
 
-class Px4Kind(Kind):
+class Px4Kind(VehicleKind):
     """What all vehicles on PX4 have in common; by itself one that moves over ground or water."""
 
     name: ClassVar[str] = "px4"

@@ -19,11 +19,11 @@ from fleet.model.report import (
 )
 from fleet_mavlink import reports
 from fleet_mavlink.config import MavlinkConfig
-from fleet_mavlink.kind import Kind
 from fleet_mavlink.motors import Motors
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
 from fleet_mavlink.vehicle import Vehicle
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 _CHANGES = 0.2  # s between looks for what has changed
 _REFRESH = 5.0  # s after which the flight controller's state is told again
@@ -78,7 +78,7 @@ class Reporter:
         """Report a line that the autopilot said."""
         self._robot.report(reports.log_report(sentence, self._robot.clock.time()))
 
-    def _pose(self, state: VehicleState, _kind: Kind, stamp: float) -> PoseReport | None:
+    def _pose(self, state: VehicleState, _kind: VehicleKind, stamp: float) -> PoseReport | None:
         """Return the pose; a position that is no longer told is not told again as a new one."""
         if not state.knows_where(self._vehicle.now()):
             return None
@@ -88,19 +88,21 @@ class Reporter:
         """Return the fix, or that there is none."""
         return reports.gps_report(state, self._vehicle.now(), stamp)
 
-    def _metrics(self, state: VehicleState, kind: Kind, stamp: float) -> MetricsReport:
+    def _metrics(self, state: VehicleState, kind: VehicleKind, stamp: float) -> MetricsReport:
         """Return the numbers for people, with what went wrong on the way."""
         return reports.metrics_report(state, kind, stamp, self._counts())
 
-    def _imu(self, state: VehicleState, _kind: Kind, stamp: float) -> ImuReport | None:
+    def _imu(self, state: VehicleState, _kind: VehicleKind, stamp: float) -> ImuReport | None:
         """Return body rates and accelerations."""
         return reports.imu_report(state, self._vehicle.now(), stamp)
 
-    def _joints(self, state: VehicleState, _kind: Kind, stamp: float) -> JointReport | None:
+    def _joints(self, state: VehicleState, _kind: VehicleKind, stamp: float) -> JointReport | None:
         """Return the motors."""
-        return self._motors.report(state.carried, self._vehicle.now(), stamp)
+        return self._motors.report(state.sensors, self._vehicle.now(), stamp)
 
-    def _every(self, seconds: float, make: Callable[[VehicleState, Kind, float], Report | None]) -> None:
+    def _every(
+        self, seconds: float, make: Callable[[VehicleState, VehicleKind, float], Report | None]
+    ) -> None:
         """Report something from time to time, while it is known."""
 
         def tell() -> None:
@@ -122,7 +124,7 @@ class Reporter:
         if self._vehicle.connected:
             self._tell_state(kind)
 
-    def _tell_controller(self, kind: Kind) -> None:
+    def _tell_controller(self, kind: VehicleKind) -> None:
         """Report the flight controller's state; its loss too."""
         report = reports.flight_controller_report(
             self._vehicle.state,
@@ -138,7 +140,7 @@ class Reporter:
         self._controller, self._controller_at = report, now
         self._robot.report(report)
 
-    def _tell_state(self, kind: Kind) -> None:
+    def _tell_state(self, kind: VehicleKind) -> None:
         """Report the vehicle's state for the telemetry topic; its altitude alone is no news."""
         now = self._vehicle.now()
         report = reports.vehicle_state_report(self._vehicle.state, kind, now, self._robot.clock.time())

@@ -18,11 +18,11 @@ from fleet.model.report import (
     StatusText,
     TelemetryReport,
 )
+from fleet_mavlink.constants import type_name
 from fleet_mavlink.frames import flu_from_frd, pose_of
-from fleet_mavlink.kind import Kind
 from fleet_mavlink.state import VehicleState
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import type_name
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 NO_FIX = "none"  # the fix type of a receiver without a fix
 _IMU_FRESH = 1.0  # s
@@ -59,7 +59,7 @@ def battery_report(state: VehicleState, stamp: float) -> BatteryReport | None:
     return BatteryReport(stamp, battery.percent, battery.voltage, battery.current)
 
 
-def flight_state_report(state: VehicleState, kind: Kind, stamp: float) -> FlightStateReport | None:
+def flight_state_report(state: VehicleState, kind: VehicleKind, stamp: float) -> FlightStateReport | None:
     """Return whether it flies."""
     if state.in_air is None:
         return None
@@ -68,7 +68,7 @@ def flight_state_report(state: VehicleState, kind: Kind, stamp: float) -> Flight
 
 def flight_controller_report(
     state: VehicleState,
-    kind: Kind,
+    kind: VehicleKind,
     sentences: Iterable[Sentence],
     system: int,
     *,
@@ -103,14 +103,14 @@ def flight_controller_report(
 
 def imu_report(state: VehicleState, now: float, stamp: float) -> ImuReport | None:
     """Return body rates and acceleration, FLU, unless the newest are older than 1 s at monotonic ``now``."""
-    imu = state.carried.imu
-    if imu is None or now - state.carried.imu_at > _IMU_FRESH:
+    imu = state.sensors.imu
+    if imu is None or now - state.sensors.imu_at > _IMU_FRESH:
         return None
     return ImuReport(stamp, gyro=flu_from_frd(imu.gyro), accel=flu_from_frd(imu.accel))
 
 
 def metrics_report(
-    state: VehicleState, kind: Kind, stamp: float, counts: Mapping[str, int] | None = None
+    state: VehicleState, kind: VehicleKind, stamp: float, counts: Mapping[str, int] | None = None
 ) -> MetricsReport:
     """Return the numbers for people: only those that are known; ``counts`` of what went wrong by its name."""
     errors = tuple({"type": what, "count": count} for what, count in (counts or {}).items() if count)
@@ -132,7 +132,7 @@ def metrics_report(
     return MetricsReport(stamp, power=_known(power), navigation=_known(navigation), errors=errors)
 
 
-def vehicle_state_report(state: VehicleState, kind: Kind, now: float, stamp: float) -> TelemetryReport:
+def vehicle_state_report(state: VehicleState, kind: VehicleKind, now: float, stamp: float) -> TelemetryReport:
     """Return the ``vehicle_state`` telemetry at monotonic ``now``: only what is known."""
     fix = state.fix_now(now)
     fields = {

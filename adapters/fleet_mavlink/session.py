@@ -7,38 +7,38 @@ from collections.abc import Awaitable
 
 from fleet import GeoOrigin, Health, Level, Limits, LinkLost, Refused, Robot, Unsupported, Vector3
 from fleet.errors import CommandError
+from fleet_mavlink.authentication import FALSE, UNSIGNED
 from fleet_mavlink.authority import Authority
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.camera import Camera
-from fleet_mavlink.causes import FailsafeCause, position_troubles
 from fleet_mavlink.commander import Commander, Superseded, Timing
 from fleet_mavlink.compass import Compass
 from fleet_mavlink.config import MavlinkConfig, Timeouts
-from fleet_mavlink.driving import PERIOD, Driver
-from fleet_mavlink.event_keeper import EventKeeper
+from fleet_mavlink.constants import AUTOPILOT
+from fleet_mavlink.event_metadata import EventKeeper
+from fleet_mavlink.failsafe_causes import FailsafeCause, position_troubles
 from fleet_mavlink.failsafes import Failsafes
 from fleet_mavlink.fence import FenceKeeper
 from fleet_mavlink.flavour import Flavour, ned_setpoint
 from fleet_mavlink.flight import Flight, is_standing
 from fleet_mavlink.frames import origin_of
 from fleet_mavlink.gimbal import Gimbal
-from fleet_mavlink.hub import Hub
-from fleet_mavlink.logs import Logs
-from fleet_mavlink.messages import Message
-from fleet_mavlink.mission import Missions
-from fleet_mavlink.navigation import Navigator
+from fleet_mavlink.link_hub import LinkHub
+from fleet_mavlink.logs import LogReader
+from fleet_mavlink.messages import MavlinkMessage
+from fleet_mavlink.mission import MissionPilot
+from fleet_mavlink.navigation import AutopilotNavigator
 from fleet_mavlink.parameters import Parameters
 from fleet_mavlink.payload_messages import SetupSigning
 from fleet_mavlink.plans import Plans
+from fleet_mavlink.preconditions import require_connection, require_heartbeat
 from fleet_mavlink.reporter import Reporter
-from fleet_mavlink.require import require_connection, require_heartbeat
 from fleet_mavlink.state import SILENCE, VehicleState
 from fleet_mavlink.streams import Streams
 from fleet_mavlink.takeoff import TakeOff
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.trust import FALSE, UNSIGNED
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT
+from fleet_mavlink.velocity_stream import PERIOD, VelocityStream
 
 GENTLE = "stop"  # the reason of a plain stop, which ends a burst of velocities
 _STANDS_WITHIN = 3.0  # s
@@ -47,11 +47,11 @@ _SIGNS_WITHIN = 2.0  # s
 _LOOK = 0.25  # s between looks at the vehicle's health
 
 
-class Session:
+class VehicleSession:
     """A vehicle, and what flies, drives, watches and reports it; ``limits`` are those in force."""
 
     def __init__(
-        self, config: MavlinkConfig, limits: Limits, hub: Hub, vehicle: Vehicle, robot: Robot
+        self, config: MavlinkConfig, limits: Limits, hub: LinkHub, vehicle: Vehicle, robot: Robot
     ) -> None:
         self.vehicle = vehicle
         self._config = config
@@ -64,7 +64,7 @@ class Session:
         self.authority = Authority(self._authority_lost)
         self.commander = Commander(vehicle, _timing(config.timeouts))
         self.flight = Flight(vehicle, self.commander, self.authority, limits, self._give_way)
-        self.driver = Driver(
+        self.driver = VelocityStream(
             vehicle,
             self.authority,
             ceiling=self.flight.ceiling,
@@ -76,9 +76,9 @@ class Session:
         self.brakes = Brakes(vehicle, self.commander)
         self.parameters = Parameters(vehicle, lambda: self.flight.flavour)
         self.takeoff = TakeOff(self.flight, self.parameters)
-        self.navigator = Navigator(self.flight, self.takeoff, limits)
+        self.navigator = AutopilotNavigator(self.flight, self.takeoff, limits)
         self.plans = Plans(vehicle)
-        self.missions = Missions(self.flight, self.takeoff, self.plans, limits)
+        self.missions = MissionPilot(self.flight, self.takeoff, self.plans, limits)
         self.fence = config.fence and FenceKeeper(
             vehicle,
             self.plans,
@@ -97,7 +97,7 @@ class Session:
             lasting=not config.simulated,
             changed=self._look,
         )
-        self.logs = Logs(vehicle)
+        self.logs = LogReader(vehicle)
         self.compass = Compass(self.flight)
         station = (config.own_system, config.own_component)
         self.gimbal = Gimbal(vehicle, self.commander, station, self._spawn)
@@ -221,7 +221,7 @@ class Session:
             return
         if not state.armed or (self.authority.lost_to and not takes_over):
             return
-        messages: list[Message] = []
+        messages: list[MavlinkMessage] = []
         if flavour.mode_of(state) == flavour.external:
             messages.append(ned_setpoint(Vector3(), 0.0, self.vehicle.system))
         # Zero alone is not enough: PX4 descends when the setpoints of a stuck process end.

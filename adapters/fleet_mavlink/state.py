@@ -10,8 +10,15 @@ import msgspec
 
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3
-from fleet_mavlink.carried import CHANGES as CARRIED
-from fleet_mavlink.carried import Carried, reduce_carried
+from fleet_mavlink.constants import (
+    ARMED_FLAG,
+    FIX_TYPES,
+    ON_THE_SURFACE,
+    PREARM_OK,
+    RC_RECEIVER,
+    Landed,
+    Status,
+)
 from fleet_mavlink.messages import (
     Attitude,
     BatteryStatus,
@@ -22,21 +29,14 @@ from fleet_mavlink.messages import (
     GpsRawInt,
     Heartbeat,
     HomePosition,
-    Message,
+    MavlinkMessage,
     MissionCurrent,
     MissionItemReached,
     SysStatus,
     SystemTime,
 )
-from fleet_mavlink.words import (
-    ARMED_FLAG,
-    FIX_TYPES,
-    ON_THE_SURFACE,
-    PREARM_OK,
-    RC_RECEIVER,
-    Landed,
-    Status,
-)
+from fleet_mavlink.onboard_sensors import CHANGES as CARRIED
+from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_carried
 
 SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
 _BEATS_TO_RETURN = 2
@@ -111,7 +111,7 @@ class VehicleState(msgspec.Struct, frozen=True):
     mission_current: int | None = None
     mission_total: int | None = None
     mission_reached: int | None = None
-    carried: Carried = Carried()
+    sensors: OnboardSensors = OnboardSensors()
 
     @property
     def armed(self) -> bool:
@@ -186,7 +186,7 @@ class VehicleState(msgspec.Struct, frozen=True):
         return self.fix if now - self.fix_at <= _FIX_FRESH else None
 
 
-def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
+def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleState:
     """Return what is known once ``message`` arrived at monotonic ``now``."""
     kind = type(message)
     news: dict[str, Any] = {}
@@ -196,7 +196,7 @@ def reduce(state: VehicleState, message: Message, now: float) -> VehicleState:
             state = _rebooted(state, boot_ms)
         news["boot_ms"] = boot_ms
     if kind in CARRIED:
-        news["carried"] = reduce_carried(state.carried, message, now)
+        news["carried"] = reduce_carried(state.sensors, message, now)
     elif change := _CHANGES.get(kind):
         news |= change(state, message, now)
     return msgspec.structs.replace(state, **news) if news else state
@@ -344,7 +344,7 @@ def _mission(_state: VehicleState, message: MissionCurrent, _now: float) -> dict
     return {"mission_current": message.seq, "mission_total": total}
 
 
-_CHANGES: Mapping[type[Message], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
+_CHANGES: Mapping[type[MavlinkMessage], Callable[[VehicleState, Any, float], dict[str, Any]]] = {
     Attitude: _attitude,
     BatteryStatus: _battery_status,
     EkfStatusReport: _estimator,

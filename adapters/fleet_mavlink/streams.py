@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from fleet.errors import CommandError
 from fleet_mavlink import payload_messages
 from fleet_mavlink.commander import Commander
-from fleet_mavlink.kind import Kind
+from fleet_mavlink.constants import AUTOPILOT, Cmd
 from fleet_mavlink.messages import (
     INCOMING,
     Attitude,
@@ -28,7 +28,7 @@ from fleet_mavlink.messages import (
     SystemTime,
 )
 from fleet_mavlink.vehicle import Vehicle
-from fleet_mavlink.words import AUTOPILOT, Cmd
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 _LOOK = 1.0  # s between looks at what comes
 _PATIENCE = 3.0  # s, or three periods, without a message after which it is asked for again
@@ -37,9 +37,11 @@ _OLD_WAY_AFTER = 2  # times asked for the attitude in vain
 _KIND = {kind.message_id: kind for kind in (*INCOMING, *payload_messages.INCOMING)}
 
 
-def wanted_rates(pose: float, kind: Kind, *, imu: float = 0.0, motors: float = 0.0) -> Mapping[int, float]:
+def wanted_rates(
+    pose: float, kind: VehicleKind, *, imu: float = 0.0, motors: float = 0.0
+) -> Mapping[int, float]:
     """Return message id -> Hz; ``pose`` is the rate of position and attitude; 0 is not asked for."""
-    carried = {kind.imu: imu, kind.motors: motors}
+    sensors = {kind.imu: imu, kind.motors: motors}
     return {
         Attitude.message_id: pose,
         GlobalPositionInt.message_id: pose,
@@ -51,7 +53,7 @@ def wanted_rates(pose: float, kind: Kind, *, imu: float = 0.0, motors: float = 0
         MissionCurrent.message_id: 0.5,
         SystemTime.message_id: 1.0,
         **kind.rates,
-        **{message: rate for message, rate in carried.items() if message is not None and rate},
+        **{message: rate for message, rate in sensors.items() if message is not None and rate},
     }
 
 
@@ -70,7 +72,7 @@ class Streams:
         self._vehicle = vehicle
         self._commander = commander
         self._pose = pose
-        self._carried = {"imu": imu, "motors": motors}
+        self._sensors = {"imu": imu, "motors": motors}
         self._asked_at: dict[int, float] = {}
         self._in_vain = 0
         self._refused: set[int] = set()
@@ -94,9 +96,9 @@ class Streams:
         self._refused.clear()
         self._in_vain = 0
 
-    async def _ask_for_missing(self, kind: Kind) -> None:
+    async def _ask_for_missing(self, kind: VehicleKind) -> None:
         """Ask for each message once, and again when it does not come."""
-        for message_id, rate in wanted_rates(self._pose, kind, **self._carried).items():
+        for message_id, rate in wanted_rates(self._pose, kind, **self._sensors).items():
             if message_id not in self._refused and self._is_due(message_id, rate):
                 await self._ask(message_id, rate)
         if self._in_vain > _OLD_WAY_AFTER:
@@ -126,7 +128,7 @@ class Streams:
             if error.device_result is not None:
                 self._refused.add(message_id)
 
-    def _ask_the_old_way(self, kind: Kind) -> None:
+    def _ask_the_old_way(self, kind: VehicleKind) -> None:
         """Ask for groups of messages, as old firmware wants it; nothing answers to this."""
         self._in_vain = 0
         for stream in kind.data_streams:

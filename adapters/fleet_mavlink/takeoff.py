@@ -6,11 +6,11 @@ from collections.abc import AsyncIterator
 
 from fleet import Fault, GeoPoint, Progress, Refused, TimedOut
 from fleet.errors import CommandError
+from fleet_mavlink.constants import Landed
 from fleet_mavlink.flight import LOWEST, Flight, height_of, is_standing
 from fleet_mavlink.parameters import Parameters
-from fleet_mavlink.require import known_heading, known_position, require_control
+from fleet_mavlink.preconditions import known_heading, known_position, require_control
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import Landed
 
 _ATTEMPTS = 3  # the motors may be switched off under the first, when a landing ends meanwhile
 _BEGUN_WITHIN = 3.0  # s; the heartbeat that shows it comes once a second

@@ -6,7 +6,7 @@ import re
 
 import msgspec
 
-from fleet_mavlink.messages import StatusText
+from fleet_mavlink.messages import StatusTextMessage
 
 CHUNK = 50  # characters of a full piece
 PATIENCE = 1.0  # s to wait for the next piece
@@ -49,7 +49,7 @@ class Joiner:
     def __init__(self) -> None:
         self._open: dict[int, _Pieces] = {}
 
-    def feed(self, piece: StatusText, now: float) -> list[Sentence]:
+    def feed(self, piece: StatusTextMessage, now: float) -> list[Sentence]:
         """Take a piece; return the sentences that are finished."""
         if piece.id == 0:
             return _sentences(piece.text, piece.severity, now)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from fleet_mavlink.messages import Message
+from fleet_mavlink.messages import MavlinkMessage
 
 
-class ParamRequestRead(Message, frozen=True):
+class ParamRequestRead(MavlinkMessage, frozen=True):
     """PARAM_REQUEST_READ: by name, or by ``param_index`` where that is not negative."""
 
     message_id: ClassVar[int] = 20
@@ -17,7 +17,7 @@ class ParamRequestRead(Message, frozen=True):
     param_index: int = -1
 
 
-class ParamRequestList(Message, frozen=True):
+class ParamRequestList(MavlinkMessage, frozen=True):
     """PARAM_REQUEST_LIST: all of them."""
 
     message_id: ClassVar[int] = 21
@@ -25,7 +25,7 @@ class ParamRequestList(Message, frozen=True):
     target_component: int
 
 
-class ParamValue(Message, frozen=True):
+class ParamValue(MavlinkMessage, frozen=True):
     """PARAM_VALUE: one parameter.
 
     ``param_value`` is the 32 bits as they stand on the wire: PX4's integers are no float, and some of them
@@ -41,7 +41,7 @@ class ParamValue(Message, frozen=True):
     param_index: int
 
 
-class ParamSet(Message, frozen=True):
+class ParamSet(MavlinkMessage, frozen=True):
     """PARAM_SET: ``param_value`` is 32 bits, as in PARAM_VALUE."""
 
     message_id: ClassVar[int] = 23
@@ -53,7 +53,7 @@ class ParamSet(Message, frozen=True):
     param_type: int
 
 
-class LogRequestList(Message, frozen=True):
+class LogRequestList(MavlinkMessage, frozen=True):
     """LOG_REQUEST_LIST: the logs from ``start`` to ``end``."""
 
     message_id: ClassVar[int] = 117
@@ -63,7 +63,7 @@ class LogRequestList(Message, frozen=True):
     end: int = 0xFFFF
 
 
-class LogEntry(Message, frozen=True):
+class LogEntry(MavlinkMessage, frozen=True):
     """LOG_ENTRY: one log; ``time_utc`` in Unix seconds, 0 unknown; ``size`` in bytes."""
 
     message_id: ClassVar[int] = 118
@@ -73,7 +73,7 @@ class LogEntry(Message, frozen=True):
     size: int
 
 
-class LogRequestData(Message, frozen=True):
+class LogRequestData(MavlinkMessage, frozen=True):
     """LOG_REQUEST_DATA: ``count`` bytes of a log from ``ofs`` on."""
 
     message_id: ClassVar[int] = 119
@@ -84,7 +84,7 @@ class LogRequestData(Message, frozen=True):
     count: int
 
 
-class LogData(Message, frozen=True):
+class LogData(MavlinkMessage, frozen=True):
     """LOG_DATA: ``count`` bytes of a log; fewer than 90 only at its end."""
 
     message_id: ClassVar[int] = 120
@@ -94,7 +94,7 @@ class LogData(Message, frozen=True):
     data: tuple[int, ...]
 
 
-class LogRequestEnd(Message, frozen=True):
+class LogRequestEnd(MavlinkMessage, frozen=True):
     """LOG_REQUEST_END: enough; the autopilot goes on logging."""
 
     message_id: ClassVar[int] = 122
@@ -102,8 +102,8 @@ class LogRequestEnd(Message, frozen=True):
     target_component: int
 
 
-INCOMING: tuple[type[Message], ...] = (LogData, LogEntry, ParamValue)
-OUTGOING: tuple[type[Message], ...] = (
+INCOMING: tuple[type[MavlinkMessage], ...] = (LogData, LogEntry, ParamValue)
+OUTGOING: tuple[type[MavlinkMessage], ...] = (
     LogRequestData,
     LogRequestEnd,
     LogRequestList,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from fleet_mavlink.kind import Brake, Kind
+from fleet_mavlink.constants import Cmd
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.vehicle_kind import Brake, VehicleKind
 
 
-class UnknownKind(Kind):
+class UnknownKind(VehicleKind):
     """Its modes have no names. It is asked to pause, and then seen to stand, or the stop fails."""
 
     name: ClassVar[str] = "an unknown autopilot"

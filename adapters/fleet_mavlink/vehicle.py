@@ -12,19 +12,19 @@ from typing import Any
 
 from fleet.clock import Clock
 from fleet.link.base import Address
+from fleet_mavlink.authentication import Trust
+from fleet_mavlink.constants import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
 from fleet_mavlink.event_messages import Event
-from fleet_mavlink.events import Dictionary
+from fleet_mavlink.events import EventDictionary
 from fleet_mavlink.flavour import Flavour
 from fleet_mavlink.flavours import flavour_of, kind_of
-from fleet_mavlink.heard import Heard, SaidT
-from fleet_mavlink.kind import Kind
-from fleet_mavlink.messages import CommandAck, Heartbeat, Message, StatusText
+from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage, StatusTextMessage
 from fleet_mavlink.payload_messages import GimbalDeviceAttitudeStatus
+from fleet_mavlink.received_messages import ReceivedMessages, SaidT
+from fleet_mavlink.redundant_links import way_of
 from fleet_mavlink.state import SILENCE, VehicleState, reduce
 from fleet_mavlink.texts import Joiner, Sentence
-from fleet_mavlink.trust import Trust
-from fleet_mavlink.ways import way_of
-from fleet_mavlink.words import CAMERA_TYPE, CAMERAS, NO_AUTOPILOT, type_name
+from fleet_mavlink.vehicle_kind import VehicleKind
 
 _REMEMBERED = 64  # sentences
 _SAME_WITHIN = 1.0  # s between an event and the text that says the same
@@ -44,7 +44,7 @@ class Vehicle:
         self,
         system: int,
         clock: Clock,
-        send: Callable[[Message, Address], None],
+        send: Callable[[MavlinkMessage, Address], None],
         trust: Trust | None = None,
     ) -> None:
         self.system = system
@@ -54,12 +54,12 @@ class Vehicle:
         self.state = VehicleState()
         self.address: Address = None
         self.sentences: deque[Sentence] = deque(maxlen=_REMEMBERED)
-        self.seen_at: dict[type[Message], float] = {}
+        self.seen_at: dict[type[MavlinkMessage], float] = {}
         self.on_heartbeat: Callable[[], None] = _nothing
         self.on_ack: Callable[[CommandAck], None] = _ignore
         self.on_sentence: Callable[[Sentence], None] = _ignore
         self.camera: Part | None = None
-        self.dictionary: Dictionary | None = None  # of its events
+        self.dictionary: EventDictionary | None = None  # of its events
         self._event = -1  # the number of the last one
         self.log = logging.getLogger(__name__)  # its robot's, once it has one
         self._send = send
@@ -69,10 +69,10 @@ class Vehicle:
         self._others: dict[int, deque[tuple[Address, float]]] = {}  # who else spoke since it did, and when
         self._clash_at = -math.inf
         self._waiting: list[tuple[Condition, asyncio.Future[None]]] = []
-        self._hearing: list[Heard[Any]] = []
+        self._hearing: list[ReceivedMessages[Any]] = []
 
     @property
-    def kind(self) -> Kind | None:
+    def kind(self) -> VehicleKind | None:
         """Of what kind it is, None before its first heartbeat."""
         return kind_of(self.state.heartbeat) if self.state.heartbeat else None
 
@@ -103,11 +103,11 @@ class Vehicle:
         """Return whether a second vehicle was heard lately that uses the same system id."""
         return now - self._clash_at <= SILENCE
 
-    def send(self, message: Message) -> None:
+    def send(self, message: MavlinkMessage) -> None:
         """Write to the vehicle, by the address it was heard from; raises LinkLost."""
         self._send(message, self.address)
 
-    def take(self, message: Message, address: Address) -> None:
+    def take(self, message: MavlinkMessage, address: Address) -> None:
         """Believe a message from this system's autopilot, unless it comes from elsewhere."""
         now = self.now()
         if isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT:
@@ -122,14 +122,14 @@ class Vehicle:
             self.on_heartbeat()
         elif isinstance(message, CommandAck):
             self.on_ack(message)
-        elif isinstance(message, StatusText):
+        elif isinstance(message, StatusTextMessage):
             self._say(self._joiner.feed(message, now))
         elif isinstance(message, Event):
             self._happened(message, now)
         self._pass_on(message)
         self._wake()
 
-    def take_part(self, component: int, message: Message) -> None:
+    def take_part(self, component: int, message: MavlinkMessage) -> None:
         """Take what a component beside the autopilot says: a camera of its own, or how a gimbal is turned."""
         if isinstance(message, GimbalDeviceAttitudeStatus):
             self.state = reduce(self.state, message, self.now())
@@ -177,9 +177,9 @@ class Vehicle:
         self.trust.counts["messages of a second vehicle with this id"] += len(others)
 
     @contextlib.contextmanager
-    def hearing(self, *kinds: type[SaidT]) -> Iterator[Heard[SaidT]]:
+    def hearing(self, *kinds: type[SaidT]) -> Iterator[ReceivedMessages[SaidT]]:
         """Collect what it says of some kinds, for an exchange that needs each of them."""
-        heard = Heard(kinds)
+        heard = ReceivedMessages(kinds)
         self._hearing.append(heard)
         try:
             yield heard
@@ -206,7 +206,7 @@ class Vehicle:
             self.on_sentence(sentence)
             self._pass_on(sentence)
 
-    def _pass_on(self, said: Message | Sentence) -> None:
+    def _pass_on(self, said: MavlinkMessage | Sentence) -> None:
         """Give what was said to those who collect it."""
         for heard in self._hearing:
             heard.put(said)
@@ -244,7 +244,7 @@ class Part(Vehicle):
         super().__init__(whole.system, whole.clock, lambda message, _address: whole.send(message))
         self.component = component
 
-    def take(self, message: Message, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
+    def take(self, message: MavlinkMessage, address: Address) -> None:  # noqa: ARG002 - its vehicle's is used
         """Believe what it says."""
         self.state = reduce(self.state, message, self.now())
         if isinstance(message, CommandAck):

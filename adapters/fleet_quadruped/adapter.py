@@ -30,12 +30,12 @@ from fleet import (
 from fleet.camera.picture import photograph
 from fleet.model.geometry import ZERO_VELOCITY
 from fleet.robot_config import Separation
-from fleet_quadruped.bodies import AnyBody, load_body
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.any_description import AnyBody, load_body
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.config import QuadrupedConfig
-from fleet_quadruped.control.orders import Errand, Order, State
+from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.process import BodyProcess
-from fleet_quadruped.reports import Motion, health_of, new_origin, slow_reports
+from fleet_quadruped.reports import MotionReports, health_of, new_origin, slow_reports
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -68,8 +68,8 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._robot: Robot | None = None
         self._order = Order()
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
-        self._state = State()
-        self._motion = Motion(config.trim)
+        self._state = DogState()
+        self._motion = MotionReports(config.trim)
         self._origin = 0.0  # Unix s at which odometry began
         self._heard = 0.0  # monotonic s: the newest state, or the start
         self._news = asyncio.Event()
@@ -81,7 +81,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._robot = robot
         async with BodyProcess(self.config, self._dog.leave_time) as body:
             self._body, self._heard = body, self._now()
-            self._state, self._motion = State(), Motion(self.config.trim)
+            self._state, self._motion = DogState(), MotionReports(self.config.trim)
             with self._ordering:  # what was asked of the body before is not asked of this one
                 self._order = Order(lamp=self._order.lamp)
             self._origin = robot.clock.time()
@@ -119,7 +119,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         await self._until(lambda: self._state.mode in _ANSWERED, "standing still", within=_STOPPED)
         if self._state.mode == _RECOVERING:
             with contextlib.suppress(Refused):  # it has just come to its feet
-                await self._errand(Ask.SIT)
+                await self._errand(BodyRequest.SIT)
             await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
@@ -151,14 +151,14 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     @command("recovery_stand", timeout=30.0)
     async def recovery_stand(self) -> AsyncIterator[Progress]:
         """Get up from whatever it lies on."""
-        await self._errand(Ask.RECOVER)
+        await self._errand(BodyRequest.RECOVER)
         yield Progress(0.0)
         await self._standing()
 
     @command("reset_faults", timeout=3.0, moves=False)
     async def reset_faults(self) -> None:
         """Acknowledge latched faults, after a person has looked at the dog."""
-        await self._errand(Ask.RESET)
+        await self._errand(BodyRequest.RESET)
 
     @command("led_toggle", timeout=2.0, moves=False)
     async def led_toggle(self, *, enabled: bool | None = None) -> None:
@@ -189,11 +189,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
         """Change the height, or all of the posture."""
         if delta_z is not None:
-            await self._errand(Ask.HEIGHT, abs(delta_z) if up else -abs(delta_z))
+            await self._errand(BodyRequest.HEIGHT, abs(delta_z) if up else -abs(delta_z))
             yield Progress(0.0)
             await asyncio.sleep(0)
             return
-        await self._errand(Ask.STAND if up else Ask.SIT)
+        await self._errand(BodyRequest.STAND if up else BodyRequest.SIT)
         yield Progress(0.0)
         await (self._standing() if up else self._lying())
 
@@ -211,12 +211,12 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     def _off(self) -> bool:
         return self._state.mode in {"off", "damped"}
 
-    async def _errand(self, ask: Ask, value: float = 0.0) -> None:
+    async def _errand(self, ask: BodyRequest, value: float = 0.0) -> None:
         """Ask the body for something; raises Refused with its reason."""
         self._reached()
         async with self._one_errand:
-            number = self._order.errand.number + 1
-            self._change(errand=Errand(number, ask, value))
+            number = self._order.activity.number + 1
+            self._change(activity=Activity(number, ask, value))
             await self._until(lambda: self._state.answered >= number, ask.value)
             if self._state.refusal:
                 raise Refused(self._state.refusal)

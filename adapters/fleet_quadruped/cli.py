@@ -12,9 +12,11 @@ import click
 from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
 from fleet_quadruped import commissioning
-from fleet_quadruped.bodies import AnyBody, load_body
+from fleet_quadruped.any_description import AnyBody, load_body
+from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.can.capture import read_capture
 from fleet_quadruped.can.frame import CanBus
+from fleet_quadruped.check_moves import Moves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
@@ -24,17 +26,15 @@ from fleet_quadruped.jog import (
     MOST_SHARE,
     Jog,
     Jogger,
+    JogStopped,
     Pressed,
-    Stopped,
     direction,
     verdict,
 )
-from fleet_quadruped.moves import Moves
 from fleet_quadruped.replay import Replay
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.selfwalk.description import SelfWalker
-from fleet_quadruped.workbench import Workbench, listen, offsets, open_buses, problems, scan
 
 _BODY = click.argument("body", type=click.Path(dir_okay=False, path_type=Path))
 _BUS = click.option("--bus", "buses", multiple=True, metavar="NAME=URL", help="A bus: a=can:socketcan:can0.")
@@ -84,7 +84,7 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
         _show([*lines, f"{body}: ok; add --bus to look at the drives"])
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        if isinstance(dog, Description):
+        if isinstance(dog, DogDescription):
             found, good = _checked(dog, opened, move=move)
         else:
             found, good = listen(dog, opened, SystemClock()).missing, "the machine tells its state"
@@ -93,9 +93,9 @@ def check_command(body: Path, buses: tuple[str, ...], *, move: bool) -> int:
     return 1 if found else 0
 
 
-def _checked(dog: Description, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
+def _checked(dog: DogDescription, buses: Mapping[str, CanBus], *, move: bool) -> tuple[list[str], str]:
     """Return what is wrong with a dog's drives and joints, and what is good when nothing is."""
-    told = Workbench(dog, buses, SystemClock()).settle()
+    told = BenchSession(dog, buses, SystemClock()).settle()
     found = problems(dog.all_joints, told) or at_rest(dog, tuple(each.angle for each in told))
     if found or not move:
         return found, "all twelve drives answer, where their joints can be; --move shows signs and offsets"
@@ -124,7 +124,7 @@ def monitor_command(body: Path, buses: tuple[str, ...], seconds: float) -> int:
         return 0
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
         clock = SystemClock()
-        bench = Workbench(dog, opened, clock)
+        bench = BenchSession(dog, opened, clock)
         for _ in range(max(1, round(seconds))):
             bench.frames.clear()
             began = clock.monotonic()
@@ -167,7 +167,7 @@ def calibrate_command(body: Path, buses: tuple[str, ...], pose: str, *, yes: boo
         click.confirm(f"Is the dog in the pose {pose!r}, and are its drives off?", abort=True, err=True)
     wanted = dog.posture(dog.poses.fold) if pose == "fold" else dog.stance(dog.gait.height)
     with open_buses(_urls(dog, buses), _bitrates(dog), SystemClock()) as opened:
-        told = Workbench(dog, opened, SystemClock()).settle()
+        told = BenchSession(dog, opened, SystemClock()).settle()
     silent = [line for line in problems(dog.all_joints, told) if "is silent" in line]
     if silent:
         raise LinkRefused(silent[0])
@@ -211,7 +211,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
         try:
             with pressed.watching():
                 moved = jogger.move()
-        except Stopped:
+        except JogStopped:
             _show([f"{name}: stopped by a key or a signal, and off"])
             return 1
     if abs(moved) < abs(jog.step) / 2:
@@ -224,7 +224,7 @@ def jog_command(body: Path, buses: tuple[str, ...], name: str, degrees: float, t
     return 0
 
 
-def _with_joints(body: Path) -> Description:
+def _with_joints(body: Path) -> DogDescription:
     """Return a dog's description; raises ConfigError for a machine that walks by itself."""
     dog = load_body(body)
     if isinstance(dog, SelfWalker):

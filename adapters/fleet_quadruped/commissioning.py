@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import Leg, Point
-from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.turning import to_world
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS, LEGS, Twelve
 
 _FOOT = 0.0005  # m that a foot may seem to be above the floor
@@ -36,7 +36,7 @@ _CHECK = "check its sign and offset, or lay it on its belly with its legs folded
 Feet = list[list[Point]]  # by look and leg, m
 
 
-class Look(NamedTuple):
+class Observation(NamedTuple):
     """What was seen with the trunk at rest: joint angles (rad), and the IMU's rotation (body to world)."""
 
     angles: Twelve
@@ -52,7 +52,9 @@ class Guess(NamedTuple):
     offset: float
 
 
-def explain(dog: Description, looks: Sequence[Look], joint: int | None, *, mirrored: bool = False) -> Guess:
+def explain(
+    dog: DogDescription, looks: Sequence[Observation], joint: int | None, *, mirrored: bool = False
+) -> Guess:
     """Return how badly this joint alone explains what is seen; None: manufacturing alone."""
     errors, first = [_MADE] * _COUNT, [0.0] * _COUNT
     if joint is not None:
@@ -74,12 +76,12 @@ def explain(dog: Description, looks: Sequence[Look], joint: int | None, *, mirro
     return Guess(cost, joint, mirrored, 0.0 if joint is None else values[joint])
 
 
-def _with_mirrored(look: Look, joint: int) -> Look:
+def _with_mirrored(look: Observation, joint: int) -> Observation:
     angles = tuple(-angle if number == joint else angle for number, angle in enumerate(look.angles))
     return look._replace(angles=angles)
 
 
-def _residuals(dog: Description, looks: Sequence[Look], values: Sequence[float]) -> list[float]:
+def _residuals(dog: DogDescription, looks: Sequence[Observation], values: Sequence[float]) -> list[float]:
     """Return by how much feet seem to move, and to be above the floor, over the error of that."""
     slope_x, slope_y = values[_JOINTS : _JOINTS + 2]
     feet = [_feet(dog, look, values) for look in looks]
@@ -93,7 +95,7 @@ def _residuals(dog: Description, looks: Sequence[Look], values: Sequence[float])
     return found
 
 
-def _feet(dog: Description, look: Look, values: Sequence[float]) -> list[Point]:
+def _feet(dog: DogDescription, look: Observation, values: Sequence[float]) -> list[Point]:
     """Return the feet of one look from the trunk's centre, in the level frame."""
     angles = [angle + offset for angle, offset in zip(look.angles, values, strict=False)]
     mount_x, mount_y = values[_JOINTS + 2 :]
@@ -106,7 +108,7 @@ def _feet(dog: Description, look: Look, values: Sequence[float]) -> list[Point]:
     return feet
 
 
-def _unrolled(dog: Description, looks: Sequence[Look], feet: Feet) -> Feet:
+def _unrolled(dog: DogDescription, looks: Sequence[Observation], feet: Feet) -> Feet:
     """Return the feet less what they have rolled on the floor since the first look."""
     radius, begun = dog.geometry.foot_radius, _leans(looks[0])
     return [
@@ -120,7 +122,7 @@ def _unrolled(dog: Description, looks: Sequence[Look], feet: Feet) -> Feet:
     ]
 
 
-def _leans(look: Look) -> list[tuple[float, float]]:
+def _leans(look: Observation) -> list[tuple[float, float]]:
     """Return how each calf leans, roll and pitch."""
     imu = Imu(look.rotation, Vector3(), Vector3())
     angles = look.angles
@@ -173,7 +175,7 @@ def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
     return found
 
 
-def at_rest(dog: Description, angles: Twelve) -> list[str]:
+def at_rest(dog: DogDescription, angles: Twelve) -> list[str]:
     """Return the joints that are not where those of a dog are that lies on its belly, its legs folded."""
     fold, found = dog.posture(dog.poses.fold), []
     outward = [angle * leg.side if part == 0 else angle for leg, part, angle in _parts(dog, angles)]
@@ -189,13 +191,13 @@ def at_rest(dog: Description, angles: Twelve) -> list[str]:
     return found
 
 
-def _parts(dog: Description, angles: Twelve) -> Iterator[tuple[Leg, int, float]]:
+def _parts(dog: DogDescription, angles: Twelve) -> Iterator[tuple[Leg, int, float]]:
     """Yield the leg, which of its joints, and the angle of each joint."""
     for number, angle in enumerate(angles):
         yield dog.legs[number // 3], number % 3, angle
 
 
-def problems(dog: Description, looks: Sequence[Look], ended: str = "") -> list[str]:
+def problems(dog: DogDescription, looks: Sequence[Observation], ended: str = "") -> list[str]:
     """Return what is wrong with the joints after the looks of a check; ``ended``: why there are not more."""
     found = [f"the moves ended early: {ended}"] if ended else []
     if len(looks) < _LEAST:

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from fleet_quadruped.seals import Seal, Sealed
+from fleet_quadruped.frame_integrity import Seal, Sealed
 
 Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 _CODES: Mapping[str, str] = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
@@ -116,7 +116,7 @@ def _layouts(frame: FrameMap) -> list[tuple[struct.Struct, list[str]]]:
     return found
 
 
-class Decoder:
+class FrameDecoder:
     """Reads values from the frames of a map.
 
     A frame with a wrong checksum, or a counter that stands still, does not count.
@@ -152,7 +152,7 @@ def _readings(frame: FrameMap) -> list[_Reading]:
     return [(layout.unpack_from, [fields[name] for name in names]) for layout, names in _layouts(frame)]
 
 
-class Encoder:
+class FrameEncoder:
     """Writes values into one frame of a map."""
 
     def __init__(self, frame: FrameMap) -> None:
@@ -184,5 +184,5 @@ class Encoder:
 
 
 def encode(frame: FrameMap, values: Mapping[str, float]) -> bytes:
-    """Return one frame's data; see ``Encoder``, which is quicker for many."""
-    return Encoder(frame).encode(values)
+    """Return one frame's data; see ``FrameEncoder``, which is quicker for many."""
+    return FrameEncoder(frame).encode(values)

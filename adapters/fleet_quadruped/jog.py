@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import Fault, LinkError, LinkLost, Refused
-from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.bench_tools import BenchSession, problems
+from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointFeedback, Power
-from fleet_quadruped.robot.description import Description, Joint
-from fleet_quadruped.workbench import Workbench, problems
+from fleet_quadruped.robot.description import DogDescription, Joint
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ class Jog(NamedTuple):
     torque: float
 
 
-class Stopped(Exception):
+class JogStopped(Exception):
     """A person has ended the jog."""
 
 
@@ -55,7 +55,7 @@ class Jogger:
 
     def __init__(
         self,
-        dog: Description,
+        dog: DogDescription,
         buses: Mapping[str, CanBus],
         clock: Clock,
         jog: Jog,
@@ -64,7 +64,7 @@ class Jogger:
         self._jog = jog
         self._clock = clock
         self._interrupted = interrupted
-        self._bench = Workbench(dog, buses, clock, (jog.joint,))
+        self._bench = BenchSession(dog, buses, clock, (jog.joint,))
         self._dt = dog.dt
         self._margin = dog.safety.margin
 
@@ -126,7 +126,7 @@ class Jogger:
         told = self._bench.cycle(act)[0]
         joint = self._jog.joint
         if self._interrupted():
-            raise Stopped
+            raise JogStopped
         if told.fault:
             raise Fault(f"{joint.name}: {told.fault}")
         if told.age > 5 * self._dt:

@@ -12,11 +12,11 @@ from typing import Self
 import msgspec
 
 from fleet import LinkLost, LinkRefused
-from fleet.decoding import decode_json
+from fleet.runtime.decoding import decode_json
 from fleet_quadruped.config import QuadrupedConfig, simulation
-from fleet_quadruped.control.exchange import Slot, new_memory
-from fleet_quadruped.control.orders import Order, State
-from fleet_quadruped.control.plan import Plan, Word
+from fleet_quadruped.control.exchange import SharedValue, new_memory
+from fleet_quadruped.control.orders import DogState, Order
+from fleet_quadruped.control.plan import ControlPlan, Word
 
 _START = 30.0  # s until it must be ready
 
@@ -31,8 +31,8 @@ class BodyProcess:
         self._config = config
         self._leave = leave
         self._descriptors = [new_memory(), new_memory()]
-        self.orders = Slot(self._descriptors[0], Order)
-        self.states = Slot(self._descriptors[1], State)
+        self.orders = SharedValue(self._descriptors[0], Order)
+        self.states = SharedValue(self._descriptors[1], DogState)
         self._process: asyncio.subprocess.Process | None = None
 
     @property
@@ -71,7 +71,7 @@ class BodyProcess:
         world, faults = simulation(config.link) if config.link else ("", {})
         order, state = self._descriptors
         captures = str(config.captures_folder)
-        plan = Plan(str(config.body_file), config.buses, world, faults, order, state, captures)
+        plan = ControlPlan(str(config.body_file), config.buses, world, faults, order, state, captures)
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *("-m", "fleet_quadruped.control", msgspec.json.encode(plan).decode()),

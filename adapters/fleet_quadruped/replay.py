@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from fleet_quadruped.can.capture import Captured
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.description import DogDescription, Joint
 
 _EVERY = 0.1  # s between two lines of the farthest joint
 
@@ -19,10 +19,10 @@ class _Silent:
     def __init__(self, name: str) -> None:
         self.name = name
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send nothing."""
 
-    def receive(self, wait: float) -> list[Frame]:  # noqa: ARG002 - nothing ever comes
+    def receive(self, wait: float) -> list[CanFrame]:  # noqa: ARG002 - nothing ever comes
         """Return nothing."""
         return []
 
@@ -33,7 +33,7 @@ class _Silent:
 class Replay:
     """A dog's drives as they were heard. ``wanted`` is where each joint was sent last, rad."""
 
-    def __init__(self, dog: Description) -> None:
+    def __init__(self, dog: DogDescription) -> None:
         self.dog = dog
         self.drives = drives_of(dog, {name: _Silent(name) for name in dog.buses})
         self.wanted: dict[str, float] = {}

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 
 from fleet import BatteryReport, Health, Level, PoseReport, Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport
-from fleet_quadruped.control.orders import State
+from fleet_quadruped.control.orders import DogState
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import EMERGENCY_STOP
 
 SLOW_RATE = 0.8  # of the wanted rate, below which the dog is not safe to walk fast
 
 
-class Motion:
+class MotionReports:
     """What changes all the time, each measurement once and with its own time.
 
     A drive or a sensor that is silent is not in what is told; a pose of which a part is old is not told.
@@ -25,7 +25,7 @@ class Motion:
         self._measured: tuple[float, ...] = ()
         self._posed = self._felt = -math.inf
 
-    def reports(self, state: State, epoch: float) -> Iterator[PoseReport | JointReport | ImuReport]:
+    def reports(self, state: DogState, epoch: float) -> Iterator[PoseReport | JointReport | ImuReport]:
         """Yield what is new in a state; ``epoch`` is Unix seconds at monotonic zero."""
         before, self._measured = self._measured or (-math.inf,) * len(state.measured), state.measured
         new = [number for number, at in enumerate(state.measured) if at > before[number]]
@@ -50,7 +50,9 @@ def new_origin(stamp: float) -> LogReport:
     return LogReport(stamp, "WARNING", "odometry begins anew: position 0, 0 is where the dog is now")
 
 
-def slow_reports(state: State, stamp: float, origin: float = 0.0) -> Iterator[BatteryReport | MetricsReport]:
+def slow_reports(
+    state: DogState, stamp: float, origin: float = 0.0
+) -> Iterator[BatteryReport | MetricsReport]:
     """Yield what changes slowly; ``origin``: Unix seconds at which odometry began at (0, 0)."""
     if state.battery and state.battery_age is not None and state.battery_age < 5.0:
         given = {
@@ -79,7 +81,7 @@ def slow_reports(state: State, stamp: float, origin: float = 0.0) -> Iterator[Ba
     yield MetricsReport(stamp, power=power, navigation=navigation, errors=errors)
 
 
-def health_of(state: State, cycle_hz: float) -> Health:
+def health_of(state: DogState, cycle_hz: float) -> Health:
     """Return how the dog is; of an emergency stop that is over only the host's latch keeps it from moving."""
     if state.fault == EMERGENCY_STOP:
         return Health(Level.DEGRADED, state.fault)

@@ -28,7 +28,7 @@ from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
-from fleet_ugv.odometry import Odometry
+from fleet_ugv.odometry import WheelOdometry
 from fleet_ugv.sim.spec import SimSpec, spec_of
 
 GivenT = TypeVar("GivenT")
@@ -66,7 +66,9 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     async def run(self, robot: Robot) -> None:
         """Open the line and serve the base; raises LinkLost or LinkRefused."""
-        odometry = Odometry(self.config.scale, self.config.base.fastest, _last_poses.get(self.config.twin))
+        odometry = WheelOdometry(
+            self.config.scale, self.config.base.fastest, _last_poses.get(self.config.twin)
+        )
         board = Board(self.config, robot, Observer(self.config, odometry))
         async with self._url(robot) as url:
             link = await open_link(url, board.arrived)

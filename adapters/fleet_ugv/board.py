@@ -13,8 +13,8 @@ from typing import Any
 
 from fleet import LinkLost, NotReady, Robot, Vector3, Velocity
 from fleet.link.base import Address, Link
-from fleet.link.motion import LOOK, Motion
-from fleet.link.slot import Frames, MotionSlot
+from fleet.link.latest_motion import Frames, LatestMotion
+from fleet.link.motion_sender import LOOK, MotionSender
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Confirmed, Event, Feedback, Trouble
 from fleet_ugv.observer import Observer
@@ -39,8 +39,8 @@ class Board:
         self._kinematics = config.kinematics
         self._robot = robot
         self._inbox: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
-        self._slot: MotionSlot | None = None
-        self._motion: Motion | None = None
+        self._slot: LatestMotion | None = None
+        self._motion: MotionSender | None = None
         self._asked = 0.0
         self._garbage = 0
         self._troubles: dict[str, float] = {}
@@ -56,8 +56,8 @@ class Board:
 
     def begin(self, link: Link, baud: int) -> None:
         """Serve the base on an open link of this speed (0: no line of a known speed)."""
-        self._slot = MotionSlot(link, self._robot.clock, baud=baud)
-        self._motion = Motion(
+        self._slot = LatestMotion(link, self._robot.clock, baud=baud)
+        self._motion = MotionSender(
             self._slot,
             self._robot.clock,
             encode=self._encode,

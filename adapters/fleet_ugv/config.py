@@ -14,7 +14,7 @@ from fleet_ugv.battery import checked_curve
 from fleet_ugv.codecs.arduino import Servo
 from fleet_ugv.kinematics import Ackermann, Differential, Kinematics
 from fleet_ugv.odometry import Scale
-from fleet_ugv.profiles import PROFILES, Profile, Setting
+from fleet_ugv.profiles import PROFILES, BaseProfile, CodecSettings
 from fleet_ugv.sim.spec import BOARDS, spec_of
 
 MODULES = {"none": 0, "arm": 1, "pan-tilt": 2}
@@ -121,20 +121,20 @@ class UgvConfig(AdapterConfig):
         return self
 
     @classmethod
-    def profiles(cls) -> dict[str, Profile]:
+    def profiles(cls) -> dict[str, BaseProfile]:
         """Return the profiles that ``profile`` may name."""
         return dict(PROFILES)
 
     @property
-    def base(self) -> Profile:
+    def base(self) -> BaseProfile:
         """The profile of this robot."""
         return self.profiles()[self.profile]
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> CodecSettings:
         """What its codec is made from."""
         steers = self.steering
-        return Setting(
+        return CodecSettings(
             timeout=self.firmware_timeout,
             module=MODULES[self.module],
             ticks=self.ticks_per_metre or self.base.ticks,

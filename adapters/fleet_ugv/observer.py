@@ -11,7 +11,7 @@ from fleet.model.report import ImuReport, JointReport, MetricsReport, Report
 from fleet_ugv.battery import percent
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.model import Feedback
-from fleet_ugv.odometry import Odometry, Step
+from fleet_ugv.odometry import Step, WheelOdometry
 
 JOINTS_EVERY = 0.1  # s
 BATTERY_EVERY = 2.0  # s
@@ -21,7 +21,7 @@ METRICS_EVERY = 1.0  # s
 class Observer:
     """What is known of one base; ``camera``: where the mount was last sent (pan, tilt), rad."""
 
-    def __init__(self, config: UgvConfig, odometry: Odometry) -> None:
+    def __init__(self, config: UgvConfig, odometry: WheelOdometry) -> None:
         self.odometry = odometry
         self.camera: tuple[float, float] | None = None
         self.voltage: float | None = None

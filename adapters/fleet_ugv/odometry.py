@@ -46,7 +46,7 @@ class Step(msgspec.Struct, frozen=True):
     restarted: bool = False
 
 
-class Odometry:
+class WheelOdometry:
     """The pose of one base; ``fastest``: the most that one side can do, m/s.
 
     ``position_sigma`` (m) and ``heading_sigma`` (rad) grow with the way.

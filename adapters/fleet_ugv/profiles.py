@@ -19,7 +19,7 @@ from fleet_ugv.codecs.hoverboard import HoverboardCodec
 from fleet_ugv.codecs.waveshare import WaveshareCodec
 
 
-class Setting(msgspec.Struct, frozen=True):
+class CodecSettings(msgspec.Struct, frozen=True):
     """What a codec is made from: the profile's numbers, after the robot's own."""
 
     timeout: float
@@ -29,7 +29,7 @@ class Setting(msgspec.Struct, frozen=True):
     servo: Servo | None
 
 
-class Profile(msgspec.Struct, frozen=True):
+class BaseProfile(msgspec.Struct, frozen=True):
     """One kind of base.
 
     ``baud``; ``track`` and ``diameter`` (of the wheels) in m; ``fastest``: of one side, m/s;
@@ -39,7 +39,7 @@ class Profile(msgspec.Struct, frozen=True):
     counters hold until they begin anew.
     """
 
-    codec: Callable[[Setting], Codec]
+    codec: Callable[[CodecSettings], Codec]
     baud: int
     track: float
     diameter: float
@@ -55,9 +55,9 @@ class Profile(msgspec.Struct, frozen=True):
     curve: Curve | None = None
 
 
-def _waveshare(main: int, *, track: float, diameter: float, speed: float) -> Profile:
+def _waveshare(main: int, *, track: float, diameter: float, speed: float) -> BaseProfile:
     """Return the profile of one of Waveshare's bases; ``main`` is its number in T 900."""
-    return Profile(
+    return BaseProfile(
         codec=lambda setting: WaveshareCodec(main=main, module=setting.module, timeout=setting.timeout),
         baud=115200,
         track=track,
@@ -70,12 +70,12 @@ def _waveshare(main: int, *, track: float, diameter: float, speed: float) -> Pro
     )
 
 
-PROFILES: Mapping[str, Profile] = MappingProxyType(
+PROFILES: Mapping[str, BaseProfile] = MappingProxyType(
     {
         "waveshare-rasprover": _waveshare(1, track=0.125, diameter=0.080, speed=0.65),
         "waveshare-rover": _waveshare(2, track=0.172, diameter=0.080, speed=1.0),
         "waveshare-beast": _waveshare(3, track=0.141, diameter=0.0523, speed=0.35),
-        "ros-arduino": Profile(
+        "ros-arduino": BaseProfile(
             codec=lambda setting: ArduinoCodec(ticks=setting.ticks, servo=setting.servo),
             baud=57600,
             track=0.30,
@@ -87,7 +87,7 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
             ticks=4000.0,
             counter=COUNTER,
         ),
-        "hoverboard": Profile(
+        "hoverboard": BaseProfile(
             codec=lambda setting: HoverboardCodec(diameter=setting.diameter),
             baud=115200,
             track=0.50,

@@ -24,7 +24,7 @@ ANSWER = 1.0  # s that the board has to confirm
 TRIES = 3
 
 
-class Phase(enum.StrEnum):
+class BoardPhase(enum.StrEnum):
     """Where a board stands."""
 
     SILENT = "silent"
@@ -35,18 +35,18 @@ class Phase(enum.StrEnum):
 
 
 HEALTH = {
-    Phase.SILENT: Health(Level.OFFLINE, "the line is open, the base has not spoken yet"),
-    Phase.SETUP: Health(Level.DEGRADED, "the base is being set up"),
-    Phase.READY: Health(),
-    Phase.UNGUARDED: Health(
+    BoardPhase.SILENT: Health(Level.OFFLINE, "the line is open, the base has not spoken yet"),
+    BoardPhase.SETUP: Health(Level.DEGRADED, "the base is being set up"),
+    BoardPhase.READY: Health(),
+    BoardPhase.UNGUARDED: Health(
         Level.DEGRADED, "the base did not confirm that it stops by itself; it is driven slowly"
     ),
-    Phase.QUIET: Health(Level.DEGRADED, "the base is silent; is its cable plugged in?"),
+    BoardPhase.QUIET: Health(Level.DEGRADED, "the base is silent; is its cable plugged in?"),
 }
 _WHY = {
-    Phase.SILENT: "the base has not spoken yet",
-    Phase.SETUP: "the base is being set up",
-    Phase.QUIET: "the base is silent",
+    BoardPhase.SILENT: "the base has not spoken yet",
+    BoardPhase.SETUP: "the base is being set up",
+    BoardPhase.QUIET: "the base is silent",
 }
 
 
@@ -57,7 +57,7 @@ class Readiness:
     """
 
     def __init__(self, *, confirms: bool, guarded: bool, now: float) -> None:
-        self.phase = Phase.SILENT
+        self.phase = BoardPhase.SILENT
         self._confirms = confirms
         self._guarded = guarded
         self._heard = now
@@ -72,7 +72,7 @@ class Readiness:
     @property
     def unheard(self) -> bool:
         """True for a base that says nothing, or nothing any more."""
-        return self.phase in {Phase.SILENT, Phase.QUIET}
+        return self.phase in {BoardPhase.SILENT, BoardPhase.QUIET}
 
     @property
     def health(self) -> Health:
@@ -102,24 +102,24 @@ class Readiness:
 
     def confirmed(self) -> None:
         """Take the board's confirmation."""
-        if self.phase in {Phase.SETUP, Phase.UNGUARDED}:
-            self.phase = Phase.READY if self._guarded else Phase.UNGUARDED
+        if self.phase in {BoardPhase.SETUP, BoardPhase.UNGUARDED}:
+            self.phase = BoardPhase.READY if self._guarded else BoardPhase.UNGUARDED
 
     def look(self, now: float) -> bool:
         """Let time pass; True when the board is to be set up again."""
-        if self.phase is not Phase.SILENT and self.quiet_for(now) > QUIET_AFTER:
-            self.phase = Phase.QUIET
-        if self.phase is not Phase.SETUP or now - self._asked < ANSWER:
+        if self.phase is not BoardPhase.SILENT and self.quiet_for(now) > QUIET_AFTER:
+            self.phase = BoardPhase.QUIET
+        if self.phase is not BoardPhase.SETUP or now - self._asked < ANSWER:
             return False
         if self._tries >= TRIES:
-            self.phase = Phase.UNGUARDED
+            self.phase = BoardPhase.UNGUARDED
             return False
         self._ask(now)
         return True
 
     def _ask(self, now: float) -> None:
         """Note that the board is set up now."""
-        self.phase = Phase.SETUP
+        self.phase = BoardPhase.SETUP
         self._asked = now
         self._tries += 1
         if not self._confirms:

@@ -16,7 +16,7 @@ import msgspec
 import zenoh
 
 from bench.common import bare_client
-from fleet.cloud.packets import Decoder
+from fleet.cloud.packets import PacketDecoder
 
 WINDOW = 2000  # QoS 1 messages under way
 
@@ -138,7 +138,7 @@ def _acks(opened, free):
 
 def _inward(port, bus, twins):
     """Put what comes from the broker on the bus."""
-    opened, decoder, keys = bare_client(int(port), "floor-in"), Decoder(5, 1 << 20), {}
+    opened, decoder, keys = bare_client(int(port), "floor-in"), PacketDecoder(5, 1 << 20), {}
     filters = [mqtt5.TopicFilter(f"cyberwave/twin/{twin}/command", max_qos=mqtt5.QoS(1)) for twin in twins]
     opened.sendall(mqtt5.SubscribePacket(1, filters).write())
     acks = collections.deque()

@@ -129,7 +129,7 @@ class Ears:
             time.sleep(0.1)
 
     def _opened(self):
-        topics = [f"cyberwave/twin/+/{leaf}" for leaf in ("navigate/status", "navigate_status")]
+        topics = [f"cyberwave/twin/+/{suffix}" for suffix in ("navigate/status", "navigate_status")]
         return Mqtt(self._port, "ears", topics=topics, took=self._took)
 
     def _took(self, packet, now):

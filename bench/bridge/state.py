@@ -30,7 +30,7 @@ def measure(pid, port, twins):
     """Return percent of a core, Hz that each topic of some robots was seen with, MiB and threads."""
     heard = Heard()
     leaves = ("position", "rotation", "joint_states", "imu")
-    topics = [f"cyberwave/twin/{twin}/{leaf}" for twin in twins[:LOOKED_AT] for leaf in leaves]
+    topics = [f"cyberwave/twin/{twin}/{suffix}" for twin in twins[:LOOKED_AT] for suffix in leaves]
     topics += [f"cyberwave/joint/{twin}/update" for twin in twins[:LOOKED_AT]]
     with Mqtt(port, "ears", topics=topics, took=heard.took, qos=0):
         wait_for(lambda: heard.count > 4 * LOOKED_AT)

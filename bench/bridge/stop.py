@@ -21,9 +21,9 @@ import zenoh
 
 from bench.bridge.floor import session
 from bench.common import fleet, free_port, line, listener, mosquitto, process, puppets, wait_for
-from fleet.bus.lane import Lane
-from fleet.bus.session import join_control
+from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
+from fleet.bus.zenoh_session import ZenohSession
 
 STOPS = 2000
 ROBOTS = 50
@@ -63,14 +63,14 @@ def plain(bus, journal):
 class Operator:
     """Somebody on a lane of the bus who stops robots, as ``fleet stop`` does."""
 
-    def __init__(self, lane):
-        self.lane = lane
+    def __init__(self, bus_session):
+        self.bus_session = bus_session
         self.asked = []
 
     def stop(self, robot):
         """Stop one robot."""
         self.asked.append((time.monotonic(), robot))
-        self.lane.put(STOP_KEY, json.dumps([robot]).encode(), urgent=True)
+        self.bus_session.put(STOP_KEY, json.dumps([robot]).encode(), urgent=True)
 
 
 def taken(asked, lines):
@@ -101,7 +101,7 @@ def ours(stops, *, loaded):
             time.sleep(3)
             stack.enter_context(frozen(broker))
         operator = Operator(join_control(BusSettings(edge="bench"), Path(edge.runtime)))
-        stack.callback(operator.lane.close)
+        stack.callback(operator.bus_session.close)
         names = [robot["name"] for robot in robots]
         time.sleep(1)
         for number in range(stops):
@@ -118,9 +118,11 @@ def peers():
     with tempfile.NamedTemporaryFile() as journal:
         with process(sys.executable, "-m", "bench.bridge.stop", "plain", bus, journal.name):
             wait_for(lambda: session(connect=bus), (zenoh.ZError,)).close()
-            operator = Operator(Lane({"mode": "client", "connect/endpoints": [f"tcp/127.0.0.1:{bus}"]}))
+            operator = Operator(
+                ZenohSession({"mode": "client", "connect/endpoints": [f"tcp/127.0.0.1:{bus}"]})
+            )
             ended = threading.Event()
-            flood = threading.Thread(target=_flood, args=(operator.lane, ended))
+            flood = threading.Thread(target=_flood, args=(operator.bus_session, ended))
             flood.start()
             time.sleep(3)
             for number in range(PLAIN_STOPS):
@@ -129,16 +131,16 @@ def peers():
             time.sleep(1)
             ended.set()
             flood.join()
-            operator.lane.close()
+            operator.bus_session.close()
         told = [json.loads(text) for text in Path(journal.name).read_text().splitlines()]
     return taken(operator.asked, told)
 
 
-def _flood(lane, ended):
+def _flood(bus_session, ended):
     """Put reports, in bursts of 10 ms."""
     while not ended.wait(0.01):
         for number in range(FLOOD // 100):
-            lane.put(f"cw/{number}/data/position", b"x" * 150)
+            bus_session.put(f"cw/{number}/data/position", b"x" * 150)
 
 
 @contextlib.contextmanager

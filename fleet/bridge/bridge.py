@@ -8,29 +8,29 @@ from typing import Any
 
 import msgspec
 
-from fleet.bridge.answers import Port
+from fleet.bridge.command_replies import RobotPort
+from fleet.bridge.disconnect_program import DisconnectPlan
 from fleet.bridge.downlink import Downlink
-from fleet.bridge.farewell import LastWords
+from fleet.bridge.edge_publisher import EdgePublisher
+from fleet.bridge.outbound_channel import TwinInfo
+from fleet.bridge.owned_streams import OwnedStreams
 from fleet.bridge.relay import Put
-from fleet.bridge.rivals import Rivals
-from fleet.bridge.roundtrip import RoundTrip
-from fleet.bridge.slot import TwinInfo
-from fleet.bridge.streams import Streams
+from fleet.bridge.round_trip import RoundTrip
+from fleet.bridge.twin_conflicts import TwinConflictMonitor
 from fleet.bridge.uplink import Uplink
-from fleet.bridge.voice import Voice
 from fleet.clock import Clock
 from fleet.cloud.client import CloudClient, Way
 from fleet.cloud.credentials import client_id
-from fleet.cloud.values import CloudSettings, CloudState, Message, Will
+from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, Will
 from fleet.model.state import EdgeState, RobotState
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.spool.losses import Gap
 from fleet.spool.spool import Spool
-from fleet.tally import Tally
 from fleet.wire.claims import read_heartbeat
 from fleet.wire.parts import TELEMETRY_END
 from fleet.wire.ping import check_ping
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import Rule
+from fleet.wire.rules import TopicRule
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 HEARTBEAT = 5.0  # s between edge_health messages of a twin (contract 9.2)
 
 
-class Rules(msgspec.Struct, frozen=True):
+class BridgeRules(msgspec.Struct, frozen=True):
     """What crosses: of each twin, of each environment (by uuid), and of workflow runs, whatever their uuid.
 
     ``ignored_edges`` are edges whose heartbeat does not claim a twin.
@@ -63,10 +63,10 @@ class Bridge:
         self,
         settings: CloudSettings,
         topics: Topics,
-        ports: Mapping[str, Port],
+        ports: Mapping[str, RobotPort],
         *,
         edge: str,
-        rules: Rules,
+        rules: BridgeRules,
         put: Put,
         alive: Callable[[str], bool],
         claimed: Callable[[str, str], None],
@@ -79,11 +79,11 @@ class Bridge:
         self._clock = clock
         self._settings = settings
         self.session = session = settings.client_id or client_id("fleet", simulated=False)
-        self.refusals = Tally(log, clock)
-        self.voice = Voice(topics, edge=edge, session=session, publish=self._publish, clock=clock)
+        self.refusals = RateLimitedCounter(log, clock)
+        self.voice = EdgePublisher(topics, edge=edge, session=session, publish=self._publish, clock=clock)
         self._held: dict[str, str] = {}
-        self.streams = Streams(ports, self.refusals, clock)
-        self._rivals = Rivals(
+        self.streams = OwnedStreams(ports, self.refusals, clock)
+        self._conflicts = TwinConflictMonitor(
             edge=edge, session=session, ignored=rules.ignored_edges, changed=claimed, clock=clock
         )
         self.round_trip = RoundTrip(self._ping, clock)
@@ -146,10 +146,10 @@ class Bridge:
         yield from self.uplink.turn()
         self.client.flush_queued()
 
-    def last_words(self) -> LastWords:
+    def last_words(self) -> DisconnectPlan:
         """Return what the cloud is to be told when this process dies."""
         topics = tuple(self._topics.twin(port.twin, "telemetry") for port in self._served())
-        return LastWords(self._settings, self.session, topics)
+        return DisconnectPlan(self._settings, self.session, topics)
 
     def hold(self, twin: str, holder: str) -> bool:
         """Leave a twin to another edge, or take it back when ``holder`` is empty; False: it is so already."""
@@ -173,7 +173,7 @@ class Bridge:
         ``extra``: host figures.
         """
         states = {state.twin: state for state in robots}
-        self._rivals.look()
+        self._conflicts.look()
         if self._pings:
             self.round_trip.ask()
         for port in self._served():
@@ -190,7 +190,7 @@ class Bridge:
                 self._tell_gap(gap)
         self.client.flush_queued()
 
-    def _takers(self) -> Mapping[str, Callable[[Topic, Message], None]]:
+    def _takers(self) -> Mapping[str, Callable[[Topic, CloudMessage], None]]:
         """Return what takes, by its leaf, what is for the bridge itself."""
         return {
             "edge_health": self._heard_heartbeat,
@@ -205,7 +205,7 @@ class Bridge:
             return Will(topic, payload, qos=1)
         return None
 
-    def _served(self) -> list[Port]:
+    def _served(self) -> list[RobotPort]:
         """Return the robots whose twins no other edge has."""
         return [port for twin, port in self._ports.items() if twin not in self._held]
 
@@ -213,7 +213,7 @@ class Bridge:
         """Publish by the client, which is built after those that publish."""
         return self.client.publish(topic, payload, **how)
 
-    def _open_way(self, topic: str, rule: Rule) -> Way:
+    def _open_way(self, topic: str, rule: TopicRule) -> Way:
         """Return the way of messages to a topic by a rule; any thread."""
         return self.client.way(topic, qos=rule.qos, traffic=rule.traffic, expiry=rule.max_age or None)
 
@@ -223,19 +223,19 @@ class Bridge:
             self.voice.ping(twin)
             return
 
-    def _heard_ping(self, topic: Topic, message: Message) -> None:
+    def _heard_ping(self, topic: Topic, message: CloudMessage) -> None:
         """Answer a ping at one of our twins."""
         check_ping(message.payload)
         if topic.twin not in self._held:
             self.voice.pong(self._ports[topic.twin])
 
-    def _heard_pong(self, _topic: Topic, message: Message) -> None:
+    def _heard_pong(self, _topic: Topic, message: CloudMessage) -> None:
         """Take the cloud's answer to our ping."""
         self.round_trip.heard(message.payload)
 
-    def _heard_heartbeat(self, topic: Topic, message: Message) -> None:
+    def _heard_heartbeat(self, topic: Topic, message: CloudMessage) -> None:
         """Take the heartbeat of another edge for one of our twins."""
-        self._rivals.heard(topic.twin, read_heartbeat(message.payload))
+        self._conflicts.heard(topic.twin, read_heartbeat(message.payload))
 
     def _tell_gap(self, gap: Gap) -> None:
         """Say on the twin's telemetry that messages of a topic were lost."""
@@ -243,8 +243,8 @@ class Bridge:
         port = self._ports.get(parsed.twin) if parsed else None
         if parsed is None or port is None:
             return
-        log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.leaf, gap.reason)
-        self.voice.tell_gap(port, parsed.leaf, gap)
+        log.warning("%s: %d messages on %s were lost (%s)", port.name, gap.lost, parsed.suffix, gap.reason)
+        self.voice.tell_gap(port, parsed.suffix, gap)
 
     def _state_changed(self, state: CloudState, cause: str) -> None:
         """Tell how the connection stands, and a broker that is back how everything is now."""
@@ -276,19 +276,19 @@ class Bridge:
         self.client.flush_queued()
 
 
-def subscriptions(topics: Topics, rules: Rules) -> dict[str, int]:
+def subscriptions(topics: Topics, rules: BridgeRules) -> dict[str, int]:
     """Return what to subscribe to: filter to QoS; no two of them overlap."""
     filters = {
-        topics.filter(rule.leaf, uuid): rule.qos
+        topics.filter(rule.suffix, uuid): rule.qos
         for books in (rules.twins, rules.environments)
         for uuid, book in books.items()
         for rule in book.inward.values()
     }
     runs = rules.any_run.inward if rules.any_run else {}
-    return filters | {topics.filter(rule.leaf): rule.qos for rule in runs.values()}
+    return filters | {topics.filter(rule.suffix): rule.qos for rule in runs.values()}
 
 
-def _infos(ports: Mapping[str, Port], rules: Rules) -> dict[str, TwinInfo]:
+def _infos(ports: Mapping[str, RobotPort], rules: BridgeRules) -> dict[str, TwinInfo]:
     """Return what the uplink knows of each twin, and of each environment, which has no robot."""
     twins = {twin: TwinInfo(port.name, port.source_type, rules.twins[twin]) for twin, port in ports.items()}
     return twins | {uuid: TwinInfo("", "edge", book) for uuid, book in rules.environments.items()}

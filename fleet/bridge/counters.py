@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 from itertools import accumulate
 
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 LATENCY_BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # s
 
@@ -17,9 +17,9 @@ class ClassCounts:
     """
 
     def __init__(self) -> None:
-        self.counts = [0] * len(Traffic)
+        self.counts = [0] * len(TrafficClass)
 
-    def add(self, traffic: Traffic) -> None:
+    def add(self, traffic: TrafficClass) -> None:
         """Count one."""
         self.counts[traffic] += 1
 
@@ -31,11 +31,11 @@ class ClassCounts:
     @property
     def durable(self) -> int:
         """All classes together that must not be lost."""
-        return sum(self.counts[traffic] for traffic in Traffic if traffic.durable)
+        return sum(self.counts[traffic] for traffic in TrafficClass if traffic.durable)
 
     def by_class(self) -> dict[str, int]:
         """Return the counters by the class's word."""
-        return {traffic.word: self.counts[traffic] for traffic in Traffic}
+        return {traffic.word: self.counts[traffic] for traffic in TrafficClass}
 
 
 class Latencies:

@@ -14,27 +14,27 @@ from typing import cast
 
 import msgspec
 
-from fleet.bridge.answers import Answering, Answers, Port, Send
+from fleet.bridge.command_replies import CommandReplies, MessageReplies, PublishReply, RobotPort
 from fleet.bridge.counters import Latencies
-from fleet.bridge.kept import KeptStops
 from fleet.bridge.relay import Put, Relay
+from fleet.bridge.retained_stops import RetainedStops
 from fleet.clock import Clock
-from fleet.cloud.values import Message
+from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
-from fleet.model.command import Asked, Reply, ReplyStatus, Way
-from fleet.tally import Tally
+from fleet.model.command import Reply, ReplyStatus, Request, Transport
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.envelope import digest
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import ENVIRONMENT, Inward, Kind, Taker
+from fleet.wire.rules import ENVIRONMENT, InboundRule, Kind, Recipient
 from fleet.wire.strict import parse_object
 from fleet.wire.topics import Topic, Topics
 
 log = logging.getLogger(__name__)
 
-Handler = Callable[[Topic, Message], None]
+Handler = Callable[[Topic, CloudMessage], None]
 """What the bridge itself does with a message; may raise WireError."""
 
-_CLOUD = Way.CLOUD  # looked up once: that of an enumeration is slow
+_CLOUD = Transport.CLOUD  # looked up once: that of an enumeration is slow
 
 TURN = 0.005  # s that messages are taken before others have their turn of the loop
 DENIED_AFTER = 1.0  # s that the edge which has a twin has to answer before us: who asks takes the first
@@ -45,22 +45,22 @@ MOST_BYTES = 32 << 20
 """Bytes of them, at most."""
 
 
-class Route(msgspec.Struct, frozen=True):
+class InboundRoute(msgspec.Struct, frozen=True):
     """Whom a topic's messages are for, and by which rule; ``port``: the robot that is asked, if one is."""
 
     topic: Topic
-    rule: Inward
+    rule: InboundRule
     kind: Kind
-    port: Port | None = None
+    port: RobotPort | None = None
 
 
-class Arrived(msgspec.Struct, frozen=True, gc=False):
+class InboundMessage(msgspec.Struct, frozen=True, gc=False):
     """A message on its way; ``asked`` is what a robot made of it, None where it asks nothing."""
 
-    route: Route
-    message: Message
+    route: InboundRoute
+    message: CloudMessage
     at: float
-    asked: Asked | None
+    asked: Request | None
 
 
 class Downlink:
@@ -78,15 +78,15 @@ class Downlink:
     def __init__(
         self,
         topics: Topics,
-        ports: Mapping[str, Port],
+        ports: Mapping[str, RobotPort],
         *,
         books: Mapping[str, Rulebook],
         any_run: Rulebook | None = None,
         session: str,
-        send: Send,
+        send: PublishReply,
         put: Put,
         own: Mapping[str, Handler],
-        refusals: Tally,
+        refusals: RateLimitedCounter,
         clock: Clock,
     ) -> None:
         self._topics = topics
@@ -97,13 +97,13 @@ class Downlink:
         self._session_bytes = session.encode()
         self._own = own
         self._clock = clock
-        self._answers = Answers(topics, send, refusals, clock)
+        self._answers = CommandReplies(topics, send, refusals, clock)
         self._relay = Relay(put, refusals, clock)
-        self._inbox: deque[Arrived] = deque()
+        self._inbox: deque[InboundMessage] = deque()
         self._waiting = 0  # bytes in it, about: two threads count
-        self._stops: dict[str, dict[str, Arrived]] = {}  # beyond the bound, by twin and topic
-        self._kept = KeptStops()
-        self._known: dict[str, Route] = {}  # of our own twins, by topic: there are not many
+        self._stops: dict[str, dict[str, InboundMessage]] = {}  # beyond the bound, by twin and topic
+        self._kept = RetainedStops()
+        self._known: dict[str, InboundRoute] = {}  # of our own twins, by topic: there are not many
         self.held: Mapping[str, str] = {}
         self._denied: deque[tuple[float, Callable[[Reply], None], Reply]] = deque(maxlen=MOST_DENIED)
         self.refusals = refusals
@@ -111,7 +111,7 @@ class Downlink:
         self.answered: Counter[str] = Counter()
         self.latencies: dict[str, Latencies] = {port.name: Latencies() for port in ports.values()}
 
-    def arrived(self, messages: list[Message]) -> None:
+    def arrived(self, messages: list[CloudMessage]) -> None:
         """Read what has come; from one thread at a time."""
         now = self._clock.monotonic()
         for message in messages:
@@ -120,7 +120,7 @@ class Downlink:
             except Exception:  # there may be a stop among what follows
                 log.exception("a message on %.120r was lost", message.topic)
 
-    def _arrived(self, message: Message, now: float) -> None:
+    def _arrived(self, message: CloudMessage, now: float) -> None:
         """Read one message."""
         route = self._known.get(message.topic) or self._find(message)
         if route is None or (message.retain and self._kept.counted(message.topic, message.payload)):
@@ -131,9 +131,9 @@ class Downlink:
             self._kept.note(message.topic, message.payload)
         elif self._is_barred(message, asked):
             return
-        self._put(Arrived(route, message, now, asked), stops=stops)
+        self._put(InboundMessage(route, message, now, asked), stops=stops)
 
-    def _put(self, one: Arrived, *, stops: bool) -> None:
+    def _put(self, one: InboundMessage, *, stops: bool) -> None:
         """Let a message wait for the loop, behind all that came before it.
 
         Beyond the bound a stop waits all the same, unless one of its topic does and nothing for the robot has
@@ -171,7 +171,7 @@ class Downlink:
                 log.exception("a message on %s could not be taken", one.message.topic)
         return False
 
-    def _read(self, route: Route, port: Port, message: Message) -> Asked | None:
+    def _read(self, route: InboundRoute, port: RobotPort, message: CloudMessage) -> Request | None:
         """Have a robot read a message; what fails in one must not keep the others' from them."""
         size, unread = len(message.payload), ""
         if size > route.rule.size:
@@ -188,38 +188,38 @@ class Downlink:
         except Exception:
             log.exception("%s: a message on %s could not be read", port.name, message.topic)
             refusal = Reply(route.kind, ReplyStatus.REJECTED, "it could not be read; the edge's log says why")
-            return Asked(lambda answer: answer(refusal))
+            return Request(lambda answer: answer(refusal))
 
-    def _find(self, message: Message) -> Route | None:
+    def _find(self, message: CloudMessage) -> InboundRoute | None:
         """Find whom a message is for, None for what is nobody's here; a twin's topic is found once."""
         found = self._find_rule(message)
         if found is None:
             return None
         topic, rule = found
         kind = cast("Kind", rule.taker.value)
-        route = Route(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
+        route = InboundRoute(topic, rule, kind, self._ports[topic.twin] if rule.taker.asks else None)
         if topic.twin in self._ports:
             self._known[message.topic] = route
         return route
 
-    def _find_rule(self, message: Message) -> tuple[Topic, Inward] | None:
+    def _find_rule(self, message: CloudMessage) -> tuple[Topic, InboundRule] | None:
         """Find whom a message is for and by which rule."""
         topic = self._topics.parse(message.topic)
         book = None
         if topic is not None:
             book = self._books.get(topic.twin)
-            if topic.leaf.startswith("workflow-run:"):
+            if topic.suffix.startswith("workflow-run:"):
                 book = self._any_run
         if topic is None or book is None:
             self.refusals.add("foreign topic", "a message on %.120r is for nobody here", message.topic)
             return None
-        rule = book.inward.get(ENVIRONMENT if topic.leaf.startswith("environment:") else topic.leaf)
+        rule = book.inward.get(ENVIRONMENT if topic.suffix.startswith("environment:") else topic.suffix)
         if rule is None:
             self.refusals.add("no rule", "a message on %.120r has no rule", message.topic)
             return None
         return topic, rule
 
-    def _is_barred(self, message: Message, asked: Asked | None) -> bool:
+    def _is_barred(self, message: CloudMessage, asked: Request | None) -> bool:
         """Return True for what only a stop gets past, and tell it: kept, damaged, or said by ourselves."""
         if message.retain:
             # The broker kept it from some earlier time: whatever it asks is not asked now.
@@ -242,18 +242,18 @@ class Downlink:
         except WireError:
             return False
 
-    def _hand_over(self, one: Arrived) -> None:
+    def _hand_over(self, one: InboundMessage) -> None:
         """Hand one message to whom it is for."""
         route = one.route
         self.received[route.kind] += 1
         if route.port and one.asked:
             self._ask(one, route.port, one.asked)
-        elif route.rule.taker is Taker.RELAY:
+        elif route.rule.taker is Recipient.RELAY:
             self._relay.take(route.topic, route.rule, one.message)
         elif route.port is None:
-            self._do(route.topic, one.message, self._own[route.rule.leaf])
+            self._do(route.topic, one.message, self._own[route.rule.suffix])
 
-    def _ask(self, one: Arrived, port: Port, asked: Asked) -> None:
+    def _ask(self, one: InboundMessage, port: RobotPort, asked: Request) -> None:
         """Ask a robot, or say a moment later which edge has its twin."""
         route, message = one.route, one.message
         tell = self._answers.to(port, message, route.kind, once=asked.once)
@@ -276,14 +276,14 @@ class Downlink:
             _, answer, denial = self._denied.popleft()
             answer(denial)
 
-    def _answer(self, port: Port, tell: Answering, arrived: float, reply: Reply) -> None:
+    def _answer(self, port: RobotPort, tell: MessageReplies, arrived: float, reply: Reply) -> None:
         """Answer, and note how long the receipt took."""
         if not tell.answered:
             self.answered[reply.status.value] += 1
             self.latencies[port.name].add(self._clock.monotonic() - arrived)
         tell(reply)
 
-    def _do(self, topic: Topic, message: Message, handle: Handler) -> None:
+    def _do(self, topic: Topic, message: CloudMessage, handle: Handler) -> None:
         """Do what the bridge itself does with a message."""
         try:
             handle(topic, message)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet.clock import Clock
-from fleet.cloud.values import Message
+from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
-from fleet.tally import Tally
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.documents import document_in, is_for_the_cloud, is_state_of_another, word_of_update
-from fleet.wire.rules import ENVIRONMENT, Inward
+from fleet.wire.rules import ENVIRONMENT, InboundRule
 from fleet.wire.topics import Topic, data_key
 
 Put = Callable[[str, bytes], None]
@@ -19,23 +19,25 @@ MOST_ALLOWANCES = 10_000  # of uuids and topics; runs of workflows are without e
 class Relay:
     """Puts on the bus what is for a program there. On the loop only."""
 
-    def __init__(self, put: Put, refusals: Tally, clock: Clock) -> None:
+    def __init__(self, put: Put, refusals: RateLimitedCounter, clock: Clock) -> None:
         self._put = put
         self._refusals = refusals
         self._clock = clock
         self._allowances: dict[tuple[str, str], tuple[float, float]] = {}  # how many may pass, and since when
         self.passed = 0
 
-    def take(self, topic: Topic, rule: Inward, message: Message) -> None:
+    def take(self, topic: Topic, rule: InboundRule, message: CloudMessage) -> None:
         """Check one message and put it on the bus, or count why not."""
-        if is_for_the_cloud(topic.leaf, message.payload) or is_state_of_another(topic.leaf, message.payload):
+        if is_for_the_cloud(topic.suffix, message.payload) or is_state_of_another(
+            topic.suffix, message.payload
+        ):
             return
         if not self._allowed(topic, rule):
             line = "%s comes more than %g times a second"
             self._refusals.add("too often", line, message.topic, rule.max_rate)
             return
         try:
-            sample = document_in(topic.leaf, message.payload, size=rule.size, now=self._clock.time())
+            sample = document_in(topic.suffix, message.payload, size=rule.size, now=self._clock.time())
             key = _key(topic, rule)
         except WireError as error:
             self._refusals.add("unreadable", "a message on %s did not cross: %s", message.topic, error)
@@ -43,12 +45,12 @@ class Relay:
         self.passed += 1
         self._put(key, sample)
 
-    def _allowed(self, topic: Topic, rule: Inward) -> bool:
+    def _allowed(self, topic: Topic, rule: InboundRule) -> bool:
         """Return False above the rate; what one second allows may come at once."""
         if not rule.max_rate:
             return True
         now = self._clock.monotonic()
-        place = (topic.twin, topic.leaf)
+        place = (topic.twin, topic.suffix)
         burst = max(rule.max_rate, 1.0)
         left, since = self._allowances.get(place, (burst, now))
         left = min(burst, left + (now - since) * rule.max_rate)
@@ -58,7 +60,7 @@ class Relay:
         return left >= 1.0
 
 
-def _key(topic: Topic, rule: Inward) -> str:
+def _key(topic: Topic, rule: InboundRule) -> str:
     """Return where on the bus a message goes; an update's type takes the place of the sensor."""
-    sensor = word_of_update(topic.leaf.partition(":")[2]) if rule.leaf == ENVIRONMENT else None
+    sensor = word_of_update(topic.suffix.partition(":")[2]) if rule.suffix == ENVIRONMENT else None
     return data_key(topic.twin, rule.channel, sensor)

@@ -13,21 +13,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from fleet.bridge.counters import ClassCounts
-from fleet.bridge.events import EventLimits
-from fleet.bridge.slot import REPEAT_LOOK, Slot, TwinInfo, is_left_out
+from fleet.bridge.event_limits import EventLimits
+from fleet.bridge.outbound_channel import REPEAT_LOOK, OutboundChannel, TwinInfo, is_left_out
 from fleet.clock import Clock
 from fleet.cloud.client import Way
 from fleet.errors import WireError
 from fleet.model.event import EventReport
 from fleet.model.report import Report
-from fleet.tally import Tally
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.databus import decode_report, unread_fields
 from fleet.wire.documents import document_out
 from fleet.wire.encoding import encode_all
 from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet, unproven
 from fleet.wire.parts import ends_every_stream, part_of
 from fleet.wire.reports import Message, messages_of, to_mqtt
-from fleet.wire.rules import Rule, Traffic
+from fleet.wire.rules import TopicRule, TrafficClass
 from fleet.wire.topics import Topics, data_key, parse_data_key
 
 log = logging.getLogger(__name__)
@@ -37,10 +37,10 @@ LOOKS = 100  # looks for what must be repeated in one step
 STRANGERS = 10_000  # keys that are remembered as not ours; anybody on the bus can invent more
 TELL_EVERY = 10.0  # s between warnings of dropped events
 
-Sample = tuple[Slot, Report | bytes]
+Sample = tuple[OutboundChannel, Report | bytes]
 """What crosses: a slot, and what was its newest when it was taken from there."""
 
-OpenWay = Callable[[str, Rule], Way]
+OpenWay = Callable[[str, TopicRule], Way]
 """Opens the way to a topic by its rule, once."""
 
 
@@ -74,7 +74,7 @@ class Uplink:
         alive: Callable[[str], bool],
         waiting: Callable[[], int],
         full: Callable[[], bool],
-        refusals: Tally,
+        refusals: RateLimitedCounter,
         clock: Clock,
     ) -> None:
         self._topics = topics
@@ -88,10 +88,10 @@ class Uplink:
         self._held_up = False  # the way was full at the last turn
         self._backlog = 0  # bytes that waited to be sent then
         self._clock = clock
-        self._slots: dict[str, Slot | None] = {}
-        self._repeated: list[Slot] = []
+        self._slots: dict[str, OutboundChannel | None] = {}
+        self._repeated: list[OutboundChannel] = []
         # Filled on the bus's threads and emptied on the loop, each step atomic: nothing is ever swapped.
-        self._fresh: deque[Slot] = deque()
+        self._fresh: deque[OutboundChannel] = deque()
         self._next_repeat = float("-inf")
         self._next_tell = float("-inf")
         self._told = 0
@@ -125,14 +125,14 @@ class Uplink:
             return
         self._take(slot, sample)
 
-    def _look_for_unread(self, slot: Slot, sample: bytes) -> None:
+    def _look_for_unread(self, slot: OutboundChannel, sample: bytes) -> None:
         """Tell what of a program's messages does not cross, by the first that comes on a key."""
         unread = unread_fields(slot.channel, sample)
         if unread:
             line = "of %s of %s these fields do not cross: %s"
             self.refusals.add("unknown fields", line, slot.channel, slot.twin, ", ".join(unread)[:200])
 
-    def open(self, key: str) -> Slot | None:
+    def open(self, key: str) -> OutboundChannel | None:
         """Return where this process's own reports of a key cross; None when none may.
 
         From then on nobody else's do: a robot's state is its own to tell. Of events others tell theirs, but
@@ -148,7 +148,7 @@ class Uplink:
         for twin in twins:
             self.open(data_key(twin, EventReport.channel))
 
-    def cross(self, batch: Sequence[tuple[Slot, Report]]) -> None:
+    def cross(self, batch: Sequence[tuple[OutboundChannel, Report]]) -> None:
         """Take this process's own reports, each with where it crosses; on the loop.
 
         What is small and due crosses there and then, while it is at hand.
@@ -166,7 +166,7 @@ class Uplink:
                 self._take(slot, report)
         self._send_all(going)
 
-    def _take(self, slot: Slot, sample: Report | bytes) -> None:
+    def _take(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Take a sample: an event crosses at once, of a state the newest is kept for the turn."""
         if slot.parted:
             try:
@@ -191,14 +191,14 @@ class Uplink:
             slot.fresh = True
             self._fresh.append(slot)
 
-    def _part(self, slot: Slot, sample: Report | bytes) -> tuple[Slot, Report]:
+    def _part(self, slot: OutboundChannel, sample: Report | bytes) -> tuple[OutboundChannel, Report]:
         """Return where a message of a channel with several states crosses, read; raises WireError."""
         report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
         if ends_every_stream(report) and slot.twin in self.streaming:
             raise WireError("a program here has streams of this twin, which it would close; name a sensor")
         return slot.part(part_of(report)), report
 
-    def _is_told(self, slot: Slot, sample: Report | bytes) -> bool:
+    def _is_told(self, slot: OutboundChannel, sample: Report | bytes) -> bool:
         """Tell an event of the fleet, unless it is cut; False for an event of another program."""
         heard = sample if isinstance(sample, bytes) else None
         if isinstance(sample, bytes):
@@ -209,7 +209,7 @@ class Uplink:
             except WireError:  # told like any document that is not as it must be
                 return False
         if isinstance(sample, EventReport) and sample.kind in TOLD_TO_THE_CLOUD:
-            topic = self._topics.twin(slot.twin, slot.rule.leaf)
+            topic = self._topics.twin(slot.twin, slot.rule.suffix)
             now, wall = self._clock.monotonic(), self._clock.time()
             if self.events.admits(topic, sample, now, wall, heard=heard is not None):
                 self._send_walled(slot, heard or sample)
@@ -250,7 +250,7 @@ class Uplink:
                 yield
         self._send_all(step)
 
-    def _may_go(self, slot: Slot, now: float) -> bool:
+    def _may_go(self, slot: OutboundChannel, now: float) -> bool:
         """Tell whether a slot's newest sample goes now; else it stays for a later turn, or is dropped."""
         if now < slot.due or (self._held_up and not slot.streams):
             self._fresh.append(slot)
@@ -308,8 +308,8 @@ class Uplink:
                 if not slot.streams:
                     states += len(leaves)
                 slot.refused = False
-                for leaf, message in leaves:
-                    ways.append(slot.ways[leaf])
+                for suffix, message in leaves:
+                    ways.append(slot.ways[suffix])
                     made.append(message)
         except Exception:  # noqa: BLE001 - whose it is, and why, is found one by one; new ways are opened then
             return None
@@ -318,11 +318,11 @@ class Uplink:
             return None
         if payloads and max(map(len, payloads)) > min([slot.size for slot, _ in step]):
             return None
-        self.sent.counts[Traffic.LATEST] += states
-        self.sent.counts[Traffic.STREAM] += len(made) - states
+        self.sent.counts[TrafficClass.LATEST] += states
+        self.sent.counts[TrafficClass.STREAM] += len(made) - states
         return ways, payloads
 
-    def _send_walled(self, slot: Slot, sample: Report | bytes) -> None:
+    def _send_walled(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Send a sample; whatever is wrong with it keeps no other from being sent."""
         try:
             self._send(slot, sample)
@@ -331,7 +331,7 @@ class Uplink:
             line = "a sample on %s of %s did not cross: %s"
             self.refusals.add("failed", line, slot.channel, slot.twin, repr(error))
 
-    def _send(self, slot: Slot, sample: Report | bytes) -> None:
+    def _send(self, slot: OutboundChannel, sample: Report | bytes) -> None:
         """Translate one sample and publish what it becomes."""
         if slot.twin in self.held:
             return
@@ -341,34 +341,34 @@ class Uplink:
             self._refuse(slot, error)
             return
         slot.refused = False
-        for leaf, payload in messages:
+        for suffix, payload in messages:
             if len(payload) > slot.size:
                 line = "%s of %s: %d bytes are more than the %d of its rule"
-                self.refusals.add("too large", line, leaf, slot.twin, len(payload), slot.size)
+                self.refusals.add("too large", line, suffix, slot.twin, len(payload), slot.size)
                 continue
             self.sent.counts[slot.traffic] += 1
-            self._client.queue(slot.ways.get(leaf) or self._open(slot, leaf), payload)
+            self._client.queue(slot.ways.get(suffix) or self._open(slot, suffix), payload)
 
-    def _refuse(self, slot: Slot, error: WireError) -> None:
+    def _refuse(self, slot: OutboundChannel, error: WireError) -> None:
         """Count what cannot cross, and tell why."""
         slot.refused = True
         line = "a sample on %s of %s did not cross: %s"
         self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
-    def _translated(self, slot: Slot, sample: Report | bytes) -> list[tuple[str, bytes]]:
+    def _translated(self, slot: OutboundChannel, sample: Report | bytes) -> list[tuple[str, bytes]]:
         """Return leaf and payload of each message that a sample becomes; raises WireError."""
         if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
-            leaf, source_type = slot.leaf, slot.info.source_type
-            return [(leaf, document_out(leaf, sample, source_type=source_type, session=self._session))]
+            suffix, source_type = slot.suffix, slot.info.source_type
+            return [(suffix, document_out(suffix, sample, source_type=source_type, session=self._session))]
         report = unproven(decode_report(slot.channel, sample)) if isinstance(sample, bytes) else sample
         return to_mqtt(report, slot.by, slot.off)
 
-    def _open(self, slot: Slot, leaf: str) -> Way:
+    def _open(self, slot: OutboundChannel, suffix: str) -> Way:
         """Open the way to a topic, once."""
-        way = slot.ways[leaf] = self._open_way(self._topics.twin(slot.twin, leaf), slot.rule)
+        way = slot.ways[suffix] = self._open_way(self._topics.twin(slot.twin, suffix), slot.rule)
         return way
 
-    def _meet(self, key: str) -> Slot | None:
+    def _meet(self, key: str) -> OutboundChannel | None:
         """Decide what a key is, once: a slot of ours, or None for what does not cross."""
         parsed = parse_data_key(key)
         twin = self._twins.get(parsed.twin) if parsed else None
@@ -381,7 +381,7 @@ class Uplink:
             return self._slots.setdefault(key, None) if len(self._slots) < STRANGERS else None
         if parsed.sensor is not None and len(self._slots) >= STRANGERS:
             return None
-        slot = Slot(parsed, twin, rule, self._session)
+        slot = OutboundChannel(parsed, twin, rule, self._session)
         if parsed.channel.startswith("webrtc_"):
             self.streaming.add(parsed.twin)
         kept = self._slots.setdefault(key, slot)

@@ -110,9 +110,9 @@ def _runtime_path(environ: Mapping[str, str]) -> Path:
     return place / f"fleet-{os.getuid()}"
 
 
-def socket_path(edge: str, lane: str, directory: Path) -> str:
+def socket_path(edge: str, bus_session: str, directory: Path) -> str:
     """Return the Unix socket endpoint of one session of an edge."""
-    path = directory / f"{edge}.{lane}.sock"
+    path = directory / f"{edge}.{bus_session}.sock"
     if len(str(path).encode()) > LONGEST_SOCKET_PATH:
         raise BusError(f"{path} is too long for a Unix socket; set FLEET_RUNTIME_DIR to a shorter place")
     return f"{SOCKET}/{path}"

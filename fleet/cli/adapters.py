@@ -10,9 +10,9 @@ import msgspec
 
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
-from fleet.host.describe_file import described
-from fleet.probe import Description
-from fleet.registry import Plugin, Registry
+from fleet.host.workers.drop_in_inspector import described
+from fleet.plugins.probe import AdapterDescription
+from fleet.plugins.registry import Plugin, Registry
 
 file_option = click.option(
     "-f",
@@ -62,7 +62,7 @@ def _detail(plugin: Plugin) -> str:
     return f"{', '.join(words) or 'nothing'} [{plugin.origin}]"
 
 
-def _description(plugin: Plugin) -> Description | None:
+def _description(plugin: Plugin) -> AdapterDescription | None:
     """Return what a plugin is; None for one that failed."""
     if plugin.adapter is not None:
         return described(plugin.name, plugin.adapter, schema=False)

@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from fleet.cli.ask import Asker
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.robot_queries import RobotQuery
 from fleet.cli.send import stamped
 from fleet.config.load import load
 from fleet.errors import Refused
@@ -135,4 +135,4 @@ def _place(edges: Edges, name: str) -> Vector3:
 
 def _robot(edges: Edges, name: str) -> RobotState:
     """Return the robot of this name, as it is now."""
-    return Asker(edges, name).robot
+    return RobotQuery(edges, name).robot

@@ -19,7 +19,7 @@ from fleet.config.certificates import (
     read_identity,
 )
 from fleet.config.endpoints import COMMON_NAME, Role
-from fleet.host.expiry import ending
+from fleet.host.edge.certificate_expiry import ending
 
 AUTHORITY = "ca"
 REVOKED = "revoked"

@@ -45,12 +45,12 @@ def _of_certificates(loaded: Loaded) -> list[Problem]:
     tls = loaded.config.bus.tls
     if tls is None:
         return []
-    from fleet.host.expiry import Expiry, files_of  # noqa: PLC0415 - not needed without certificates
+    from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of  # noqa: PLC0415 - not needed without certificates
 
     return [
         Problem(str(file), 1, 1, "bus.tls", problem)
         for file in files_of(tls)
-        for problem in Expiry([file], SystemClock()).problems
+        for problem in CertificateExpiry([file], SystemClock()).problems
     ]
 
 

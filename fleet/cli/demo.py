@@ -22,7 +22,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import logs_to, serve
 from fleet.config.load import load
 from fleet.errors import BusError
-from fleet.host.edge import Edge
+from fleet.host.edge.edge import Edge
 from fleet.sim.broker.thread import BrokerThread
 
 NAMESPACE = uuid.UUID("8f1c1f0e-6d0b-4c3e-9d57-0f1ee7000000")
@@ -35,7 +35,7 @@ FLAVOURS = ("px4", "ardupilot")
 UGV = "waveshare-beast"
 
 
-class Try(NamedTuple):
+class DemoExample(NamedTuple):
     """What to try with the first robot of a kind: a command, its data, and a goal (m)."""
 
     robot: str
@@ -45,9 +45,9 @@ class Try(NamedTuple):
 
 
 TRIES = (
-    Try("drone-1", "takeoff", {"altitude": 5}, "10 0 5"),
-    Try("dog-1", "stand_up", {}, "1 0.5 0"),
-    Try("ugv-1", "move_forward", {"distance": 1}, "1 0.5 0"),
+    DemoExample("drone-1", "takeoff", {"altitude": 5}, "10 0 5"),
+    DemoExample("dog-1", "stand_up", {}, "1 0.5 0"),
+    DemoExample("ugv-1", "move_forward", {"distance": 1}, "1 0.5 0"),
 )
 
 
@@ -158,7 +158,7 @@ def _require_free(edge: str) -> None:
         )
 
 
-def _welcome(out: Output, host: str, port: int, tries: Sequence[Try], edge: str = EDGE) -> None:
+def _welcome(out: Output, host: str, port: int, tries: Sequence[DemoExample], edge: str = EDGE) -> None:
     """Say where to look and what to try, with a robot that is there."""
     out.note(f"MQTT broker       {host}:{port}")
     for robot, command, data, goal in tries[:1]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import click
 import msgspec
 
-from fleet.cli.ask import Asker
 from fleet.cli.completion import COMMAND, ROBOT
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
+from fleet.cli.robot_queries import RobotQuery
 from fleet.config.text import nearest
 from fleet.errors import Refused
-from fleet.model.description import CommandDescription, Description, ParameterDescription
+from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 
 
 @click.command()
@@ -27,7 +27,7 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
     command is judged as one from this computer, without its data.
     """
     with Edges.reach(file) as edges:
-        found = edges.description(Asker(edges, robot).robot)
+        found = edges.description(RobotQuery(edges, robot).robot)
     if command is None:
         out.data(msgspec.to_builtins(found))
         _show_all(out, found)
@@ -41,7 +41,7 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
     return ExitCode.OK
 
 
-def _show_all(out: Output, found: Description) -> None:
+def _show_all(out: Output, found: RobotDescription) -> None:
     """Show a robot's commands, one in a line, and what it takes besides."""
     rows = [(one.name, "no" if one.refusal else "yes", _parameters(one)) for one in found.commands]
     out.table(("command", "now", "parameters"), rows)

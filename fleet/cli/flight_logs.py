@@ -12,12 +12,12 @@ from pathlib import Path
 import click
 import msgspec
 
-from fleet.cli.ask import Asker
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.decoding import convert
+from fleet.cli.robot_queries import RobotQuery
 from fleet.errors import Refused
+from fleet.runtime.decoding import convert
 
 _PIECE = 32 * 1024  # bytes asked for at once
 _LIST_WITHIN = 35.0  # s
@@ -54,7 +54,7 @@ def flight_logs(context: click.Context, robot: str) -> None:
 def list_logs(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """List the logs of ROBOT."""
     with Edges.reach(file) as edges:
-        found = _list(Asker(edges, robot))
+        found = _list(RobotQuery(edges, robot))
     out.data(msgspec.to_builtins(found))
     out.table(("log", "bytes", "begun"), [(str(log.id), str(log.size), _when(log.time)) for log in found])
     return ExitCode.OK
@@ -75,7 +75,7 @@ def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | Non
     if path.exists():
         raise Refused(f"{path} exists", hint="name another file")
     with Edges.reach(file) as edges:
-        asker = Asker(edges, robot)
+        asker = RobotQuery(edges, robot)
         wanted = next((each for each in _list(asker) if each.id == log), None)
         if wanted is None:
             raise Refused(f"{robot} has no log {log}", hint=f"fleet flight-logs {robot} list")
@@ -85,7 +85,7 @@ def get(out: Output, robot: str, log: int, path: Path | None, *, file: str | Non
     return ExitCode.OK
 
 
-def _fetch(asker: Asker, log: _Log, path: Path) -> None:
+def _fetch(asker: RobotQuery, log: _Log, path: Path) -> None:
     """Write a log to a file, going on where an earlier attempt ended; the bar is drawn on a terminal."""
     part = path.with_name(f"{path.name}.part")
     done = part.stat().st_size if part.exists() else 0
@@ -101,7 +101,7 @@ def _fetch(asker: Asker, log: _Log, path: Path) -> None:
     part.replace(path)
 
 
-def _pieces(asker: Asker, log: _Log, at: int) -> Iterator[bytes]:
+def _pieces(asker: RobotQuery, log: _Log, at: int) -> Iterator[bytes]:
     """Yield a log from an offset on, a piece at a time; raises Refused for one that is not what was asked."""
     while at < log.size:
         count = min(_PIECE, log.size - at)
@@ -118,7 +118,7 @@ def _pieces(asker: Asker, log: _Log, at: int) -> Iterator[bytes]:
         at += len(data)
 
 
-def _list(asker: Asker) -> list[_Log]:
+def _list(asker: RobotQuery) -> list[_Log]:
     """Return the logs of a robot."""
     said = asker.ask("list_logs", timeout=_LIST_WITHIN)
     try:

@@ -14,7 +14,7 @@ import msgspec
 from fleet.cli.completion import ROBOT
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.cli.route import Route, read_route, route_of
+from fleet.cli.route import Waypoints, read_route, route_of
 from fleet.cli.send import ask_each
 from fleet.errors import Refused
 from fleet.model.geodesy import GeoOrigin, geo_from_world
@@ -26,7 +26,7 @@ from fleet.model.state import RobotState
 ONE_FRAME = 0.05  # m, and rad, by which two worlds may differ and be one
 
 
-class Aim(msgspec.Struct, frozen=True):
+class GotoTarget(msgspec.Struct, frozen=True):
     """Where to go: metres in ``frame`` (world: each robot's own, site), or degrees (geo).
 
     ``way`` are the places before the last, each of two or three numbers.
@@ -101,7 +101,7 @@ def goto(
         raise click.UsageError("--site is metres, and the places of the file are on Earth")
     frame = "geo" if geo or route.geo else "site" if site else "world"
     *way, (x, y, *z) = route.places
-    aim = Aim(x, y, z[0] if z else None, frame, yaw, speed, spacing, tuple(way))
+    aim = GotoTarget(x, y, z[0] if z else None, frame, yaw, speed, spacing, tuple(way))
 
     def messages(robots: list[RobotState]) -> list[dict[str, Any]]:
         made = goals(aim, robots)
@@ -113,7 +113,7 @@ def goto(
     return ask_each(out, robot, "navigate", messages, wait=wait, timeout=timeout, file=file)
 
 
-def _said(places: tuple[str, ...]) -> Route:
+def _said(places: tuple[str, ...]) -> Waypoints:
     """Return the places of the command line."""
     try:
         return route_of(places)
@@ -121,7 +121,7 @@ def _said(places: tuple[str, ...]) -> Route:
         raise click.UsageError(error.reason) from None
 
 
-def goals(aim: Aim, robots: list[RobotState]) -> list[dict[str, Any]]:
+def goals(aim: GotoTarget, robots: list[RobotState]) -> list[dict[str, Any]]:
     """Return each robot's message; raises Refused for one point for several, and without a common frame."""
     _require_one_frame(aim, robots)
     if len(robots) == 1:
@@ -140,7 +140,7 @@ def goals(aim: Aim, robots: list[RobotState]) -> list[dict[str, Any]]:
     return [_message(aim, robot, step) for robot, step in zip(robots, steps, strict=True)]
 
 
-def _centre(aim: Aim, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
+def _centre(aim: GotoTarget, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
     """Return the place in the site's frame; one on Earth is not known there: the middle of the robots."""
     if aim.frame == "geo" or robot.placement is None:
         return sum(sites, Vector3()).scaled(1 / len(sites))
@@ -148,7 +148,7 @@ def _centre(aim: Aim, robot: RobotState, sites: Sequence[Vector3]) -> Vector3:
     return place if aim.frame == "site" else robot.placement.to_site(place)
 
 
-def _require_one_frame(aim: Aim, robots: list[RobotState]) -> None:
+def _require_one_frame(aim: GotoTarget, robots: list[RobotState]) -> None:
     """Raise Refused where the coordinates do not mean the same place for all of the robots."""
     if aim.frame == "site":
         lost = ", ".join(robot.name for robot in robots if robot.placement is None)
@@ -171,7 +171,7 @@ def _is_one(one: Placement | None, other: Placement | None) -> bool:
     return (one.origin - other.origin).norm() <= ONE_FRAME and abs(one.yaw - other.yaw) <= ONE_FRAME
 
 
-def _message(aim: Aim, robot: RobotState, step: Vector3) -> dict[str, Any]:
+def _message(aim: GotoTarget, robot: RobotState, step: Vector3) -> dict[str, Any]:
     """Return the message that sends a robot to the place, ``step`` beside it, or along its path."""
     message: dict[str, Any] = {"command": "goto", "action_id": uuid.uuid4().hex}
     yaw = aim.yaw

@@ -11,16 +11,16 @@ from typing import Any
 import click
 import msgspec
 
-from fleet.cli.connect import Edges, UnknownRobot
+from fleet.cli.edges import Edges, UnknownRobot
 from fleet.cli.options import reach_option
 from fleet.cli.output import NotRunning, Output, with_output
 from fleet.cli.times import iso, since_option, when
 from fleet.errors import BusError, StateError
-from fleet.history.look import read
+from fleet.history.event_filter import MOST, EventFilter, newest
+from fleet.history.reader import read
 from fleet.history.record import Record
 from fleet.history.store import HISTORY
-from fleet.history.wanted import MOST, Wanted, newest
-from fleet.spool.place import state_folder
+from fleet.spool.state_folder import state_folder
 
 _LAST = 100
 
@@ -69,7 +69,7 @@ def _found(robot: str | None, since: float, most: int, file: str | None) -> list
         with Edges.reach(file) as edges:
             return _told(edges, robot, since, most)
     except (NotRunning, BusError):
-        wanted = Wanted((robot,) if robot else (), since, most)
+        wanted = EventFilter((robot,) if robot else (), since, most)
         folders = _folders(file)
         if not any((folder / HISTORY).exists() for folder in folders):
             raise
@@ -87,16 +87,18 @@ def _found(robot: str | None, since: float, most: int, file: str | None) -> list
 def _told(edges: Edges, robot: str | None, since: float, most: int) -> list[Record]:
     """Return what running edges tell; also of a robot that they have no more. Raises UnknownRobot."""
     if robot is None:
-        return edges.history(Wanted((), since, most))
+        return edges.history(EventFilter((), since, most))
     try:
         meant = {(state.edge, state.name) for state in edges.named(robot)}
     except UnknownRobot:
-        found = edges.history(Wanted((robot,), since, most))
+        found = edges.history(EventFilter((robot,), since, most))
         if not found:
             raise
         return found
     names = tuple({name for _, name in meant})
-    return [each for each in edges.history(Wanted(names, since, most)) if (each.edge, each.robot) in meant]
+    return [
+        each for each in edges.history(EventFilter(names, since, most)) if (each.edge, each.robot) in meant
+    ]
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ import msgspec
 from fleet.cli.output import COLORS, Output
 from fleet.cli.overview import battery_of, mode_of, overview, place_of
 from fleet.config.text import printable
-from fleet.host.edge import Edge
+from fleet.host.edge.edge import Edge
 from fleet.model.state import RobotState
 
 if TYPE_CHECKING:

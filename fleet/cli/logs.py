@@ -14,14 +14,14 @@ from fleet.cli.options import edge_file_option
 from fleet.cli.output import NotRunning, Output, with_output
 from fleet.cli.times import since_option
 from fleet.config.load import load
-from fleet.decoding import json_decoder
-from fleet.host.log_lines import Line, as_text
-from fleet.host.log_place import log_folder, log_folders
-from fleet.spool.place import state_folder
+from fleet.host.logs.folders import log_folder, log_folders
+from fleet.host.logs.line_format import LogLine, as_text
+from fleet.runtime.decoding import json_decoder
+from fleet.spool.state_folder import state_folder
 
 LOOK = 0.25  # s between looks for more
 _LAST = 100
-_decode = json_decoder(Line).decode
+_decode = json_decoder(LogLine).decode
 
 
 @click.command()
@@ -62,14 +62,14 @@ def logs(
                 _show(out, line)
 
 
-def _more(folders: Iterable[Path], tails: dict[Path, Tail]) -> list[Line]:
+def _more(folders: Iterable[Path], tails: dict[Path, Tail]) -> list[LogLine]:
     """Return what has come since the last time, of all processes, in order; ``tails`` are those known."""
     for path in (path for folder in folders for path in folder.glob("*.jsonl")):
         tails.setdefault(path, Tail(path))
     return sorted((line for tail in tails.values() for line in tail.more()), key=lambda line: line.stamp)
 
 
-def _show(out: Output, line: Line) -> None:
+def _show(out: Output, line: LogLine) -> None:
     """Show a line at once: for programs it is one JSON object."""
     click.echo(msgspec.json.encode(line).decode() if out.as_json else as_text(line))
 
@@ -82,7 +82,7 @@ class Tail:
         self._inode = 0
         self._at = 0
 
-    def more(self) -> Iterator[Line]:
+    def more(self) -> Iterator[LogLine]:
         """Yield what has come since; the first time all there is. Half a line waits for its other half."""
         try:
             found = self.path.stat()
@@ -96,13 +96,13 @@ class Tail:
         self._at += len(whole) + bool(whole)
         yield from _lines(whole)
 
-    def _rest(self, older: list[Path]) -> Iterator[Line]:
+    def _rest(self, older: list[Path]) -> Iterator[LogLine]:
         """Yield what was rotated away: the first time all, later what came at the end of the last file."""
         for path in older if not self._inode else older[-1:]:
             yield from _lines(_content(path)[self._at if self._inode else 0 :])
 
 
-def _lines(content: bytes) -> Iterator[Line]:
+def _lines(content: bytes) -> Iterator[LogLine]:
     """Yield the lines of a file; what is none is left out."""
     for each in content.splitlines():
         try:
@@ -125,7 +125,7 @@ def _number(path: Path) -> int:
     return int(suffix) if suffix.isdecimal() else 0
 
 
-def _is_about(line: Line, robot: str) -> bool:
+def _is_about(line: LogLine, robot: str) -> bool:
     """Return whether a line is about a robot; the host's own lines begin with its name."""
     return not robot or line.robot == robot or line.message.startswith(f"{robot}: ")
 

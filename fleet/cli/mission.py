@@ -12,12 +12,12 @@ from typing import Any
 
 import click
 
-from fleet.cli.ask import Asker
 from fleet.cli.completion import ROBOT
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.overview import last_of
+from fleet.cli.robot_queries import RobotQuery
 from fleet.cli.send import RECEIPT_WITHIN, ask
 from fleet.errors import Refused
 from fleet.model.state import RobotState
@@ -87,7 +87,7 @@ def clear(out: Output, robot: str, *, file: str | None) -> ExitCode:
 def status(out: Output, robot: str, *, file: str | None) -> ExitCode:
     """Show what ROBOT is doing, and how its last command ended."""
     with Edges.reach(file) as edges:
-        state = Asker(edges, robot).robot
+        state = RobotQuery(edges, robot).robot
     out.data(
         {
             "robot": state.name,

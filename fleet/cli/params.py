@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 import click
 import msgspec
 
-from fleet.cli.ask import Answered, Asker, ask_all
 from fleet.cli.completion import ROBOT
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, counted, with_output
 from fleet.cli.parameters import read, same, shown, written
-from fleet.decoding import convert
+from fleet.cli.robot_queries import QueryResult, RobotQuery, query_all
 from fleet.errors import FleetError, Refused
+from fleet.runtime.decoding import convert
 
 _ONE_WITHIN = 30.0  # s
 _ALL_WITHIN = 150.0  # s; a slow radio
@@ -46,8 +46,8 @@ def get(out: Output, robot: str, names: tuple[str, ...], *, file: str | None) ->
     with Edges.reach(file) as edges:
         robots = edges.named(robot)
         if len(robots) == 1:
-            return _get_one(out, _read(Asker(edges, robot), names))
-        answers = ask_all(edges, robots, *_question(names), timeout=_patience(names))
+            return _get_one(out, _read(RobotQuery(edges, robot), names))
+        answers = query_all(edges, robots, *_question(names), timeout=_patience(names))
     found, failed = _sorted_out(answers, Found)
     out.data({"robots": found, "failed": failed})
     if found:
@@ -79,7 +79,7 @@ def set_one(out: Output, robot: str, name: str, value: float, *, force: bool, fi
         raise click.BadParameter("not a finite number")
     with Edges.reach(file) as edges:
         data = {"name": name, "value": value, "force": force}
-        answers = ask_all(edges, edges.named(robot), "set_parameter", data, timeout=_ONE_WITHIN)
+        answers = query_all(edges, edges.named(robot), "set_parameter", data, timeout=_ONE_WITHIN)
     if len(answers) == 1:
         answers[0].get()  # raises
     done, failed = _sorted_out(answers, Set)
@@ -103,7 +103,7 @@ def backup(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode
     if path.exists():
         raise Refused(f"{path} exists", hint="a backup overwrites nothing; name another file")
     with Edges.reach(file) as edges:
-        found = _read(Asker(edges, robot), ())
+        found = _read(RobotQuery(edges, robot), ())
     path.write_text(written(found, f"{counted(len(found), 'parameter')} of {robot}"), encoding="utf-8")
     out.data({"file": str(path), "parameters": len(found)})
     out.say(f"{path}: {counted(len(found), 'parameter')}")
@@ -119,7 +119,7 @@ def diff(out: Output, robot: str, path: Path, *, file: str | None) -> ExitCode:
     """Show in which parameters ROBOT differs from FILE; exit code 7 when in any."""
     wanted = read(path)
     with Edges.reach(file) as edges:
-        found = _read(Asker(edges, robot), ())
+        found = _read(RobotQuery(edges, robot), ())
     names = sorted(name for name in wanted if not same(found.get(name), wanted[name]))
     other = sorted(found.keys() - wanted.keys())
     rows = [
@@ -143,12 +143,12 @@ def _patience(names: tuple[str, ...]) -> float:
     return _ONE_WITHIN if names else _ALL_WITHIN
 
 
-def _read(asker: Asker, names: tuple[str, ...]) -> Found:
+def _read(asker: RobotQuery, names: tuple[str, ...]) -> Found:
     """Return parameters by name, all without names."""
     return _checked(asker.ask(*_question(names), timeout=_patience(names)), Found, asker.robot.name)
 
 
-def _sorted_out(answers: list[Answered], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:
+def _sorted_out(answers: list[QueryResult], kind: type[AnswerT]) -> tuple[dict[str, AnswerT], dict[str, str]]:
     """Return what robots answered, by name, and why others did not."""
     found: dict[str, AnswerT] = {}
     failed: dict[str, str] = {}

@@ -10,7 +10,7 @@ from typing import Any
 import click
 import msgspec
 
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import NotRunning, Output, with_output
 from fleet.cli.overview import overview
@@ -20,7 +20,7 @@ from fleet.model.state import EdgeState, RobotState
 EVERY = 1.0  # s between two looks of --watch
 
 
-class Found(msgspec.Struct, frozen=True):
+class FleetState(msgspec.Struct, frozen=True):
     """What was found in one look; ``problems`` says in words which edges did not answer."""
 
     edges: list[EdgeState] = []
@@ -55,10 +55,10 @@ def ps(out: Output, *, everything: bool, watch: bool, file: str | None) -> None:
     out.lines(overview(found.states, found.edges, width=out.width, height=None if everything else out.height))
 
 
-def _look(edges: Edges) -> Found:
+def _look(edges: Edges) -> FleetState:
     """Ask the edges once."""
     found, states = edges.edges(), edges.states()
-    return Found(found, states, [*edges.unreached, *edges.silent(found)])
+    return FleetState(found, states, [*edges.unreached, *edges.silent(found)])
 
 
 def _watch(out: Output, file: str | None, *, everything: bool) -> None:
@@ -72,7 +72,7 @@ def _watch(out: Output, file: str | None, *, everything: bool) -> None:
         out.screen([*found.problems, *lines])
 
 
-def _looks(file: str | None) -> Iterator[Found]:
+def _looks(file: str | None) -> Iterator[FleetState]:
     """Yield what is found once a second; edges that come, go or fall silent are reached anew."""
     while True:
         try:
@@ -84,11 +84,11 @@ def _looks(file: str | None) -> Iterator[Found]:
                     found = _look(edges)
                 yield found
         except FleetError as error:
-            yield Found(problems=[str(error)])
+            yield FleetState(problems=[str(error)])
         time.sleep(EVERY)
 
 
-def _document(found: Found) -> dict[str, Any]:
+def _document(found: FleetState) -> dict[str, Any]:
     """Return what was found, for programs."""
     return {
         "edges": [for_programs(edge) for edge in found.edges],

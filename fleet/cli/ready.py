@@ -7,13 +7,13 @@ from typing import Any
 import click
 import msgspec
 
-from fleet.cli.ask import Answered, ask_all
 from fleet.cli.completion import ROBOT
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
-from fleet.decoding import convert
+from fleet.cli.robot_queries import QueryResult, query_all
 from fleet.errors import FleetError, Refused
+from fleet.runtime.decoding import convert
 
 _WITHIN = 15.0  # s
 _MARKS = {True: "ok", False: "no", None: "unknown"}
@@ -45,7 +45,7 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     does, 7 when it does for some of a group.
     """
     with Edges.reach(file) as edges:
-        answers = ask_all(edges, edges.named(robot), "check_ready", timeout=_WITHIN)
+        answers = query_all(edges, edges.named(robot), "check_ready", timeout=_WITHIN)
     if len(answers) > 1:
         return _group(out, answers)
     answer = _checked(answers[0])
@@ -58,7 +58,7 @@ def ready(out: Output, robot: str, *, file: str | None) -> ExitCode:
     return ExitCode.OK if answer.ready else ExitCode.REJECTED
 
 
-def _group(out: Output, answers: list[Answered]) -> ExitCode:
+def _group(out: Output, answers: list[QueryResult]) -> ExitCode:
     """Show the robots of a group, each in one line."""
     rows, document, readiness = [], [], set()
     for each in answers:
@@ -91,7 +91,7 @@ def _against(answer: _Answer) -> str:
     )
 
 
-def _checked(answered: Answered) -> _Answer:
+def _checked(answered: QueryResult) -> _Answer:
     """Return the check list; raises Refused for what is none, TimedOut without an answer."""
     try:
         return convert(answered.get(), _Answer)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.history import for_programs as event_for_programs
 from fleet.cli.history import who
 from fleet.cli.options import reach_option
@@ -15,9 +15,9 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.ps import for_programs
 from fleet.cli.send import RECEIPT_WITHIN, code_of, last_reply, stamped
 from fleet.cli.times import when
+from fleet.history.event_filter import MOST, EventFilter
 from fleet.history.record import Record
-from fleet.history.wanted import MOST, Wanted
-from fleet.host.safety.latch import RELEASE
+from fleet.host.safety.emergency_stop import RELEASE
 from fleet.model.command import Reply
 from fleet.model.event import EventKind
 from fleet.model.state import RobotState
@@ -85,7 +85,7 @@ def _causes(edges: Edges, stopped: Iterable[RobotState]) -> dict[tuple[str, str]
     """Return what set the stop of each robot: the first stop since the last release."""
     names = tuple({state.name for state in stopped})
     causes: dict[tuple[str, str], Record] = {}
-    for record in edges.history(Wanted(names, 0.0, MOST)) if names else ():
+    for record in edges.history(EventFilter(names, 0.0, MOST)) if names else ():
         robot = (record.edge, record.robot)
         if record.kind is EventKind.RELEASE:
             causes.pop(robot, None)

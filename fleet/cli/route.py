@@ -23,21 +23,21 @@ METRES = ("x", "y", "z")
 EARTH = ("latitude", "longitude", "altitude")
 
 
-class Route(msgspec.Struct, frozen=True):
+class Waypoints(msgspec.Struct, frozen=True):
     """Places in their order, each of two or three numbers: metres, or with ``geo`` degrees and metres."""
 
     places: tuple[tuple[float, ...], ...]
     geo: bool = False
 
 
-def route_of(words: Sequence[str]) -> Route:
+def route_of(words: Sequence[str]) -> Waypoints:
     """Return the places of a command line: ``X Y [Z]``, or several ``X,Y[,Z]``; raises Refused."""
     if any("," in word for word in words):
-        return Route(tuple(_place(word.split(","), f"place {at}") for at, word in enumerate(words, 1)))
-    return Route((_place(words, "the place"),))
+        return Waypoints(tuple(_place(word.split(","), f"place {at}") for at, word in enumerate(words, 1)))
+    return Waypoints((_place(words, "the place"),))
 
 
-def read_route(file: Path) -> Route:
+def read_route(file: Path) -> Waypoints:
     """Return the places of a CSV or GeoJSON file; raises Refused with the line or the place in it."""
     try:
         with file.open("rb") as stream:
@@ -53,7 +53,7 @@ def read_route(file: Path) -> Route:
         raise Refused(f"{file}: {error.reason}", hint=error.hint) from None
 
 
-def _of_csv(text: str) -> Route:
+def _of_csv(text: str) -> Waypoints:
     """Return the places of CSV."""
     try:
         rows = [(at, row) for at, row in enumerate(csv.reader(io.StringIO(text)), 1) if any(row)]
@@ -66,10 +66,10 @@ def _of_csv(text: str) -> Route:
     places = tuple(_place(row, f"line {at}") for at, row in rows[1 if heading else 0 :])
     if not places:
         raise Refused("there is no place in it")
-    return Route(places, geo=bool(heading) and names[0] == EARTH[0])
+    return Waypoints(places, geo=bool(heading) and names[0] == EARTH[0])
 
 
-def _of_geojson(text: str) -> Route:
+def _of_geojson(text: str) -> Waypoints:
     """Return the places of GeoJSON, whose longitude comes first."""
     try:
         document = json.loads(text)
@@ -89,7 +89,7 @@ def _of_geojson(text: str) -> Route:
     places = [_place([each[1], each[0], *each[2:]], f"place {at}") for at, each in enumerate(raw, 1)]
     if not places:
         raise Refused("there is no place in it")
-    return Route(tuple(places), geo=True)
+    return Waypoints(tuple(places), geo=True)
 
 
 def _geometries(document: Any) -> Iterator[dict[str, Any]]:

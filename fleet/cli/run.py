@@ -15,9 +15,9 @@ from fleet.bus.settings import runtime_dir
 from fleet.cli.options import log_options
 from fleet.cli.output import Output, with_output
 from fleet.clock import SystemClock
-from fleet.supervisor.place import socket_of
+from fleet.supervisor.notices import print_in_thread
+from fleet.supervisor.sockets import socket_of
 from fleet.supervisor.supervisor import Supervisor
-from fleet.supervisor.told import told_aside
 
 
 @click.command()
@@ -38,5 +38,5 @@ def run(out: Output, file: str, *, verbose: int, log_file: str | None, log_forma
     path = socket_of(runtime_dir(), os.getpid())
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)  # each robot's link is one
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, hard), hard))
-    farewell = [sys.executable, "-P", "-m", "fleet.bridge.farewell"]
-    return Supervisor(command, path=path, told=told_aside, clock=SystemClock(), farewell=farewell).run()
+    farewell = [sys.executable, "-P", "-m", "fleet.bridge.disconnect_program"]
+    return Supervisor(command, path=path, told=print_in_thread, clock=SystemClock(), farewell=farewell).run()

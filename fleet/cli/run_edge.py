@@ -8,9 +8,9 @@ from fleet.cli.options import log_options
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.serve import logs_to, serve
 from fleet.config.load import load
-from fleet.host.edge import Edge
-from fleet.host.log_lines import Format
-from fleet.supervisor.client import supervised
+from fleet.host.edge.edge import Edge
+from fleet.host.logs.line_format import Format
+from fleet.supervisor.client import connect_supervisor
 
 
 @click.command(hidden=True)
@@ -29,4 +29,4 @@ def run_edge(out: Output, file: str, *, verbose: int, log_file: str | None, log_
         out.note(f"edge {loaded.config.edge.id} runs; see it with: fleet ps")
 
     logs = logs_to(verbose, log_file, log_format)
-    return serve(loaded, out, logs=logs, started=started, supervised=supervised())
+    return serve(loaded, out, logs=logs, started=started, supervised=connect_supervisor())

@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
-from fleet.cli.asker import asker
 from fleet.cli.completion import COMMAND, ROBOT
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
+from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option, timeout_option, wait_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.ps import for_programs
@@ -148,7 +148,9 @@ def _finite(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def stamped(message: dict[str, Any]) -> bytes:
     """Return a message that is sent now."""
-    return json.dumps({**message, "session_id": asker(), "timestamp": time.time()}, allow_nan=False).encode()
+    return json.dumps(
+        {**message, "session_id": local_user(), "timestamp": time.time()}, allow_nan=False
+    ).encode()
 
 
 def last_reply(

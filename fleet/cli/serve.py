@@ -16,33 +16,33 @@ from fleet.cli.live import show
 from fleet.cli.output import ExitCode, Output
 from fleet.clock import SystemClock
 from fleet.config.load import Loaded
-from fleet.event_loop import run as run_loop
-from fleet.host.edge import Edge
-from fleet.host.log_lines import Format
-from fleet.host.log_place import log_folder, show_log
-from fleet.host.logs import Logging, start_logging
-from fleet.host.signals import end_by_signal
+from fleet.host.edge.edge import Edge
+from fleet.host.logs.folders import log_folder, show_log
+from fleet.host.logs.line_format import Format
+from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.robot_config import MAIN
-from fleet.spool.place import state_folder
-from fleet.supervisor.client import Supervised
+from fleet.runtime.event_loop import run as run_loop
+from fleet.spool.state_folder import state_folder
+from fleet.supervisor.client import SupervisorClient
 
 TOGETHER = 1.0  # s in which signals count as one
 STOPPING = "\nstopping: robots are brought to a standstill (Ctrl-C again to leave at once)\n"
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 
 
-def logs_to(verbose: int, file: str | None, form: Format) -> Logging:
+def logs_to(verbose: int, file: str | None, form: Format) -> LogSettings:
     """Return what the options of the log mean."""
-    return Logging(LEVELS[min(verbose, 2)], form, Path(file) if file else None)
+    return LogSettings(LEVELS[min(verbose, 2)], form, Path(file) if file else None)
 
 
 def serve(
     loaded: Loaded,
     out: Output,
     *,
-    logs: Logging,
+    logs: LogSettings,
     started: Callable[[Edge], None],
-    supervised: Supervised | None = None,
+    supervised: SupervisorClient | None = None,
 ) -> ExitCode:
     """Run until Ctrl-C, SIGTERM or the end of the terminal; ``started`` is told once the edge is built."""
     edge = loaded.config.edge
@@ -58,12 +58,12 @@ def serve(
 
 
 async def _serve(
-    loaded: Loaded, out: Output, started: Callable[[Edge], None], supervised: Supervised | None
+    loaded: Loaded, out: Output, started: Callable[[Edge], None], supervised: SupervisorClient | None
 ) -> None:
     """Run the edge and its live view."""
     edge = Edge(loaded, directory=runtime_dir(), clock=SystemClock(), supervised=supervised)
     ended = asyncio.Event()
-    end_by_signal(Ending(ended, time.monotonic, os._exit).asked)
+    end_by_signal(ServeEnd(ended, time.monotonic, os._exit).asked)
     started(edge)
     view = asyncio.create_task(show(edge, out), name="view")
     try:
@@ -74,7 +74,7 @@ async def _serve(
             await view
 
 
-class Ending:
+class ServeEnd:
     """The signals that ask for the end: the first sets ``ended``, a later one leaves at once.
 
     Two that come together are one: a service manager signals every process of a service, and the supervisor

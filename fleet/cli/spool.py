@@ -11,8 +11,8 @@ import msgspec
 
 from fleet.cli.output import Output, counted, with_output
 from fleet.config.load import sections_of
-from fleet.spool import look
-from fleet.spool.place import state_folder
+from fleet.spool import inspection
+from fleet.spool.state_folder import state_folder
 
 file_option = click.option(
     "-f", "--file", default="fleet.yaml", show_default=True, type=click.Path(), help="The edge's fleet file."
@@ -36,7 +36,11 @@ def status(out: Output, file: str) -> None:
     Works while the edge runs. What came in the last moment may still be in its memory alone.
     """
     folder = _folder(file)
-    rows, gaps, used = look.waiting(folder), look.untold(folder), look.in_use(folder)
+    rows, gaps, used = (
+        inspection.backlog(folder),
+        inspection.unreported_losses(folder),
+        inspection.in_use(folder),
+    )
     now = time.time()
     out.data(
         {
@@ -71,7 +75,7 @@ def export(out: Output, file: str) -> None:
     One line a message: when it expires, topic, payload. With --json a payload that is no text is given in
     base64.
     """
-    kept = list(look.messages(_folder(file)))
+    kept = list(inspection.messages(_folder(file)))
     out.data([_for_programs(message) for message in kept])
     for message in kept:
         text = message.payload.decode(errors="backslashreplace")
@@ -87,7 +91,7 @@ def purge(out: Output, file: str) -> None:
 
     The edge must not run.
     """
-    deleted = look.purge(_folder(file))
+    deleted = inspection.purge(_folder(file))
     out.data({"deleted": deleted})
     out.say(f"deleted {counted(deleted, 'message')}")
 
@@ -108,7 +112,7 @@ def _in(seconds: float) -> str:
     return f"{seconds / size:.0f} {unit}"
 
 
-def _for_programs(message: look.Kept) -> dict[str, object]:
+def _for_programs(message: inspection.QueuedMessage) -> dict[str, object]:
     """Return a message for programs."""
     fields = {name: getattr(message, name) for name in ("seq", "topic", "traffic", "expires")}
     try:

@@ -17,19 +17,19 @@ import click
 import msgspec
 
 from fleet.bus import keys
-from fleet.bus.lane import Lane
-from fleet.bus.session import join_control
+from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings, running_edges, runtime_dirs
-from fleet.cli.asker import asker
-from fleet.cli.connect import ANSWER_WITHIN, START, Edges, decoded
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.cli.edges import ANSWER_WITHIN, START, Edges, decoded
+from fleet.cli.local_user import local_user
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, NotRunning, Output, with_output
 from fleet.errors import BusError
-from fleet.host.stop_cause import parameters_of
+from fleet.host.requests.stop_cause import parameters_of
 from fleet.model.command import ReplyStatus
 from fleet.model.state import RobotState
-from fleet.supervisor.ask import stop_all
-from fleet.supervisor.messages import Stopped
+from fleet.supervisor.protocol import StopAnswer
+from fleet.supervisor.stop_request import stop_all
 from fleet.wire.stops import EMERGENCY
 
 LOOK = 0.2  # s between looks at how the stops go on
@@ -39,7 +39,7 @@ UNSEEN = "no state of it came after the stop"
 OPEN = ("under way", ReplyStatus.ACCEPTED.value, UNSEEN)
 
 
-class Asked(msgspec.Struct, frozen=True):
+class StopTarget(msgspec.Struct, frozen=True):
     """A stop: of whom (none: all), and why; ``request`` makes it one, whichever ways it goes."""
 
     names: tuple[str, ...]
@@ -47,21 +47,21 @@ class Asked(msgspec.Struct, frozen=True):
     request: str
 
 
-class Attempt:
+class StopAttempt:
     """One edge that is reached and stopped, all its robots where the stop names none.
 
     ``hit`` has edge and name of who was stopped, ``problem`` why the edge was not reached.
     """
 
-    def __init__(self, settings: BusSettings, directory: Path, asked: Asked) -> None:
+    def __init__(self, settings: BusSettings, directory: Path, asked: StopTarget) -> None:
         self.settings = settings
-        self.lane: Lane | None = None
+        self.bus_session: ZenohSession | None = None
         self.hit: set[tuple[str, str]] = set()
         self.problem = ""
         self._directory = directory
         # A name that is no text must not hold up the others.
         self._payload = msgspec.json.encode([name.encode(errors="replace").decode() for name in asked.names])
-        self._parameters = parameters_of(asker(), asked.reason, asked.request)
+        self._parameters = parameters_of(local_user(), asked.reason, asked.request)
         self._thread = threading.Thread(target=self._stop, name=f"stop:{settings.edge}", daemon=True)
         self._thread.start()
 
@@ -72,8 +72,8 @@ class Attempt:
     def _stop(self) -> None:
         """Join, and stop there and then."""
         try:
-            self.lane = join_control(self.settings, self._directory)
-            answers = self.lane.ask(
+            self.bus_session = join_control(self.settings, self._directory)
+            answers = self.bus_session.ask(
                 keys.stop("*"),
                 self._payload,
                 timeout=ANSWER_WITHIN,
@@ -91,8 +91,8 @@ class Attempt:
 class Supervisors:
     """The supervisors of one runtime folder: asked without the bus, so also while their edges are away."""
 
-    def __init__(self, directory: Path, asked: Asked) -> None:
-        self.answers: list[Stopped] = []
+    def __init__(self, directory: Path, asked: StopTarget) -> None:
+        self.answers: list[StopAnswer] = []
         self._directory = directory
         self._asked = asked
         self._thread = threading.Thread(target=self._stop, name="stop:supervisors", daemon=True)
@@ -108,13 +108,13 @@ class Supervisors:
         self.answers = stop_all(self._directory, asked.names, why=asked.reason, request=asked.request)
 
 
-class Effort:
+class StopEffort:
     """All that is tried to stop some robots, together; used as a context, which closes it."""
 
     def __init__(self, names: Iterable[str], reason: str = "") -> None:
         plain = tuple(name.rpartition("/")[2] for name in names)
-        self._asked = Asked(plain, reason, os.urandom(8).hex())
-        self._attempts: list[Attempt] = []
+        self._asked = StopTarget(plain, reason, os.urandom(8).hex())
+        self._attempts: list[StopAttempt] = []
         self._supervisors: list[Supervisors] = []
         self.problems: list[str] = []
 
@@ -123,15 +123,15 @@ class Effort:
 
     def __exit__(self, *_: object) -> None:
         for attempt in self._attempts:
-            if attempt.lane is not None:
-                attempt.lane.close()
+            if attempt.bus_session is not None:
+                attempt.bus_session.close()
 
     def try_here(self) -> None:
         """Begin to stop every edge that runs on this computer."""
         for directory in runtime_dirs():
             self._supervisors.append(Supervisors(directory, self._asked))
             for edge in running_edges(directory):
-                self._attempts.append(Attempt(BusSettings(edge), directory, self._asked))
+                self._attempts.append(StopAttempt(BusSettings(edge), directory, self._asked))
 
     def try_file(self, file: str) -> None:
         """Begin to stop the edge of a fleet file, which need not be right."""
@@ -141,7 +141,7 @@ class Effort:
         self.problems += found.problems
         if found.settings.edge or found.settings.connect:
             directories = runtime_dirs() or [Path()]
-            self._attempts += [Attempt(found.settings, place, self._asked) for place in directories]
+            self._attempts += [StopAttempt(found.settings, place, self._asked) for place in directories]
 
     def end(self) -> set[tuple[str, str]]:
         """Wait for all; return edge and name of who was stopped."""
@@ -153,12 +153,12 @@ class Effort:
         return hit | {one for attempt in self._attempts for one in attempt.hit}
 
     @property
-    def _answers(self) -> list[Stopped]:
+    def _answers(self) -> list[StopAnswer]:
         """What the supervisors said."""
         return [answer for each in self._supervisors for answer in each.answers]
 
     @property
-    def kept(self) -> list[Stopped]:
+    def kept(self) -> list[StopAnswer]:
         """The answers for edges that are away, and begin with the stop when they are back."""
         return [answer for answer in self._answers if answer.kept]
 
@@ -173,17 +173,19 @@ class Effort:
         An edge may be tried more than once. What kept us off the bus of one that was reached without it is
         a problem, and no edge that is missing.
         """
-        lanes: dict[str, Lane] = {}
+        bus_sessions: dict[str, ZenohSession] = {}
         for attempt in self._attempts:
-            if attempt.lane is not None:
-                lanes.setdefault(attempt.settings.edge, attempt.lane)
+            if attempt.bus_session is not None:
+                bus_sessions.setdefault(attempt.settings.edge, attempt.bus_session)
         apart = {
             attempt.settings.edge: f"edge {attempt.settings.edge or '(unknown)'}: {attempt.problem}"
             for attempt in self._attempts
-            if attempt.settings.edge not in lanes
+            if attempt.settings.edge not in bus_sessions
         }
         self.problems += [problem for edge, problem in apart.items() if edge in self.supervised]
-        return Edges(lanes, [problem for edge, problem in apart.items() if edge not in self.supervised])
+        return Edges(
+            bus_sessions, [problem for edge, problem in apart.items() if edge not in self.supervised]
+        )
 
 
 @click.command()
@@ -209,7 +211,7 @@ def stop(
     """
     if bool(robots) == everything:
         raise click.UsageError("name the robots to stop, or --all")
-    with Effort(robots, reason) as effort:
+    with StopEffort(robots, reason) as effort:
         effort.try_here()
         if file is not None:
             effort.try_file(file)
@@ -219,10 +221,10 @@ def stop(
         if everything:
             missing += [state.name for state in edges.states() if (state.edge, state.name) not in hit]
         failed = _failed(out, edges, hit)
-    return _told(out, effort, edges, Result(hit, missing, failed))
+    return _told(out, effort, edges, StopResult(hit, missing, failed))
 
 
-class Result(msgspec.Struct, frozen=True):
+class StopResult(msgspec.Struct, frozen=True):
     """What became of a stop: ``hit`` are robots whose stop is set, by edge and name.
 
     ``failed``: those of them that were not seen to stop, and why. ``missing``: who was not reached, in words.
@@ -248,8 +250,8 @@ def _failed(out: Output, edges: Edges, hit: set[tuple[str, str]]) -> dict[tuple[
         time.sleep(LOOK)
         outcomes = _outcomes(edges, hit, first)
     late = f"nothing was seen within {SEEN_WITHIN:g} s"
-    under_way = {outcome for outcome in OPEN if outcome != UNSEEN}
-    told = {robot: late if outcome in under_way else outcome for robot, outcome in outcomes.items()}
+    inflight = {outcome for outcome in OPEN if outcome != UNSEEN}
+    told = {robot: late if outcome in inflight else outcome for robot, outcome in outcomes.items()}
     return {robot: outcome for robot, outcome in told.items() if outcome != DONE}
 
 
@@ -275,7 +277,7 @@ def _outcome(state: RobotState, first: float) -> str:
     return DONE if state.emergency_stop and state.reachable and state.stamp > first else UNSEEN
 
 
-def _told(out: Output, effort: Effort, edges: Edges, result: Result) -> ExitCode:
+def _told(out: Output, effort: StopEffort, edges: Edges, result: StopResult) -> ExitCode:
     """Say who was stopped, who was not, which edges were reached and what the file was not good for."""
     problems = effort.problems
     if not edges.joined and not effort.kept and not result.hit:

@@ -17,7 +17,7 @@ from typing import Any
 import click
 import msgspec
 
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.history import for_programs
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.ps import for_programs as state_for_programs
@@ -26,10 +26,10 @@ from fleet.config.masking import Masking, kept_secrets, secrets_in
 from fleet.config.problems import InvalidConfig
 from fleet.config.yaml import SECRETS, Document, read
 from fleet.errors import FleetError
-from fleet.history.look import read as read_history
-from fleet.history.wanted import MOST, Wanted
-from fleet.host.log_place import log_folder
-from fleet.spool.place import state_folder
+from fleet.history.event_filter import MOST, EventFilter
+from fleet.history.reader import read as read_history
+from fleet.host.logs.folders import log_folder
+from fleet.spool.state_folder import state_folder
 from fleet.version import __version__
 
 LOGS = 32 << 20  # bytes of logs at most, the newest
@@ -130,7 +130,7 @@ def _state(file: Path) -> str:
 
 def _history(folder: Path) -> str:
     """Return the newest events, one a line."""
-    records = read_history(folder, Wanted(most=MOST))
+    records = read_history(folder, EventFilter(most=MOST))
     return "".join(f"{msgspec.json.encode(for_programs(each)).decode()}\n" for each in records)
 
 

@@ -10,15 +10,15 @@ import re
 import click
 
 from fleet.bus.settings import BusSettings, runtime_dir
-from fleet.cli.connect import Edges
+from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
 from fleet.cli.output import ExitCode, Output, with_output
 from fleet.clock import SystemClock
 from fleet.errors import Refused
-from fleet.event_loop import run
-from fleet.host.logs import Logging, start_logging
-from fleet.host.signals import end_by_signal
+from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.runtime.termination_signals import end_by_signal
 from fleet.model.state import RobotState
+from fleet.runtime.event_loop import run
 
 EXTRA = "fleet video needs its extra: pip install 'zenoh-fleet[video]' (here: uv sync --extra video)"
 SENSOR = re.compile(r"[a-z][a-z0-9_]{0,62}")
@@ -108,7 +108,7 @@ def video(
         )
     servers = [RTCIceServer(url, ice_user, ice_password) for url in ice_urls]
     source = Source(state.name, state.twin, used, sensor, rate, servers)
-    start_logging(Logging(logging.INFO))
+    start_logging(LogSettings(logging.INFO))
     logging.getLogger("aioice").setLevel(logging.WARNING)
     out.note(f"video of {state.name} ({sensor}) is sent when start_video asks for it; Ctrl-C ends it")
 
@@ -131,7 +131,7 @@ def _found(robot: str, file: str | None) -> tuple[RobotState, BusSettings, str |
     if file is None:
         return state, BusSettings(state.edge), None
     from fleet.config.load import load  # noqa: PLC0415 - pydantic is not needed without a file
-    from fleet.host.settings import bus_settings  # noqa: PLC0415
+    from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
 
     loaded = load(file, os.environ, partial=True)
     cameras = {config.name: getattr(config, "camera", None) for config, _ in loaded.robots}

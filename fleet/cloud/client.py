@@ -18,33 +18,33 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.cloud import endpoint
-from fleet.cloud.backoff import Backoff
-from fleet.cloud.connection import TRY_TLS, Connection
-from fleet.cloud.outbox import Outbox
-from fleet.cloud.publish import Address
-from fleet.cloud.session import Session, SessionRefused
-from fleet.cloud.standby import Standby
+from fleet.cloud.fallback_reader import FallbackReader
+from fleet.cloud.mqtt_connection import TRY_TLS, MqttConnection
+from fleet.cloud.mqtt_session import MqttSession, SessionRefused
+from fleet.cloud.outbound_queue import OutboundQueue
+from fleet.cloud.publish import PublishRoute
+from fleet.cloud.reconnect_backoff import Backoff
 from fleet.cloud.topics import check_apart, check_topic
-from fleet.cloud.values import CloudSettings, CloudState, CloudStats, Message
+from fleet.cloud.values import CloudMessage, CloudSettings, CloudState, CloudStats
 from fleet.errors import CloudError
 from fleet.spool.message import Outgoing
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import Spool, SpoolSettings
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 logger = logging.getLogger(__name__)
 
 
-class Lasting(msgspec.Struct, frozen=True):
+class DurableRoute(msgspec.Struct, frozen=True):
     """The way of durable messages: topic, QoS, how much they matter, for how many seconds they are kept."""
 
     topic: str
     qos: int
-    traffic: Traffic
+    traffic: TrafficClass
     expiry: float | None
 
 
-Way = Address | Lasting
+Way = PublishRoute | DurableRoute
 
 
 class CloudClient:
@@ -64,7 +64,7 @@ class CloudClient:
         settings: CloudSettings,
         subscriptions: Mapping[str, int],
         *,
-        on_message: Callable[[list[Message]], None],
+        on_message: Callable[[list[CloudMessage]], None],
         on_read: Callable[[], bool],
         on_state: Callable[[CloudState, str], None],
         clock: Clock,
@@ -84,17 +84,17 @@ class CloudClient:
         self.spool = spool or Spool(SpoolSettings(), clock)
         self.spool.more = self.flush
         most = settings.queue_messages, settings.queue_bytes
-        self._outbox = Outbox(self.spool, *most, self.stats, clock)
+        self._outbox = OutboundQueue(self.spool, *most, self.stats, clock)
         self._network = Backoff(*settings.backoff)
         self._refusals = Backoff(*settings.refused_backoff)
-        self._standby = Standby(self._stand_in)
+        self._fallback_reader = FallbackReader(self._stand_in)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = 0  # the loop's
         self._work: asyncio.Task[None] | None = None
         self._stopping = asyncio.Event()
         self._closed = threading.Event()
         self._patience = 0.0
-        self._connection: Connection | None = None
+        self._connection: MqttConnection | None = None
         self._flushing = False
         self._queued = False  # something was, for later, since the last ``flush_queued``
 
@@ -102,7 +102,7 @@ class CloudClient:
         """Begin to connect, on the loop that runs. A client is started once."""
         self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._work = self._loop.create_task(self._main(), name="cloud")
-        self._standby.start()
+        self._fallback_reader.start()
 
     def close(self, timeout: float = 2.0) -> None:
         """Send what waits, as far as ``timeout`` seconds allow, say goodbye (no will) and end.
@@ -114,7 +114,7 @@ class CloudClient:
             self._outbox.close()
         elif self._soon(self._stopping.set):
             self._closed.wait(timeout + 1.0)
-        self._standby.stop()
+        self._fallback_reader.stop()
 
     def publish(
         self,
@@ -122,7 +122,7 @@ class CloudClient:
         payload: bytes,
         *,
         qos: int = 0,
-        traffic: Traffic = Traffic.EVENT,
+        traffic: TrafficClass = TrafficClass.EVENT,
         expiry: float | None = None,
         correlation: bytes | None = None,
         content_type: str | None = None,
@@ -150,18 +150,18 @@ class CloudClient:
             self.flush()
         return taken
 
-    def way(self, topic: str, *, qos: int, traffic: Traffic, expiry: float | None) -> Way:
+    def way(self, topic: str, *, qos: int, traffic: TrafficClass, expiry: float | None) -> Way:
         """Return the way to a topic, for ``queue``: what is said many times a second is looked at once.
 
         Raises ValueError for a topic with wildcards.
         """
         if not qos:
             return self._outbox.address(topic, expiry, self._settings.protocol)
-        return Lasting(check_topic(topic), qos, traffic, expiry)
+        return DurableRoute(check_topic(topic), qos, traffic, expiry)
 
     def queue(self, way: Way, payload: bytes) -> None:
         """Do as ``publish``, ``later``."""
-        if isinstance(way, Lasting):
+        if isinstance(way, DurableRoute):
             self.spool.put(Outgoing(way.topic, payload, way.qos, way.traffic, way.expiry))
             self._queued = True  # last: another thread's flush in between must not take the mark away
         else:
@@ -169,8 +169,8 @@ class CloudClient:
 
     def queue_all(self, ways: Sequence[Way], payloads: Sequence[bytes]) -> None:
         """Do the same for each way and its payload, in one go where all are of QoS 0."""
-        if Lasting not in map(type, ways):
-            self._outbox.put_light(cast("Sequence[Address]", ways), payloads)
+        if DurableRoute not in map(type, ways):
+            self._outbox.put_light(cast("Sequence[PublishRoute]", ways), payloads)
             return
         for way, payload in zip(ways, payloads, strict=True):
             self.queue(way, payload)
@@ -262,7 +262,7 @@ class CloudClient:
 
     async def _serve(self) -> CloudError:
         """Carry one connection from its beginning to its end; return why it ended."""
-        session = Session(self._settings, self._subscriptions, self._outbox, self.stats)
+        session = MqttSession(self._settings, self._subscriptions, self._outbox, self.stats)
         try:
             async with asyncio.timeout(self._settings.connect_timeout):
                 opened = await endpoint.open_socket(self._settings, self._tls)
@@ -275,9 +275,9 @@ class CloudClient:
         finally:
             self._finish(session)
 
-    def _connect(self, opened: socket.socket, session: Session) -> Connection:
+    def _connect(self, opened: socket.socket, session: MqttSession) -> MqttConnection:
         """Begin the session on an open socket."""
-        return Connection(
+        return MqttConnection(
             opened,
             session,
             self._settings,
@@ -286,7 +286,7 @@ class CloudClient:
             take=self._on_read,
         )
 
-    async def _serve_ready(self, connection: Connection, session: Session) -> CloudError:
+    async def _serve_ready(self, connection: MqttConnection, session: MqttSession) -> CloudError:
         """Be connected until the connection ends; return why, or raise SessionRefused."""
         if connection.ready.done():
             began = self._clock.monotonic()
@@ -304,7 +304,7 @@ class CloudClient:
             raise reason
         return reason
 
-    def _finish(self, session: Session) -> None:
+    def _finish(self, session: MqttSession) -> None:
         """Leave nothing of a connection behind but the messages that must be sent again."""
         connection, self._connection = self._connection, None
         if connection:
@@ -320,7 +320,7 @@ class CloudClient:
             self._outbox.tick()
             self._write()
 
-    def _deliver(self, messages: list[Message]) -> None:
+    def _deliver(self, messages: list[CloudMessage]) -> None:
         """Hand messages over; an error there must not end the connection."""
         try:
             self._on_message(messages)

@@ -7,7 +7,7 @@ import socket
 import ssl
 
 from fleet.cloud.dial import dial, secure
-from fleet.cloud.session import SessionRefused
+from fleet.cloud.mqtt_session import SessionRefused
 from fleet.cloud.values import CloudSettings
 from fleet.errors import CloudError
 

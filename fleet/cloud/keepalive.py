@@ -11,7 +11,7 @@ Twice this, 1.6 keepalives, is the longest that a dead link goes unnoticed.
 """
 
 
-class Due(enum.Enum):
+class KeepaliveAction(enum.Enum):
     """What the watch asks for."""
 
     NOTHING = enum.auto()
@@ -42,14 +42,14 @@ class Keepalive:
         self._received = now
         self._pinged = None
 
-    def due(self, now: float) -> Due:
+    def due(self, now: float) -> KeepaliveAction:
         """Return what to do now; a PING is taken as sent."""
         quiet = self.interval * SHARE
         if not quiet:
-            return Due.NOTHING
+            return KeepaliveAction.NOTHING
         if self._pinged is not None:
-            return Due.GIVE_UP if now - self._pinged >= quiet else Due.NOTHING
+            return KeepaliveAction.GIVE_UP if now - self._pinged >= quiet else KeepaliveAction.NOTHING
         if now - min(self._sent, self._received) < quiet:
-            return Due.NOTHING
+            return KeepaliveAction.NOTHING
         self._pinged = self._sent = now
-        return Due.PING
+        return KeepaliveAction.PING

@@ -57,7 +57,7 @@ class PacketTooLarge(WireError):
         self.head = head
 
 
-class Cutter(Generic[ReadT]):
+class PacketFramer(Generic[ReadT]):
     """Cuts one byte stream into packets and remembers the piece that is not whole yet.
 
     ``read`` makes a packet of some bytes, from where to where it stands in them; ``limit`` is the most bytes
@@ -102,7 +102,7 @@ class Cutter(Generic[ReadT]):
         return start + length if start + length <= len(data) else None
 
 
-class Decoder(Cutter[mqtt5.Packet]):
+class PacketDecoder(PacketFramer[mqtt5.Packet]):
     """Decodes one byte stream.
 
     Without a protocol, the first packet must be CONNECT and decides it (a broker's side).

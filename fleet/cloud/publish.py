@@ -47,7 +47,7 @@ def _middle(message: Outgoing, identifier: int, now: float, protocol: Protocol) 
     return _USUAL.pack(identifier, _ONLY_EXPIRY, _whole(message.deadline - now))
 
 
-class Address(msgspec.Struct, frozen=True, gc=False):
+class PublishRoute(msgspec.Struct, frozen=True, gc=False):
     """Where messages of QoS 0 go: the topic, and ``head``, what stands between length and payload.
 
     ``expiry`` is how many seconds they are worth sending, None: always. For the first ``steady`` of them the
@@ -61,27 +61,27 @@ class Address(msgspec.Struct, frozen=True, gc=False):
 
 
 @functools.lru_cache(maxsize=16384)
-def address(topic: str, expiry: float | None, protocol: Protocol) -> Address:
+def publish_route(topic: str, expiry: float | None, protocol: Protocol) -> PublishRoute:
     """Return where messages go that are worth sending for ``expiry`` seconds, None: always.
 
     Raises ValueError for a topic that no message can be published to.
     """
     name = text(check_topic(topic))
     if protocol != 5:
-        return Address(topic, name, expiry, math.inf if expiry is None else expiry)
+        return PublishRoute(topic, name, expiry, math.inf if expiry is None else expiry)
     if expiry is None:
-        return Address(topic, name + _NO_PROPERTIES, None, math.inf)
+        return PublishRoute(topic, name + _NO_PROPERTIES, None, math.inf)
     seconds = _whole(expiry)
-    return Address(topic, name + _lasting(seconds), expiry, expiry - seconds + 1)
+    return PublishRoute(topic, name + _lasting(seconds), expiry, expiry - seconds + 1)
 
 
-def publish_light(where: Address, payload: bytes) -> bytes:
+def publish_light(where: PublishRoute, payload: bytes) -> bytes:
     """Return the packet of a message of QoS 0; raise TypeError for a payload that is not bytes."""
     head = where.head
     return b"".join((_LIGHT, length(len(head) + len(payload)), head, payload))
 
 
-def renewed(where: Address, packet: bytes, waited: float) -> bytes | None:
+def renewed(where: PublishRoute, packet: bytes, waited: float) -> bytes | None:
     """Return a packet that has waited for some seconds, with what is left of its time; None: nothing is."""
     if where.expiry is None or waited < where.steady:
         return packet

@@ -42,6 +42,6 @@ def of(packet: mqtt5.ConnAckPacket | mqtt5.DisconnectPacket) -> str:
     return sentence(int(packet.reason_code), packet.reason_str, packet.server_reference)
 
 
-def lasting(code: int) -> bool:
+def is_permanent(code: int) -> bool:
     """Tell whether the reason of a DISCONNECT will still hold in a second, so that haste only harms."""
     return code in _PERSONAL

@@ -14,7 +14,7 @@ PAYLOAD_LIMIT = 32 * 1024 * 1024
 """The largest MQTT packet, in bytes, that Cyberwave's broker takes; also the most that is accepted."""
 
 
-class Message(msgspec.Struct, frozen=True):
+class CloudMessage(msgspec.Struct, frozen=True):
     """One message from the broker.
 
     ``retain`` is true only for an old message that the broker kept, so a command that carries it is stale.
@@ -82,7 +82,7 @@ class CloudState(enum.StrEnum):
     CLOSED = "closed"
 
 
-class Queued(msgspec.Struct, frozen=True):
+class QueueStats(msgspec.Struct, frozen=True):
     """What the outbox tells of itself: messages that wait, bytes of those of QoS 0, messages dropped."""
 
     messages: int = 0
@@ -104,7 +104,7 @@ class CloudStats:
         self.inflight = 0
         self.rtt: float | None = None
         self.outcomes = dict.fromkeys(Outcome, 0)
-        self.outbox: Callable[[], Queued] = Queued
+        self.outbox: Callable[[], QueueStats] = QueueStats
 
     @property
     def acked(self) -> int:

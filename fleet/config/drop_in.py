@@ -12,8 +12,8 @@ from pydantic import ConfigDict, Field, ValidationError
 from fleet.config.explain import checked
 from fleet.config.problems import Mark, Path
 from fleet.config.yaml import Document
-from fleet.probe import Case, Checked, Place, ProbeError, Steps
-from fleet.registry import Plugin, Registry
+from fleet.plugins.probe import CheckedConfig, ConfigCase, ProbeError, ProblemPlace, Steps
+from fleet.plugins.registry import Plugin, Registry
 from fleet.robot_config import AdapterConfig
 
 
@@ -37,7 +37,7 @@ def asked(
     at: Path,
     document: Document,
     context: Mapping[str, Any],
-) -> tuple[DropInConfig, Checked] | None:
+) -> tuple[DropInConfig, CheckedConfig] | None:
     """Return what a drop-in file's Config makes of a robot; None after reporting why nothing."""
     try:
         said = registry.check(plugin, _case(plugin, data, at, document, context["folder"]))
@@ -58,18 +58,20 @@ def asked(
         return None
 
 
-def _case(plugin: Plugin, data: Any, at: Path, document: Document, folder: object) -> Case:
+def _case(plugin: Plugin, data: Any, at: Path, document: Document, folder: object) -> ConfigCase:
     """Return a robot with its places in the file, and nothing else of it."""
 
     def within(steps: Steps) -> bool:
         return steps[: len(at)] == at or not steps
 
-    def places(marks: Mapping[Path, Mark]) -> tuple[tuple[Steps, Place], ...]:
+    def places(marks: Mapping[Path, Mark]) -> tuple[tuple[Steps, ProblemPlace], ...]:
         return tuple(
-            (steps, Place(*msgspec.structs.astuple(mark))) for steps, mark in marks.items() if within(steps)
+            (steps, ProblemPlace(*msgspec.structs.astuple(mark)))
+            for steps, mark in marks.items()
+            if within(steps)
         )
 
-    return Case(
+    return ConfigCase(
         adapter=plugin.name,
         data=json.dumps(data),
         at=at,

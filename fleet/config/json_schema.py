@@ -10,7 +10,7 @@ from pydantic import Field, create_model
 from pydantic.errors import PydanticInvalidForJsonSchema
 
 from fleet.config.schema import FleetConfig, Sections
-from fleet.registry import PluginState, Registry
+from fleet.plugins.registry import PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
 log = logging.getLogger(__name__)

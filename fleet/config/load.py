@@ -36,8 +36,8 @@ from fleet.config.problems import InvalidConfig, Path, Problem
 from fleet.config.schema import FleetConfig, Sections
 from fleet.config.text import nearest
 from fleet.config.yaml import Document, read
-from fleet.probe import Checked
-from fleet.registry import Plugin, PluginState, Registry
+from fleet.plugins.probe import CheckedConfig
+from fleet.plugins.registry import Plugin, PluginState, Registry
 from fleet.robot_config import AdapterConfig
 
 _OWN_TO_ROBOT = ("name", "twin", "adapter")  # what defaults cannot give
@@ -251,7 +251,7 @@ def _robot(
         return None
 
 
-def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, Checked] | None) -> _Made | None:
+def _dropped_in(plugin: Plugin, found: tuple[DropInConfig, CheckedConfig] | None) -> _Made | None:
     """Return a robot whose drop-in file has taken it."""
     if found is None:
         return None

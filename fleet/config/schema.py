@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, SecretStr, model_validator
 from fleet.config.endpoints import COMMON_NAME, Insecure, Role, check_locator, is_encrypted, is_local
 from fleet.config.notify import NotifyConfig
 from fleet.robot_config import AdapterConfig, Name
-from fleet.topic_rules import ChannelName, ChannelRule, Topics
+from fleet.wire.topic_rules import ChannelConfig, ChannelName, TopicsConfig
 from fleet.yaml_model import ExistingPath, Model, NewPath, wrong
 
 Mode = Literal["peer", "client", "router"]
@@ -87,7 +87,7 @@ class EdgeConfig(Model):
     history: HistoryConfig = Field(HistoryConfig(), description="Who commanded what; `fleet history`.")
 
 
-class CloudConfig(Topics):
+class CloudConfig(TopicsConfig):
     """The way to the Cyberwave cloud (MQTT). What is left out is taken from the environment."""
 
     host: Host = Field(
@@ -122,7 +122,7 @@ class CloudConfig(Topics):
     profile: Literal["lan", "lte", "satellite"] = Field(
         "lan", description="How much the way to the cloud carries; docs/topics.md has the rates of each."
     )
-    channels: dict[ChannelName, ChannelRule] = Field(
+    channels: dict[ChannelName, ChannelConfig] = Field(
         {}, description="Bus channels besides those in docs/topics.md that cross, by name; no other does."
     )
     environments: frozenset[UUID] = Field(
@@ -163,7 +163,7 @@ class CloudConfig(Topics):
         return self
 
 
-class BusTls(Model):
+class BusTlsConfig(Model):
     """Certificates for the bus (PEM files)."""
 
     root_ca: ExistingPath = Field(description="Certificate of the authority that signed all others.")
@@ -183,7 +183,7 @@ class BusConfig(Model):
         "computer join (docs/bus.md).",
     )
     connect: tuple[Locator, ...] = Field((), description="Endpoints to reach.")
-    tls: BusTls | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
+    tls: BusTlsConfig | None = Field(None, description="Certificates; needed for tls/ and quic/ endpoints.")
     user: str | None = Field(None, min_length=1, description="User name that peers must know.")
     password: SecretStr | None = Field(None, description="The user's password.")
     scouting: bool = Field(False, description="Find peers on the local network by multicast.")
@@ -295,7 +295,7 @@ class Sections(Model):
     )
     remote_workers: frozenset[Name] = Field(
         frozenset(),
-        description="Workers that somebody starts on another computer, with python -m fleet.host.worker and "
+        description="Workers that somebody starts on another computer, with python -m fleet.host.workers.worker_process and "
         "a copy of this file whose bus.connect is this edge; the edge itself starts only the others.",
     )
     defaults: dict[str, Any] = Field(

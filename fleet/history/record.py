@@ -6,9 +6,9 @@ from typing import Any
 
 import msgspec
 
-from fleet.decoding import decode_json
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.runtime.decoding import decode_json
 
 LONGEST_NAME = 128  # characters of a name: of a robot, an asker, a command
 LONGEST_TEXT = 1000  # characters of a sentence
@@ -32,7 +32,7 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
     kind: EventKind
     text: str
     severity: Severity = Severity.INFO
-    asker: Asker | None = None
+    asker: Requester | None = None
     command: str = ""
     request: str = ""
     data: dict[str, Any] = {}
@@ -61,7 +61,7 @@ def row_of(robot: str, event: EventReport) -> Row:
 def record_of(row: Row) -> Record:
     """Return the event of a row; raises ValueError for one that is none of ours."""
     stamp, robot, kind, severity, text, way, name, source_type, proven, command, request, data = row
-    asker = Asker(Way(way), name, source_type or None, bool(proven)) if way else None
+    asker = Requester(Transport(way), name, source_type or None, bool(proven)) if way else None
     return Record(
         stamp,
         robot,

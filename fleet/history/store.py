@@ -31,7 +31,7 @@ from fleet.errors import StateError, StateTaken
 from fleet.history.record import COLUMNS, Record, Row, record_of, row_of
 from fleet.model.event import EventKind, EventReport, Severity
 from fleet.spool.database import PAGE, is_corrupt, open_checked
-from fleet.spool.place import locked, made
+from fleet.spool.state_folder import locked, made
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ _TOO_OLD = (
 _OLDEST = "DELETE FROM event WHERE id IN (SELECT id FROM event ORDER BY id LIMIT ?)"
 
 
-class Bounds(msgspec.Struct, frozen=True):
+class HistoryBounds(msgspec.Struct, frozen=True):
     """How much is kept: ``size`` in bytes on disk, ``age`` in seconds."""
 
     size: int = 64 << 20
@@ -76,12 +76,12 @@ class History:
     ``told`` hears of each event, with its robot, on the thread that added it: it must not wait.
     """
 
-    def __init__(self, folder: Path, clock: Clock, bounds: Bounds | None = None) -> None:
+    def __init__(self, folder: Path, clock: Clock, bounds: HistoryBounds | None = None) -> None:
         self.problem = ""
         self.told: Callable[[str, EventReport], None] = lambda _robot, _event: None
         self.folder = folder
         self._clock = clock
-        self._bounds = bounds or Bounds()
+        self._bounds = bounds or HistoryBounds()
         self._waiting: deque[Row] = deque()
         self._lost = 0
         self._patience = BUSY

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 
-class Cutter(Protocol):
+class Framer(Protocol):
     """The state of cutting one stream."""
 
     def feed(self, data: bytes) -> list[bytes]:
@@ -15,18 +15,18 @@ class Cutter(Protocol):
 class Framing(Protocol):
     """A way to cut; makes a fresh cutter for each opened link."""
 
-    def cutter(self) -> Cutter:
+    def cutter(self) -> Framer:
         """Return a cutter with nothing in it."""
 
 
-class Lines:
+class LineFraming:
     """Frames are lines; the ending is not part of the frame; longer lines are skipped to the next."""
 
     def __init__(self, ending: bytes = b"\n", limit: int = 4096) -> None:
         self.ending = ending
         self.limit = limit
 
-    def cutter(self) -> Cutter:
+    def cutter(self) -> Framer:
         """Return a cutter with nothing in it."""
         return _LineCutter(self.ending, self.limit)
 
@@ -52,10 +52,10 @@ class _LineCutter:
         return [line.rstrip(b"\r") for line in lines if 0 < len(line) <= self._limit]
 
 
-class Whole:
+class DatagramFraming:
     """Each piece that arrives is a frame (datagrams)."""
 
-    def cutter(self) -> Cutter:
+    def cutter(self) -> Framer:
         """Return a cutter that cuts nothing."""
         return _WholeCutter()
 

@@ -10,7 +10,7 @@ from weakref import WeakValueDictionary
 
 from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
-from fleet.link.ending import Ending
+from fleet.link.link_end import LinkEnd
 
 
 class MemoryLink:
@@ -21,7 +21,7 @@ class MemoryLink:
         self.stats = LinkStats()
         self._robot = robot
         self._receiver = receiver
-        self._ending = Ending(url)
+        self._ending = LinkEnd(url)
         self._loop = asyncio.get_running_loop()
 
     def fileno(self) -> int:

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 from fleet.errors import LinkLost
 from fleet.link.base import Address, LinkStats, Receiver
-from fleet.link.ending import Ending
+from fleet.link.link_end import LinkEnd
 
 _PIECE = 65536  # bytes taken per wake-up
 CloseDescriptor = Callable[[bool], None]  # True: throw away what is not yet sent
@@ -45,7 +45,7 @@ class StreamLink:
         self._backlog = backlog
         self._close_descriptor = close_descriptor
         self._closed = False
-        self._ending = Ending(url)
+        self._ending = LinkEnd(url)
         # Held for one system call: another thread must not write to a descriptor that was just reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()

@@ -11,7 +11,7 @@ from typing import Any
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet.link.base import Address, LinkStats, Receiver
-from fleet.link.ending import Ending
+from fleet.link.link_end import LinkEnd
 from fleet.link.resolve import addresses_of
 
 _LARGEST = 65535  # bytes, the largest datagram
@@ -33,7 +33,7 @@ class UdpLink:
         self._receiver = receiver
         self._peer = peer
         self._learns = peer is None
-        self._ending = Ending(url)
+        self._ending = LinkEnd(url)
         # Held for one system call: another thread must not write to a descriptor that was just reused.
         self._lock = threading.Lock()
         self._loop = asyncio.get_running_loop()

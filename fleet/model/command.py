@@ -11,7 +11,7 @@ import msgspec
 from fleet.model.geometry import Velocity
 
 
-class Way(enum.StrEnum):
+class Transport(enum.StrEnum):
     """The way by which something was asked."""
 
     CLOUD = "cloud"  # an MQTT topic of the twin
@@ -27,7 +27,7 @@ class Origin(msgspec.Struct, frozen=True):
     ``session`` names the asker for the control lease and the clock-skew estimate.
     """
 
-    way: Way
+    way: Transport
     source_type: str | None = None
     session: str = ""
 
@@ -43,7 +43,7 @@ class Command(msgspec.Struct, frozen=True):
 
     name: str
     data: Mapping[str, Any] = {}
-    origin: Origin = Origin(Way.BUS)
+    origin: Origin = Origin(Transport.BUS)
     id: str = ""
     stamp: float | None = None
     flaw: str = ""
@@ -55,7 +55,7 @@ class Setpoint(msgspec.Struct, frozen=True):
     velocity: Velocity
     name: str = "move"
     lease: float | None = None
-    origin: Origin = Origin(Way.BUS)
+    origin: Origin = Origin(Transport.BUS)
     stamp: float | None = None
 
 
@@ -102,7 +102,7 @@ Answer = Callable[[Reply], None]
 """Gives an answer to who asked."""
 
 
-class Asked(msgspec.Struct, frozen=True):
+class Request(msgspec.Struct, frozen=True):
     """What a robot made of a message: calling it takes the message, and answers.
 
     ``stops``: it can only end motion, so it is obeyed where nothing else is. ``once``: it is no part of a

@@ -33,7 +33,7 @@ class CommandDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     refusal: str = ""
 
 
-class Description(msgspec.Struct, frozen=True, omit_defaults=True):
+class RobotDescription(msgspec.Struct, frozen=True, omit_defaults=True):
     """One robot: its commands by name, and which velocities, goals and missions it takes besides.
 
     ``verbs`` are motions with a speed or a distance (``move_forward``); ``limits`` are m/s, rad/s and m.

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from fleet.model.command import Way
+from fleet.model.command import Transport
 
 
 class Severity(enum.StrEnum):
@@ -40,14 +40,14 @@ class EventKind(enum.StrEnum):
     SEPARATION = "separation"  # another robot is too near
 
 
-class Asker(msgspec.Struct, frozen=True, omit_defaults=True):
+class Requester(msgspec.Struct, frozen=True, omit_defaults=True):
     """Who asked for something, and how far that is known.
 
     ``proven``: the way in vouches for the name (a certificate, the user of a local socket); else it is what
     the message claims.
     """
 
-    way: Way
+    way: Transport
     name: str = ""
     source_type: str | None = None
     proven: bool = False
@@ -65,7 +65,7 @@ class EventReport(msgspec.Struct, frozen=True, omit_defaults=True):
     kind: EventKind
     text: str
     severity: Severity = Severity.INFO
-    asker: Asker | None = None
+    asker: Requester | None = None
     command: str = ""
     request: str = ""
     data: dict[str, Any] = {}

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from fleet.model.command import Origin, Way
+from fleet.model.command import Origin, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3
 
@@ -110,7 +110,7 @@ class Navigate(msgspec.Struct, frozen=True):
 
     ask: Task | Control
     action_id: str = ""
-    origin: Origin = Origin(Way.BUS)
+    origin: Origin = Origin(Transport.BUS)
     stamp: float | None = None
     name: str = "navigate"
 

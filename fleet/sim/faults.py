@@ -56,18 +56,18 @@ class BadWire:
     def __init__(self, faults: Mapping[str, float], random: Random) -> None:
         self._faults = faults
         self._random = random
-        self._under_way: list[tuple[float, int, bytes]] = []
+        self._inflight: list[tuple[float, int, bytes]] = []
         self._count = 0
 
     def carry(self, frames: Iterable[bytes], now: float) -> list[bytes]:
         """Take what is sent at ``now`` (seconds); return what arrives by then, in order of arrival."""
-        if not self._faults and not self._under_way:
+        if not self._faults and not self._inflight:
             return list(frames)
         for frame in frames:
             self._put(frame, now)
         arrived = []
-        while self._under_way and self._under_way[0][0] <= now:
-            arrived.append(heapq.heappop(self._under_way)[2])
+        while self._inflight and self._inflight[0][0] <= now:
+            arrived.append(heapq.heappop(self._inflight)[2])
         return arrived
 
     def _happens(self, name: str) -> bool:
@@ -86,4 +86,4 @@ class BadWire:
             due += _OVERTAKEN
         for _ in range(2 if self._happens("duplicate") else 1):
             self._count += 1
-            heapq.heappush(self._under_way, (due, self._count, frame))
+            heapq.heappush(self._inflight, (due, self._count, frame))

@@ -19,12 +19,12 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import msgspec
 
-from fleet.decoding import decode_json
+from fleet.runtime.decoding import decode_json
 
 SpecT = TypeVar("SpecT")
 
 
-class Simulated(Protocol):
+class SimulatedRobot(Protocol):
     """One simulated robot; ``url`` is the link that reaches it."""
 
     url: str
@@ -42,7 +42,7 @@ class Simulated(Protocol):
         """Take it away."""
 
 
-RobotT = TypeVar("RobotT", bound=Simulated)
+RobotT = TypeVar("RobotT", bound=SimulatedRobot)
 
 
 class _Ask(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 
 class Reason(enum.StrEnum):
@@ -36,7 +36,7 @@ class Losses:
     """The losses that nobody has been told of yet; ``counts`` are all since the start."""
 
     def __init__(self) -> None:
-        self.counts: Counter[tuple[Traffic, Reason]] = Counter()
+        self.counts: Counter[tuple[TrafficClass, Reason]] = Counter()
         self.changed = False
         self._gaps: dict[tuple[str, Reason], Gap] = {}
 
@@ -45,7 +45,7 @@ class Losses:
         """All losses since the start."""
         return self.counts.total()
 
-    def note(self, topic: str, traffic: Traffic, reason: Reason, wall: float, lost: int = 1) -> None:
+    def note(self, topic: str, traffic: TrafficClass, reason: Reason, wall: float, lost: int = 1) -> None:
         """Count a loss."""
         self.counts[traffic, reason] += lost
         self.changed = True

@@ -6,7 +6,7 @@ import enum
 
 import msgspec
 
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 OVERHEAD = 400
 """Bytes that one waiting message costs in memory besides its payload."""
@@ -28,7 +28,7 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
 
     ``traffic`` says what goes first: REPLY before all others. ``since`` and ``deadline`` are monotonic,
     ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before. ``seq`` orders
-    the messages of a spool, ``stored``: it is on disk, ``cold``: and nowhere else, ``gone``: nobody waits for
+    the messages of a spool, ``stored``: it is on disk, ``on_disk``: and nowhere else, ``gone``: nobody waits for
     it any more. Thousands may live at once, none in a cycle: the garbage collector has no need to look at
     them.
     """
@@ -36,7 +36,7 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
     topic: str
     payload: bytes
     qos: int
-    traffic: Traffic = Traffic.EVENT
+    traffic: TrafficClass = TrafficClass.EVENT
     expiry: float | None = None
     correlation: bytes | None = None
     content_type: str | None = None
@@ -46,7 +46,7 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
     again: bool = False
     seq: int = 0
     stored: bool = False
-    cold: bool = False
+    on_disk: bool = False
     gone: bool = False
     size: int = 0
 

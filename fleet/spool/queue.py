@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 
-from fleet.spool.done import Done
-from fleet.spool.figures import SECOND, Standing, standing
-from fleet.spool.line import REPLY, Line, Sign
-from fleet.spool.lines import LOW_IN_NEED, Lines
+from fleet.spool.disk_work import DiskWork, FetchRequest
 from fleet.spool.losses import Losses, Reason
-from fleet.spool.memory import DURABLE, Memory
+from fleet.spool.memory_buffer import DURABLE, MemoryBuffer
 from fleet.spool.message import Outcome, Outgoing
-from fleet.spool.unwritten import Unwritten
-from fleet.spool.work import Fetch, Work
-from fleet.wire.rules import Traffic
+from fleet.spool.pending_deletions import PendingDeletions
+from fleet.spool.statistics import SECOND, ClassStatistics, class_statistics
+from fleet.spool.topic_queue import REPLY, TopicEvent, TopicQueue
+from fleet.spool.topic_queues import LOW_IN_NEED, TopicQueues
+from fleet.spool.unwritten import UnwrittenMessages
+from fleet.wire.rules import TrafficClass
 
 NEWEST_FIRST = 0.1
 """Seconds after a connect in which what has waited lets the newest state go first."""
@@ -28,7 +28,7 @@ BURST = 16
 _HELD, _REFUSED = Outcome.HELD, Outcome.REFUSED
 
 
-class Queue:
+class SpoolQueue:
     """All durable messages of one edge. Times are monotonic seconds, ``wall`` is Unix time.
 
     ``messages`` and ``size`` (bytes) bound what stands in memory. ``first``: what the numbers begin after.
@@ -36,18 +36,18 @@ class Queue:
     """
 
     def __init__(
-        self, messages: int, size: int, ages: Mapping[Traffic, float], *, disk: bool, first: int = 0
+        self, messages: int, size: int, ages: Mapping[TrafficClass, float], *, disk: bool, first: int = 0
     ) -> None:
         self.waiting = 0
-        self.cold = 0
+        self.on_disk = 0
         self.losses = Losses()
         self.failing = False  # no disk takes what is to be written
         self._disk = disk
         self._ages = [ages[kind] for kind in DURABLE]  # lists: a dictionary hashes an enumeration slowly
-        self._memory = Memory(messages, size)
-        self._lines = Lines(self._memory)
-        self._unwritten = Unwritten()
-        self._done = Done()
+        self._memory = MemoryBuffer(messages, size)
+        self._lines = TopicQueues(self._memory)
+        self._unwritten = UnwrittenMessages()
+        self._done = PendingDeletions()
         self._writing = False
         self._seq = self.before = first
         self._lasting_from = float("-inf")
@@ -63,18 +63,18 @@ class Queue:
         self._seq = message.seq = max(self._seq + 1, int(wall * SECOND))
         line = self._lines.of(message.topic, message.traffic)
         fits = self._memory.fits(message)
-        message.cold = bool(line.cold) or (self._disk and not self.failing and not fits)
-        share = 1 if self.failing or not message.cold else 2
+        message.on_disk = bool(line.on_disk) or (self._disk and not self.failing and not fits)
+        share = 1 if self.failing or not message.on_disk else 2
         if not (fits or self._make_room(line, message, share, wall)):
             self._lines.forget(line)
             self.losses.note(message.topic, message.traffic, Reason.ROOM, wall)
             return False
         self.waiting += 1
         self._memory.add(message)
-        if message.cold:
-            line.cold_from = line.cold_from if line.cold else message.seq
-            line.cold += 1
-            self.cold += 1
+        if message.on_disk:
+            line.cold_from = line.cold_from if line.on_disk else message.seq
+            line.on_disk += 1
+            self.on_disk += 1
         else:
             line.memory.append(message)
             line.loaded = message.seq
@@ -136,13 +136,13 @@ class Queue:
         self._lasting_from = now + NEWEST_FIRST if self.waiting else now
         self._lines.holds.clear()
         for line in self._lines.values():
-            line.see(Sign.CONNECTED)
+            line.see(TopicEvent.CONNECTED)
             self._lines.stand(line)
 
     def go_offline(self) -> None:
         """Note the end of the connection."""
         self._lines.online = False
-        self._lines.hungry.clear()
+        self._lines.needs_fetch.clear()
 
     def tick(self, now: float, wall: float) -> None:
         """Look after time: what is too old is dropped, what was held is tried again."""
@@ -165,7 +165,7 @@ class Queue:
     @property
     def idle(self) -> bool:
         """True when nothing could be sent now."""
-        return not (any(self._lines.rings) or self._lines.hungry)
+        return not (any(self._lines.rings) or self._lines.needs_fetch)
 
     @property
     def held(self) -> int:
@@ -177,16 +177,16 @@ class Queue:
         """How many messages wait for somebody to hear their topics."""
         return self._lines.holds.messages
 
-    def standing(self) -> dict[Traffic, Standing]:
+    def standing(self) -> dict[TrafficClass, ClassStatistics]:
         """Return what waits of each class."""
-        return standing(self._lines.values())
+        return class_statistics(self._lines.values())
 
     # -- the disk ------------------------------------------------------------------------------------
 
     @property
-    def hungry(self) -> bool:
+    def needs_fetch(self) -> bool:
         """True when messages are wanted from disk."""
-        return bool(self._lines.hungry)
+        return bool(self._lines.needs_fetch)
 
     @property
     def unwritten(self) -> bool:
@@ -196,38 +196,41 @@ class Queue:
         """
         return len(self._unwritten) > 0 or len(self._done) > 0 or self.losses.changed or self._writing
 
-    def work(self, now: float) -> Work:
+    def work(self, now: float) -> DiskWork:
         """Remove and return what is to be changed on disk now."""
         self._writing = True
-        rows = self._unwritten.take(now, at_once=not self.online or self.cold > 0)
+        rows = self._unwritten.take(now, at_once=not self.online or self.on_disk > 0)
         done = self._done.take()
         self._writing = bool(rows or done)
-        return Work(rows, done)
+        return DiskWork(rows, done)
 
-    def wrote(self, work: Work) -> None:
+    def wrote(self, work: DiskWork) -> None:
         """Note that a change is on disk: what is cold has left memory."""
         self.failing = self._writing = False
         self._done.deleted()
         for message in work.rows:
-            if message.cold and not message.gone:
+            if message.on_disk and not message.gone:
                 message.gone = True
                 self._memory.remove(message)
 
-    def not_written(self, work: Work) -> None:
+    def not_written(self, work: DiskWork) -> None:
         """Take a change back that the disk did not take."""
         self._done.put_back()
         self._unwritten.put_back(work.rows)
         self.failing, self._writing = True, False
 
-    def fetches(self) -> list[Fetch]:
+    def fetches(self) -> list[FetchRequest]:
         """Return of which topics more is wanted."""
-        share = self._memory.room // max(1, len(self._lines.hungry))
+        share = self._memory.room // max(1, len(self._lines.needs_fetch))
         limit = max(LOW_IN_NEED, min(FETCHED, share))
-        return [Fetch(line.topic, line.traffic, line.loaded, limit) for line in self._lines.hungry.values()]
+        return [
+            FetchRequest(line.topic, line.traffic, line.loaded, limit)
+            for line in self._lines.needs_fetch.values()
+        ]
 
     def fetched(self, topic: str, messages: Sequence[Outgoing], *, more: bool) -> None:
         """Take messages from disk; ``more``: there are further ones. The last ones never reached the disk."""
-        line = self._lines.hungry.pop(topic, None)
+        line = self._lines.needs_fetch.pop(topic, None)
         if line is None:
             return
         for message in messages:
@@ -241,21 +244,21 @@ class Queue:
         self._lines.stand(line)
         self._lines.forget(line)
 
-    def found(self, topic: str, traffic: Traffic, count: int, oldest: int, newest: int) -> None:
+    def found(self, topic: str, traffic: TrafficClass, count: int, oldest: int, newest: int) -> None:
         """Note what an earlier process left on disk; what came before the disk could be read follows it."""
         self._seq = max(self._seq, newest)
         self.before = max(self.before, newest)
         line = self._lines.of(topic, traffic)
         live = [message for message in line.memory if not message.gone]
         for message in live:
-            message.cold = True
+            message.on_disk = True
         line.memory.clear()
         line.loaded, line.cold_from = 0, oldest
         if line.flying or line.back:
-            mine = (one for one in self._unwritten if one.topic == topic and not (one.gone or one.cold))
+            mine = (one for one in self._unwritten if one.topic == topic and not (one.gone or one.on_disk))
             line.ahead = frozenset(one.seq for one in mine)
-        line.cold += len(live) + count
-        self.cold += len(live) + count
+        line.on_disk += len(live) + count
+        self.on_disk += len(live) + count
         self.waiting += count
         self._lines.stand(line)
 
@@ -276,9 +279,9 @@ class Queue:
     def lost_disk(self, wall: float) -> None:
         """Note that what was on disk is lost; what is in memory is written anew."""
         for line in list(self._lines.values()):
-            kept = sum(one.topic == line.topic and one.cold and not one.gone for one in self._unwritten)
-            if line.cold > kept:
-                self._cool(line, line.cold - kept, Reason.CORRUPT, wall)
+            kept = sum(one.topic == line.topic and one.on_disk and not one.gone for one in self._unwritten)
+            if line.on_disk > kept:
+                self._cool(line, line.on_disk - kept, Reason.CORRUPT, wall)
             for message in (*line.back, *line.memory):
                 if message.stored and not message.gone:
                     message.stored = False
@@ -286,29 +289,29 @@ class Queue:
             self._lines.forget(line)
         self._done.clear()
 
-    def _is_cold(self, line: Line, seq: int) -> bool:
+    def _is_cold(self, line: TopicQueue, seq: int) -> bool:
         """Tell whether a row that was met on disk is one that stands there alone."""
         return seq > line.loaded and seq not in self._done and seq not in line.ahead
 
     def no_disk(self) -> None:
         """Note that there is no file at all: memory alone serves, also for what was to leave it."""
         self.failing = True
-        if self.cold:
+        if self.on_disk:
             self._warm_unwritten(self._lines)
             for line in self._lines.values():
                 self._lines.stand(line)
 
-    def _cool(self, line: Line, lost: int, reason: Reason, wall: float) -> None:
+    def _cool(self, line: TopicQueue, lost: int, reason: Reason, wall: float) -> None:
         """Count out messages that were on disk alone."""
-        line.cold -= lost
-        self.cold -= lost
+        line.on_disk -= lost
+        self.on_disk -= lost
         self.waiting -= lost
         self.losses.note(line.topic, line.traffic, reason, wall, lost)
         self._lines.stand(line)
 
     # -- within --------------------------------------------------------------------------------------
 
-    def _take(self, line: Line, batch: list[Outgoing], most: int, size: int, now: float) -> int:
+    def _take(self, line: TopicQueue, batch: list[Outgoing], most: int, size: int, now: float) -> int:
         """Move messages of a line into the batch; return their bytes."""
         taken = 0
         while line.sendable and len(batch) < most and taken < size:
@@ -325,7 +328,7 @@ class Queue:
             batch.append(message)
         return taken
 
-    def _return(self, line: Line, message: Outgoing) -> None:
+    def _return(self, line: TopicQueue, message: Outgoing) -> None:
         """Put a message back that was under way."""
         if message.gone:
             return
@@ -333,18 +336,18 @@ class Queue:
         self._memory.add_again(message)
         self.waiting += 1
 
-    def _warm(self, line: Line, message: Outgoing) -> None:
+    def _warm(self, line: TopicQueue, message: Outgoing) -> None:
         """Have a cold message stand in memory."""
-        message.cold = False
+        message.on_disk = False
         line.memory.append(message)
         line.loaded = line.cold_from = message.seq
-        line.cold -= 1
-        self.cold -= 1
+        line.on_disk -= 1
+        self.on_disk -= 1
 
     def _warm_unwritten(self, topics: Container[str]) -> None:
         """Have those of some topics stand in memory that never reached the disk."""
         for message in self._unwritten:
-            if message.cold and not message.gone and message.topic in topics:
+            if message.on_disk and not message.gone and message.topic in topics:
                 self._warm(self._lines[message.topic], message)
 
     def _forget(self, message: Outgoing) -> None:
@@ -353,9 +356,9 @@ class Queue:
         if message.stored:
             self._done.add(message.seq)
         elif self._disk:
-            self._unwritten.forsake()
+            self._unwritten.tombstone()
 
-    def _make_room(self, line: Line, message: Outgoing, share: int, wall: float) -> bool:
+    def _make_room(self, line: TopicQueue, message: Outgoing, share: int, wall: float) -> bool:
         """Push out what is older and matters no more than a message of a line; tell whether it fits then."""
         if not self._memory.can_fit(message, share):
             return False
@@ -365,15 +368,15 @@ class Queue:
                 self._lines.forget(other)
         return True
 
-    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> Line:
+    def _lose(self, message: Outgoing, reason: Reason, wall: float) -> TopicQueue:
         """Drop a message that stood in memory; return its line, which may be empty now."""
         line = self._lines[message.topic]
         self._memory.remove(message)
         self._forget(message)
         self.waiting -= 1
-        if message.cold:
-            line.cold -= 1
-            self.cold -= 1
+        if message.on_disk:
+            line.on_disk -= 1
+            self.on_disk -= 1
         line.shed()
         self.losses.note(message.topic, message.traffic, reason, wall)
         return line

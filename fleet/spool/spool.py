@@ -22,14 +22,14 @@ import msgspec
 from fleet.clock import Clock
 from fleet.errors import StateError, StateTaken
 from fleet.spool.database import is_corrupt, set_aside
-from fleet.spool.figures import SpoolFigures
+from fleet.spool.disk_work import DiskWork
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outcome, Outgoing
-from fleet.spool.place import SPOOL, Lock, made
-from fleet.spool.queue import Queue
-from fleet.spool.store import Store
-from fleet.spool.work import Work
-from fleet.wire.rules import Traffic
+from fleet.spool.queue import SpoolQueue
+from fleet.spool.state_folder import SPOOL, FileLock, made
+from fleet.spool.statistics import SpoolStatistics
+from fleet.spool.store import SpoolFile
+from fleet.wire.rules import TrafficClass
 
 log = logging.getLogger(__name__)
 
@@ -43,8 +43,8 @@ STEPPED = 1.0
 """Seconds by which the wall clock must be set for what is on disk to follow it."""
 RETRY = 1.0
 """Seconds after which a disk that failed is tried again."""
-AGES: Mapping[Traffic, float] = MappingProxyType(
-    {Traffic.REPLY: 60.0, Traffic.STATUS: 86400.0, Traffic.EVENT: 86400.0}
+AGES: Mapping[TrafficClass, float] = MappingProxyType(
+    {TrafficClass.REPLY: 60.0, TrafficClass.STATUS: 86400.0, TrafficClass.EVENT: 86400.0}
 )
 """Seconds that messages are worth sending."""
 
@@ -57,7 +57,7 @@ class SpoolSettings(msgspec.Struct, frozen=True, kw_only=True):
 
     folder: Path | None = None
     size: int = 256 * 1024 * 1024
-    ages: Mapping[Traffic, float] = AGES
+    ages: Mapping[TrafficClass, float] = AGES
     messages: int = 5_000
     memory: int = 8 * 1024 * 1024
 
@@ -75,7 +75,7 @@ class Spool:
         self._settings = settings
         self._clock = clock
         self._offset = clock.time() - clock.monotonic()
-        self._queue = Queue(
+        self._queue = SpoolQueue(
             settings.messages,
             settings.memory,
             settings.ages,
@@ -87,8 +87,8 @@ class Spool:
         self._wake = threading.Event()
         self._closing = threading.Event()
         self._closed = False
-        self._store: Store | None = None
-        self._lock: Lock | None = None
+        self._store: SpoolFile | None = None
+        self._lock: FileLock | None = None
         self._thread: threading.Thread | None = None
         self._dirty = False
         self._damaged = False  # the file is never opened again, but set aside first
@@ -109,7 +109,7 @@ class Spool:
         """Remove and return what may be written next."""
         with self._using:
             batch = self._queue.take(now, window=window, reserve=reserve, size=size)
-        if self._queue.hungry:
+        if self._queue.needs_fetch:
             self._stir()
         return batch
 
@@ -172,13 +172,13 @@ class Spool:
         """True when nothing could be sent now."""
         return self._queue.idle
 
-    def figures(self) -> SpoolFigures:
+    def figures(self) -> SpoolStatistics:
         """Return how the spool stands."""
         with self._using:
             queue, store = self._queue, self._store
             disk = store.used if store else 0
             lost = dict(queue.losses.counts)
-            return SpoolFigures(queue.standing(), lost, queue.held, disk, self.problem)
+            return SpoolStatistics(queue.standing(), lost, queue.held, disk, self.problem)
 
     def close(self) -> None:
         """Write everything and let go of the file; what is not on disk then is dropped."""
@@ -212,7 +212,7 @@ class Spool:
     def _have(self, folder: Path) -> None:
         """Make the folder and take its lock, unless that is done; raises StateError, StateTaken."""
         if self._lock is None:
-            lock = Lock(made(folder) / SPOOL)
+            lock = FileLock(made(folder) / SPOOL)
             lock.take()
             self._lock = lock
 
@@ -221,7 +221,7 @@ class Spool:
         try:
             self._have(path.parent)
             self._set_aside(path)
-            self._store = store = Store(path, self._settings.size)
+            self._store = store = SpoolFile(path, self._settings.size)
             self._take_over(store)
         except (StateError, sqlite3.Error, OSError) as error:
             self._close_store()
@@ -241,7 +241,7 @@ class Spool:
                 set_aside(path)
             self._damaged = False
 
-    def _take_over(self, store: Store) -> None:
+    def _take_over(self, store: SpoolFile) -> None:
         """Take over what an earlier process left."""
         left, losses = store.left(), store.losses()
         with self._using:
@@ -265,14 +265,14 @@ class Spool:
 
     def _wanted(self) -> bool:
         """Tell whether there is something to do."""
-        return self._queue.unwritten or self._queue.hungry
+        return self._queue.unwritten or self._queue.needs_fetch
 
     def _run(self) -> None:
         """Be the thread."""
         while not self._closing.is_set():
             self._wake.wait(LATE_LOOK)
             self._wake.clear()
-            if self._queue.online and not self._queue.hungry:
+            if self._queue.online and not self._queue.needs_fetch:
                 self._closing.wait(TICK)
             if not self._step():
                 self._closing.wait(RETRY)
@@ -299,7 +299,7 @@ class Spool:
                     break
         return fine
 
-    def _follow_clock(self, store: Store) -> None:
+    def _follow_clock(self, store: SpoolFile) -> None:
         """Have what this process wrote keep its age when the wall clock is set, as after a start offline."""
         stepped = self._clock.time() - self._clock.monotonic() - self._offset
         if abs(stepped) >= STEPPED:
@@ -307,7 +307,7 @@ class Spool:
             self._offset += stepped
             log.info("the clock was set by %.0f s: what waits keeps its age", stepped)
 
-    def _write(self, store: Store) -> None:
+    def _write(self, store: SpoolFile) -> None:
         """Write what is due, after making room for it."""
         with self._using:
             work = self._queue.work(self._clock.monotonic())
@@ -332,7 +332,7 @@ class Spool:
             log.info("the spool is written again")
             self.problem = ""
 
-    def _change(self, store: Store, work: Work, losses: list[Gap] | None) -> None:
+    def _change(self, store: SpoolFile, work: DiskWork, losses: list[Gap] | None) -> None:
         """Change the file, within its budget."""
         size = sum(len(message.payload) + 100 for message in work.rows)
         if work.rows and not store.room(size):
@@ -340,7 +340,7 @@ class Spool:
                 self._tell_removed(removed, Reason.ROOM)
         store.change(work.rows, work.done, losses)
 
-    def _fetch(self, store: Store) -> None:
+    def _fetch(self, store: SpoolFile) -> None:
         """Bring back what will soon be sent."""
         with self._using:
             fetches = self._queue.fetches()
@@ -356,14 +356,14 @@ class Spool:
         if fetches:
             self.more()
 
-    def _expire(self, store: Store) -> None:
+    def _expire(self, store: SpoolFile) -> None:
         """Remove what is too old, now and then."""
         now = self._clock.monotonic()
         if now >= self._next_look:
             self._next_look = now + LATE_LOOK
             self._tell_removed(store.expire(self._clock.time()), Reason.AGE)
 
-    def _sync(self, store: Store) -> None:
+    def _sync(self, store: SpoolFile) -> None:
         """Bring the medium itself up to date, now and then."""
         now = self._clock.monotonic()
         if self._dirty and now >= self._next_sync:

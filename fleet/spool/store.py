@@ -12,7 +12,7 @@ import msgspec
 from fleet.spool.database import PAGE, open_checked
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.message import Outgoing
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 LEAST_EVICTED = 200
 """Messages that are removed at once to make room, so that it is not done for each."""
@@ -44,17 +44,17 @@ _FIRST = (
 _LATE = _SELECT + "WHERE message.expires <= ? LIMIT ?"
 
 
-class Left(msgspec.Struct, frozen=True):
+class StoredTopic(msgspec.Struct, frozen=True):
     """What a file holds of one topic: how many messages, and the numbers of the oldest and the newest."""
 
     topic: str
-    traffic: Traffic
+    traffic: TrafficClass
     count: int
     oldest: int
     newest: int
 
 
-class Store:
+class SpoolFile:
     """The file of one spool, of at most ``size`` bytes. ``aside``: where a damaged one is now."""
 
     def __init__(self, path: Path, size: int) -> None:
@@ -73,13 +73,13 @@ class Store:
         """Close the file."""
         self._database.close()
 
-    def left(self) -> list[Left]:
+    def left(self) -> list[StoredTopic]:
         """Return what the file holds."""
         rows = self._database.execute(
             "SELECT topic.name, topic.traffic, count(*), min(message.seq), max(message.seq) FROM message "
             "JOIN topic ON topic.id = message.topic GROUP BY topic.id"
         )
-        return [Left(topic, Traffic(traffic), *rest) for topic, traffic, *rest in rows]
+        return [StoredTopic(topic, TrafficClass(traffic), *rest) for topic, traffic, *rest in rows]
 
     def losses(self) -> list[Gap]:
         """Return the losses that nobody has been told of."""
@@ -102,7 +102,7 @@ class Store:
                 )
         self._used()
 
-    def fetch(self, topic: str, after: int, limit: int, traffic: Traffic) -> list[Outgoing]:
+    def fetch(self, topic: str, after: int, limit: int, traffic: TrafficClass) -> list[Outgoing]:
         """Return the oldest messages of a topic that are newer than ``after``."""
         rows = self._database.execute(
             "SELECT seq, expires, payload, correlation, content_type FROM message "

@@ -18,7 +18,7 @@ A disk may hang for long while messages come and are pushed out by newer ones.
 """
 
 
-class Unwritten:
+class UnwrittenMessages:
     """What goes to disk next."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Unwritten:
         """Add a message."""
         self._messages.append(message)
 
-    def forsake(self) -> None:
+    def tombstone(self) -> None:
         """Note that nobody waits for one of them any more (it is ``gone``)."""
         self._forsaken += 1
         if self._forsaken > FORSAKEN and 2 * self._forsaken > len(self._messages):
@@ -45,7 +45,7 @@ class Unwritten:
     def take(self, now: float, *, at_once: bool) -> list[Outgoing]:
         """Remove and return what is to be written now, ``stored`` from now on: some of it, the oldest first.
 
-        That is what has waited for GRACE, or all ``at_once``.
+        That is what has waited for GRACE, or all ``no_wait``.
         """
         rows: list[Outgoing] = []
         while self._messages and len(rows) < AT_ONCE:

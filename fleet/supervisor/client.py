@@ -17,24 +17,24 @@ import msgspec
 
 from fleet.errors import StateError
 from fleet.link.base import Address
-from fleet.supervisor import messages
-from fleet.supervisor.messages import (
+from fleet.supervisor import protocol
+from fleet.supervisor.protocol import (
     LONGEST,
-    Beat,
-    Drop,
-    Dropped,
-    Ended,
+    EdgeRunning,
+    HaltRegistered,
+    HaltUnregistered,
     Hello,
-    Keep,
-    Kept,
-    Left,
+    LeftNotice,
     Message,
-    Running,
-    Stop,
-    Stopped,
+    OrderlyEnd,
+    ProcessHeartbeat,
+    RegisterHalt,
+    StopAnswer,
+    StopRequest,
+    UnregisterHalt,
     Welcome,
 )
-from fleet.supervisor.place import VARIABLE, connected
+from fleet.supervisor.sockets import VARIABLE, connected
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ DROPPED_WITHIN = 0.5  # s
 BEAT = 0.25  # s between signs of life
 
 
-class Supervised:
+class SupervisorClient:
     """This process's way to its supervisor. Without one (``sock`` None) nothing is kept and nothing comes.
 
     ``folder`` is the runtime folder.
@@ -57,7 +57,7 @@ class Supervised:
         self._edge = ""
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Callable[[], None]] = {}
-        self._stop: Callable[[Stop], list[str]] = lambda _stop: []
+        self._stop: Callable[[StopRequest], list[str]] = lambda _stop: []
         self._end: Callable[[str], None] = lambda _why: None
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fleet-supervised", daemon=True)
@@ -67,7 +67,7 @@ class Supervised:
         edge: str,
         worker: str = "",
         *,
-        stop: Callable[[Stop], list[str]],
+        stop: Callable[[StopRequest], list[str]],
         end: Callable[[str], None],
     ) -> None:
         """Say who we are, take the stops that came before us, and serve from now on, on a thread.
@@ -87,26 +87,26 @@ class Supervised:
         self._sock.settimeout(BEAT)
         self._thread.start()
 
-    def _stops_before(self) -> tuple[Stop, ...]:
+    def _stops_before(self) -> tuple[StopRequest, ...]:
         """Return the stops that came while nobody was there: one for all, where nobody can know."""
         assert self._sock is not None
         try:
-            welcome = messages.decode(self._sock.recv(LONGEST))
+            welcome = protocol.decode(self._sock.recv(LONGEST))
         except (OSError, msgspec.DecodeError) as error:
-            welcome = Ended()
+            welcome = OrderlyEnd()
             log.error("the supervisor does not answer: %s", error)  # noqa: TRY400 - one line for a person
         if isinstance(welcome, Welcome):
             return welcome.stops
         log.error("nobody knows which stops came meanwhile: every robot is stopped")
-        return (Stop(why="nobody knows which stops came while the edge was away"),)
+        return (StopRequest(why="nobody knows which stops came while the edge was away"),)
 
     def running(self) -> None:
         """Say that the robots are served: from now on our death is followed by a new start."""
-        self._send(Running())
+        self._send(EdgeRunning())
 
     def ending(self) -> None:
         """Say that we end because somebody asked us to."""
-        self._send(Ended())
+        self._send(OrderlyEnd())
 
     def close(self) -> None:
         """End the conversation."""
@@ -133,7 +133,7 @@ class Supervised:
             return False
         number = next(self._numbers)
         self._waiting[number] = kept
-        message = messages.encode(Keep(robot, tuple(frames), address, number))
+        message = protocol.encode(RegisterHalt(robot, tuple(frames), address, number))
         try:
             socket.send_fds(self._sock, [message], [descriptor])
         except OSError as error:
@@ -150,7 +150,7 @@ class Supervised:
             with tempfile.TemporaryFile(dir=self._folder) as file:
                 file.write(words)
                 file.flush()
-                socket.send_fds(self._sock, [messages.encode(Left())], [file.fileno()])
+                socket.send_fds(self._sock, [protocol.encode(LeftNotice())], [file.fileno()])
         except OSError as error:
             log.error("the supervisor cannot tell the cloud when this process dies: %s", error)  # noqa: TRY400
 
@@ -167,7 +167,7 @@ class Supervised:
 
         number = next(self._numbers)
         self._waiting[number] = answered
-        self._send(Drop(robot, number))
+        self._send(UnregisterHalt(robot, number))
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(dropped.wait(), DROPPED_WITHIN)
         self._waiting.pop(number, None)
@@ -176,7 +176,7 @@ class Supervised:
         """Send a message; a supervisor that is gone is noticed by the thread."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
-                self._sock.send(messages.encode(message))
+                self._sock.send(protocol.encode(message))
 
     def _run(self) -> None:
         """Be the thread: read, and show that this process is not frozen."""
@@ -185,7 +185,7 @@ class Supervised:
             try:
                 data = self._sock.recv(LONGEST)
             except TimeoutError:
-                self._send(Beat())
+                self._send(ProcessHeartbeat())
                 continue
             except OSError:
                 data = b""
@@ -194,32 +194,32 @@ class Supervised:
                     self._end("the supervisor is gone")
                 return
             try:
-                self._take(messages.decode(data))
+                self._take(protocol.decode(data))
             except Exception:  # what comes next may be a stop
                 log.exception("a message of the supervisor could not be taken")
 
     def _take(self, message: Message) -> None:
         """Do what a message says."""
         match message:
-            case Stop():
-                self._send(Stopped(message.number, self._edge, tuple(self._stop(message))))
-            case Kept() | Dropped():
+            case StopRequest():
+                self._send(StopAnswer(message.number, self._edge, tuple(self._stop(message))))
+            case HaltRegistered() | HaltUnregistered():
                 self._waiting.pop(message.number, lambda: None)()
-            case Ended():
+            case OrderlyEnd():
                 self._end("the edge is gone")
             case _:
                 log.error("the supervisor sent a %s", type(message).__name__)
 
 
-def supervised(environ: Mapping[str, str] = os.environ) -> Supervised:
+def connect_supervisor(environ: Mapping[str, str] = os.environ) -> SupervisorClient:
     """Return the way to the supervisor that started this process, if one did.
 
     Raises StateError when that is gone: nothing runs that was to be supervised and is not.
     """
     path = environ.get(VARIABLE, "")
     if not path:
-        return Supervised()
+        return SupervisorClient()
     try:
-        return Supervised(connected(Path(path), within=WELCOME_WITHIN), Path(path).parent)
+        return SupervisorClient(connected(Path(path), within=WELCOME_WITHIN), Path(path).parent)
     except OSError as error:
         raise StateError(f"the supervisor is gone: {error.strerror or error}") from None

@@ -17,7 +17,7 @@ from fleet.link.base import Address
 Write = Callable[[bytes], object]
 
 
-class KeptHalt(msgspec.Struct, frozen=True):
+class RegisteredHalt(msgspec.Struct, frozen=True):
     """How one robot is halted; ``close`` lets go of its link."""
 
     frames: tuple[bytes, ...]
@@ -25,7 +25,7 @@ class KeptHalt(msgspec.Struct, frozen=True):
     close: Callable[[], None]
 
 
-def kept_halt(descriptor: int, frames: tuple[bytes, ...], address: Address) -> KeptHalt:
+def registered_halt(descriptor: int, frames: tuple[bytes, ...], address: Address) -> RegisteredHalt:
     """Return how frames are written to a link of which this process has a descriptor of its own.
 
     Raises OSError for a descriptor that is neither a socket nor a device.
@@ -33,9 +33,9 @@ def kept_halt(descriptor: int, frames: tuple[bytes, ...], address: Address) -> K
     if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
         sock = socket.socket(fileno=descriptor)
         sock.setblocking(False)
-        return KeptHalt(frames, _to(sock, address), sock.close)
+        return RegisteredHalt(frames, _to(sock, address), sock.close)
     os.set_blocking(descriptor, False)
-    return KeptHalt(frames, _to_device(descriptor), lambda: os.close(descriptor))
+    return RegisteredHalt(frames, _to_device(descriptor), lambda: os.close(descriptor))
 
 
 def _to(sock: socket.socket, address: Address) -> Write:
@@ -56,18 +56,18 @@ def _to_device(descriptor: int) -> Write:
     return write
 
 
-class Halts:
+class ProcessHalts:
     """Those of one process, by robot. The last that a robot left counts."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, KeptHalt] = {}
+        self._kept: dict[str, RegisteredHalt] = {}
 
     @property
     def robots(self) -> list[str]:
         """The robots that can be halted."""
         return sorted(self._kept)
 
-    def keep(self, robot: str, halt: KeptHalt) -> None:
+    def keep(self, robot: str, halt: RegisteredHalt) -> None:
         """Keep a robot's halt in place of an earlier one."""
         self.drop(robot)
         self._kept[robot] = halt
@@ -76,7 +76,7 @@ class Halts:
         """Keep a robot's halt for the link that came with it, the last of ``descriptors``; raises OSError."""
         if not descriptors:
             raise OSError(errno.EBADF, f"the link of {robot} did not come with its halt")
-        halt = kept_halt(descriptors[-1], frames, address)
+        halt = registered_halt(descriptors[-1], frames, address)
         descriptors.pop()
         self.keep(robot, halt)
 
@@ -97,7 +97,7 @@ class Halts:
             self.drop(robot)
 
 
-def _written(halt: KeptHalt) -> bool:
+def _written(halt: RegisteredHalt) -> bool:
     """Write a halt; return False for a link that does not take it."""
     try:
         for frame in halt.frames:

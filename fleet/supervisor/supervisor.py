@@ -31,27 +31,27 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.link.backoff import backoff
-from fleet.supervisor import messages
-from fleet.supervisor.farewell import Farewell
-from fleet.supervisor.halts import Halts
-from fleet.supervisor.messages import (
+from fleet.supervisor import protocol
+from fleet.supervisor.disconnect_notice import DisconnectNotice
+from fleet.supervisor.halts import ProcessHalts
+from fleet.supervisor.notices import reason_of
+from fleet.supervisor.protocol import (
     LONGEST,
-    Beat,
-    Drop,
-    Dropped,
-    Ended,
+    EdgeRunning,
+    HaltRegistered,
+    HaltUnregistered,
     Hello,
-    Keep,
-    Kept,
-    Left,
+    LeftNotice,
     Message,
-    Running,
-    Stop,
-    Stopped,
+    OrderlyEnd,
+    ProcessHeartbeat,
+    RegisterHalt,
+    StopAnswer,
+    StopRequest,
+    UnregisterHalt,
     Welcome,
 )
-from fleet.supervisor.place import VARIABLE, listening, user_of, users
-from fleet.supervisor.told import reason_of
+from fleet.supervisor.sockets import VARIABLE, listening, user_of, users
 
 LOOK = 0.02  # s between looks, at most
 REPEATS = 5  # times that the halts of a dead process are written, in case a line loses one
@@ -68,7 +68,7 @@ class _Peer:
 
     def __init__(self, sock: socket.socket, now: float) -> None:
         self.sock = sock
-        self.halts = Halts()
+        self.halts = ProcessHalts()
         self.name = "somebody"
         self.edge = ""  # of which edge its robots are
         self.is_edge = False  # the process that we started
@@ -78,7 +78,7 @@ class _Peer:
     def send(self, message: Message) -> bool:
         """Send a message; False for who is gone or does not read."""
         try:
-            self.sock.send(messages.encode(message))
+            self.sock.send(protocol.encode(message))
         except OSError:
             return False
         return True
@@ -87,7 +87,7 @@ class _Peer:
 class _Asked:
     """A stop that was passed on to ``told``; ``until``: when their answers are late (monotonic s)."""
 
-    def __init__(self, peer: _Peer, stop: Stop, until: float) -> None:
+    def __init__(self, peer: _Peer, stop: StopRequest, until: float) -> None:
         self.peer = peer
         self.stop = stop
         self.until = until
@@ -99,7 +99,7 @@ class _Asked:
 class _Dead(msgspec.Struct):
     """The halts of a process that died, written ``left`` times more, next at ``at`` (monotonic s)."""
 
-    halts: Halts
+    halts: ProcessHalts
     left: int
     at: float
 
@@ -123,13 +123,13 @@ class Supervisor:
         self._command = tuple(command)
         self._path = path
         self._told = told
-        self._farewell = Farewell(farewell, told)
+        self._farewell = DisconnectNotice(farewell, told)
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._peers: list[_Peer] = []
         self._dead: list[_Dead] = []
         self._asked: dict[int, _Asked] = {}
-        self._stops: list[Stop] = []  # for an edge that is not there
+        self._stops: list[StopRequest] = []  # for an edge that is not there
         self._numbers = 0
         self._edge_id = ""
         self._child: subprocess.Popen[bytes] | None = None
@@ -272,10 +272,10 @@ class Supervisor:
             return
         peer.heard = self._clock.monotonic()
         try:
-            self._take(peer, messages.decode(data), descriptors)
+            self._take(peer, protocol.decode(data), descriptors)
         except (msgspec.DecodeError, OSError) as error:
             if isinstance(error, msgspec.DecodeError) and not _has_robots(peer):  # it may be a stop
-                self._stop(peer, Stop(why="a message to the supervisor could not be read"))
+                self._stop(peer, StopRequest(why="a message to the supervisor could not be read"))
             self._told(f"a message of {peer.name} to its supervisor was refused: {error}")
         for descriptor in descriptors:  # what was kept is taken out of the list
             with contextlib.suppress(OSError):
@@ -286,24 +286,24 @@ class Supervisor:
         match message:
             case Hello():
                 self._hello(peer, message)
-            case Keep():
+            case RegisterHalt():
                 peer.halts.take(message.robot, message.frames, message.address, descriptors)
-                peer.send(Kept(message.number))
-            case Drop():
+                peer.send(HaltRegistered(message.number))
+            case UnregisterHalt():
                 peer.halts.drop(message.robot)
-                peer.send(Dropped(message.number))
-            case Running():
+                peer.send(HaltUnregistered(message.number))
+            case EdgeRunning():
                 self._ran |= peer.is_edge
-            case Ended():
+            case OrderlyEnd():
                 self._ending |= peer.is_edge
                 self._in_order |= peer.is_edge
-            case Left() if peer.is_edge:
+            case LeftNotice() if peer.is_edge:
                 self._farewell.keep(descriptors)
-            case Stop():
+            case StopRequest():
                 self._stop(peer, message)
-            case Stopped():
+            case StopAnswer():
                 self._stopped(peer, message)
-            case Beat():
+            case ProcessHeartbeat():
                 pass
             case _:
                 self._told(f"{peer.name} sent its supervisor a {type(message).__name__}")
@@ -330,7 +330,7 @@ class Supervisor:
             self._dead.append(_Dead(peer.halts, REPEATS - 1, self._clock.monotonic() + LOOK))
         if peer.is_edge:
             for worker in filter(_has_robots, self._peers):
-                worker.send(Ended())
+                worker.send(OrderlyEnd())
 
     def _halt_again(self, now: float) -> None:
         """Write the halts of dead processes once more, and let go of their links at last."""
@@ -344,7 +344,7 @@ class Supervisor:
 
     # -- stops ---------------------------------------------------------------------------------------
 
-    def _stop(self, asker: _Peer, stop: Stop) -> None:
+    def _stop(self, asker: _Peer, stop: StopRequest) -> None:
         """Pass a stop on to every process with robots, or keep it for the next edge."""
         self._numbers += 1
         stop = msgspec.structs.replace(stop, by=asker.user)
@@ -356,7 +356,7 @@ class Supervisor:
         if not asked.had_edge:
             asked.until = self._clock.monotonic()
 
-    def _stopped(self, peer: _Peer, answer: Stopped) -> None:
+    def _stopped(self, peer: _Peer, answer: StopAnswer) -> None:
         """Take a process's answer; the last one's completes that to who asked."""
         asked = self._asked.get(answer.number)
         if asked is None or peer not in asked.told:
@@ -365,7 +365,7 @@ class Supervisor:
         asked.told.remove(peer)
         if not asked.told:
             del self._asked[answer.number]
-            asked.peer.send(Stopped(asked.stop.number, peer.edge, tuple(asked.names)))
+            asked.peer.send(StopAnswer(asked.stop.number, peer.edge, tuple(asked.names)))
 
     def _look_at_stops(self, now: float) -> None:
         """Halt what can be halted where a stop was not answered; keep one that no edge took for the next."""
@@ -378,7 +378,7 @@ class Supervisor:
             silent = asked.told if taken else self._peers
             asked.names += (robot for peer in silent for robot in peer.halts.write())
             kept = not taken and not self._ending
-            asked.peer.send(Stopped(asked.stop.number, self._edge_id, tuple(asked.names), kept=kept))
+            asked.peer.send(StopAnswer(asked.stop.number, self._edge_id, tuple(asked.names), kept=kept))
 
 
 def _has_robots(peer: _Peer) -> bool:

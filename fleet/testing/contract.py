@@ -25,9 +25,9 @@ from pydantic import ValidationError
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import CommandError, LinkError, Refused, Unsupported
-from fleet.host.framed import Framed
-from fleet.host.make import AdapterClass, capabilities, make_adapter, perform
-from fleet.link.framing import Whole
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter, start_command
+from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
+from fleet.link.framing import DatagramFraming
 from fleet.model.command import Command
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.testing.probes import SOON, containers_of, in_time, noise_like, numbers_in, unless_refused
@@ -60,7 +60,7 @@ class AdapterContract:
 
     def make(self) -> Adapter[Any]:
         """Return a new adapter as the host makes it, not yet run."""
-        return make_adapter(self.adapter, self.make_config())
+        return create_adapter(self.adapter, self.make_config())
 
     def test_the_example_config_is_accepted(self) -> None:
         assert self.make_config().name == "robot"
@@ -105,7 +105,7 @@ class AdapterContract:
 
     def test_something_stops_it_when_its_process_dies(self) -> None:
         adapter = self.make()
-        assert adapter.failsafe or self.leaves_halt or isinstance(adapter, Framed), (
+        assert adapter.failsafe or self.leaves_halt or isinstance(adapter, FrameAdapterRunner), (
             "declare failsafe, what of the robot's own stops it and when; or call robot.leave_halt in run "
             "and set leaves_halt here"
         )
@@ -182,7 +182,7 @@ class FrameContract(AdapterContract):
 
     def test_frames_are_the_same_however_the_line_cuts_them(self) -> None:
         cutter = self.adapter.framing.cutter()
-        wire = Datagrams() if isinstance(self.adapter.framing, Whole) else OneByteAtATime()
+        wire = Datagrams() if isinstance(self.adapter.framing, DatagramFraming) else OneByteAtATime()
         pieces = [piece for data in self.said for piece in wire.carry(data)]
         assert [frame for piece in pieces for frame in cutter.feed(piece)] == self.frames()
 
@@ -242,7 +242,7 @@ def _is_number(form: object) -> bool:
 async def _refused(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> bool:
     """Return True when a command ends in one of the errors that the host understands."""
     try:
-        doing = perform(adapter, spec, command)
+        doing = start_command(adapter, spec, command)
         if spec.streams:
             async for _ in doing:
                 pass

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import mqtt5
 
-from fleet.cloud.packets import Decoder
+from fleet.cloud.packets import PacketDecoder
 
 LARGEST = 1 << 20  # bytes of one packet
 WITHIN = 20.0  # s for the broker to let it in
@@ -90,7 +90,7 @@ class Mqtt:
 
     def _read(self) -> None:
         """Take what comes until the connection ends."""
-        decoder = Decoder(5, LARGEST)
+        decoder = PacketDecoder(5, LARGEST)
         with contextlib.suppress(OSError):
             while data := self._socket.recv(65536):
                 now = time.monotonic()

@@ -7,7 +7,7 @@ import contextlib
 from typing import Any
 
 from fleet.adapter import Adapter
-from fleet.host.make import perform
+from fleet.host.robot.adapter_factory import start_command
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 
@@ -25,7 +25,7 @@ class Operator:
         Raises what the command raises, and TimeoutError after the time that it declares.
         """
         spec = self.adapter.commands()[name]
-        doing = perform(self.adapter, spec, Command(name, data))
+        doing = start_command(self.adapter, spec, Command(name, data))
         async with asyncio.timeout(spec.timeout):
             if not spec.streams:
                 return await doing

@@ -12,8 +12,8 @@ from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Any, Self
 
-from fleet.event_loop import BackgroundLoop
 from fleet.link.tcp import reset_on_close
+from fleet.runtime.event_loop import BackgroundLoop
 
 PIECE = 65_536  # bytes of one read
 

@@ -17,7 +17,7 @@ MOST_EARLY = 50  # candidates before the answer; anybody may send them
 CODEC = "video/H264"  # alone: the media service would else choose one that not every browser has
 
 
-class Peer:
+class VideoPeer:
     """The connection; ``ended`` hears once why it is over, unless it was closed. On the loop only."""
 
     def __init__(

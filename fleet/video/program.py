@@ -15,12 +15,12 @@ import msgspec
 from aiortc import RTCIceServer
 
 from fleet.bus import keys
-from fleet.bus.lane import Lane, Question
-from fleet.bus.session import join
+from fleet.bus.bus import join
 from fleet.bus.settings import BusSettings
+from fleet.bus.zenoh_session import Query, ZenohSession
 from fleet.clock import Clock
 from fleet.errors import CommandError, WireError
-from fleet.video.sender import Sender
+from fleet.video.sender import VideoSender
 from fleet.video.signals import answer_for, candidate_in
 from fleet.wire.encoding import encode_finite
 from fleet.wire.samples import json_sample
@@ -65,8 +65,8 @@ async def send_video(
 class _Program:
     """What is said and heard on the bus."""
 
-    def __init__(self, source: Source, lane: Lane, clock: Clock) -> None:
-        self._lane = lane
+    def __init__(self, source: Source, bus_session: ZenohSession, clock: Clock) -> None:
+        self._bus_session = bus_session
         self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._count = itertools.count()
@@ -74,7 +74,7 @@ class _Program:
         self._twin = source.twin
         self._told = False
         self._tasks: set[asyncio.Task[None]] = set()
-        self._sender = Sender(
+        self._sender = VideoSender(
             source.camera,
             sensor=source.sensor,
             session=f"video_{source.robot}_{os.getpid()}",
@@ -86,9 +86,13 @@ class _Program:
 
     def declare(self, key: str) -> None:
         """Take what is asked on ``key``, and what the peer answers."""
-        self._lane.answer(key, self._on_loop(self._asked))
-        self._lane.subscribe(data_key(self._twin, "cloud/webrtc_answer"), self._on_loop(self._answered))
-        self._lane.subscribe(data_key(self._twin, "cloud/webrtc_candidate"), self._on_loop(self._candidate))
+        self._bus_session.answer(key, self._on_loop(self._asked))
+        self._bus_session.subscribe(
+            data_key(self._twin, "cloud/webrtc_answer"), self._on_loop(self._answered)
+        )
+        self._bus_session.subscribe(
+            data_key(self._twin, "cloud/webrtc_candidate"), self._on_loop(self._candidate)
+        )
 
     def tell(self) -> None:
         """Tell the edge how the stream is, and once that it is over."""
@@ -96,7 +100,7 @@ class _Program:
         if told is not None:
             self._put(self._stream_key, told)
         elif self._told:
-            self._lane.put(self._stream_key, b"")
+            self._bus_session.put(self._stream_key, b"")
         self._told = told is not None
 
     async def close(self) -> None:
@@ -118,7 +122,7 @@ class _Program:
 
         return arrived
 
-    async def _asked(self, question: Question) -> None:
+    async def _asked(self, question: Query) -> None:
         """Start or stop, and answer."""
         try:
             request = read_video_request(question.payload)
@@ -167,4 +171,4 @@ class _Program:
     def _put(self, key: str, message: dict[str, Any]) -> None:
         """Publish a document."""
         payload, stamp = encode_finite(message), self._clock.time()
-        self._lane.put(key, json_sample(payload, stamp=stamp, sequence=next(self._count)))
+        self._bus_session.put(key, json_sample(payload, stamp=stamp, sequence=next(self._count)))

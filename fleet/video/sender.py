@@ -13,8 +13,8 @@ from fleet.camera.camera import Camera
 from fleet.camera.picture import Picture
 from fleet.clock import Clock
 from fleet.errors import TimedOut
-from fleet.video.peer import Peer
-from fleet.video.signals import Candidate, Stream, offer_message
+from fleet.video.peer import VideoPeer
+from fleet.video.signals import Candidate, VideoStream, offer_message
 from fleet.video.track import CameraTrack
 
 log = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 FIRST_PICTURE = 3.0  # s that a camera has for it; the edge waits 4 s for our answer
 
 
-class Sender:
+class VideoSender:
     """Sends one camera's pictures to one peer; ``offer`` publishes an offer. On the loop only.
 
     ``session`` names this program, ``rate`` is pictures a second at most.
@@ -47,7 +47,7 @@ class Sender:
         self._offer = offer
         self._clock = clock
         self._changing = asyncio.Lock()
-        self._peer: Peer | None = None
+        self._peer: VideoPeer | None = None
         self._ends: set[asyncio.Task[None]] = set()
         self._config: dict[str, Any] = {}
         self._starts = 0
@@ -74,12 +74,12 @@ class Sender:
                 "fps": self._rate,
             }
             track = CameraTrack(self._camera, self._rate, self._clock)
-            self._peer = Peer(track, self._ice_servers, self._ended)
+            self._peer = VideoPeer(track, self._ice_servers, self._ended)
             sdp = await self._peer.offer()
             self._offer(
                 offer_message(
                     sdp,
-                    Stream(self.sensor, track.id, f"{self._session}_{self.sensor}"),
+                    VideoStream(self.sensor, track.id, f"{self._session}_{self.sensor}"),
                     recording=recording,
                     attributes={"width": picture.width, "height": picture.height, "fps": self._rate},
                     stamp=self._clock.time(),
@@ -145,7 +145,7 @@ class Sender:
         self._ends.add(task)
         task.add_done_callback(self._ends.discard)
 
-    async def _clear(self, peer: Peer | None) -> None:
+    async def _clear(self, peer: VideoPeer | None) -> None:
         """Close a peer, unless there is another by now."""
         async with self._changing:
             if peer is self._peer:

@@ -6,14 +6,14 @@ from typing import Any
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.samples import json_payload
 
 SOURCE, INSTANCE = "live", "default"  # which stream of a sensor a message is about that does not say
 
 
-class Stream(msgspec.Struct, frozen=True):
+class VideoStream(msgspec.Struct, frozen=True):
     """What tells one stream from the others of a twin; ``session`` is of this program."""
 
     sensor: str
@@ -53,7 +53,7 @@ _WRAPPED: msgspec.json.Decoder[_Wrapped] = json_decoder(_Wrapped)
 
 
 def offer_message(
-    sdp: str, stream: Stream, *, recording: bool, attributes: dict[str, Any], stamp: float
+    sdp: str, stream: VideoStream, *, recording: bool, attributes: dict[str, Any], stamp: float
 ) -> dict[str, Any]:
     """Return the message of an offer; ``attributes`` are width, height and fps, ``stamp`` is Unix seconds."""
     return {

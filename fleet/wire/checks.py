@@ -8,10 +8,10 @@ from typing import Any, get_args
 
 import msgspec
 
-from fleet.decoding import msgpack_decoder
 from fleet.errors import WireError
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, PoseReport, Report
+from fleet.runtime.decoding import msgpack_decoder
 from fleet.wire.encoding import UNSAYABLE
 
 _PACK = msgspec.msgpack.Encoder().encode

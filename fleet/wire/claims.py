@@ -8,14 +8,14 @@ from fleet.errors import WireError
 from fleet.wire.strict import number, parse_object, text
 
 
-class Heartbeat(msgspec.Struct, frozen=True):
+class EdgeHeartbeat(msgspec.Struct, frozen=True):
     """An edge that says that it serves a twin; ``uptime`` in seconds."""
 
     edge: str
     session: str
     uptime: float
 
-    def comes_before(self, other: Heartbeat) -> bool:
+    def comes_before(self, other: EdgeHeartbeat) -> bool:
         """Return True when this edge had the twin first; each edge comes to the same result about the other.
 
         Edges that began within the same second are told apart by their names.
@@ -25,7 +25,7 @@ class Heartbeat(msgspec.Struct, frozen=True):
         return (self.edge, self.session) < (other.edge, other.session)
 
 
-def read_heartbeat(payload: bytes) -> Heartbeat:
+def read_heartbeat(payload: bytes) -> EdgeHeartbeat:
     """Return the heartbeat in an ``edge_health`` message; raises WireError for anything else."""
     message = parse_object(payload, limit=1 << 16)
     if message.get("type") != "edge_health":
@@ -37,4 +37,4 @@ def read_heartbeat(payload: bytes) -> Heartbeat:
     edge = text(message, "edge_id")
     if not edge:
         raise WireError("an edge has a name", where="edge_id")
-    return Heartbeat(edge, session or "", uptime)
+    return EdgeHeartbeat(edge, session or "", uptime)

@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.envelope import (
     LONGEST_NAME,
     BadCommand,
@@ -124,7 +124,7 @@ class _Envelope(msgspec.Struct, frozen=True):
 
 
 def decode_command(
-    payload: bytes, *, way: Way, request_id: str = "", defaults: Defaults, twin: str = ""
+    payload: bytes, *, way: Transport, request_id: str = "", defaults: Defaults, twin: str = ""
 ) -> Command | Setpoint | None:
     """Return what a message on ``T command`` asks; None when it is itself a reply (it has a ``status``).
 
@@ -154,7 +154,9 @@ def decode_command(
         raise BadCommand(error, command=name) from None
 
 
-def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | Setpoint:
+def decode_motion(
+    payload: bytes, *, way: Transport, request_id: str = "", twin: str = ""
+) -> Command | Setpoint:
     """Return the setpoint of a twist, on ``T motion/command`` or on the bus channel ``commands/velocity``.
 
     The first has ``linear{x,y,z}`` and ``angular{z}``, the second ``linear_x`` to ``angular_z``; both are
@@ -163,7 +165,7 @@ def decode_motion(payload: bytes, *, way: Way, request_id: str = "", twin: str =
     played again moves nothing. A message that names a stop is that stop. Raises BadCommand.
     """
     try:
-        message = _sampled(payload) if way is Way.BUS else parse_object(payload)
+        message = _sampled(payload) if way is Transport.BUS else parse_object(payload)
         stop = stop_asked(message, way)
         if stop is not None:
             return stop
@@ -199,7 +201,7 @@ def _usual(payload: bytes) -> _Usual | None:
 
 
 def _envelope(
-    name: str, message: dict[str, Any], payload: bytes, way: Way, request_id: str, *, twin: str
+    name: str, message: dict[str, Any], payload: bytes, way: Transport, request_id: str, *, twin: str
 ) -> _Envelope:
     """Read what all commands share. A stop is never refused for its trimmings."""
     strict = not _is_stop(name, message)
@@ -313,7 +315,7 @@ def _video(envelope: _Envelope, _defaults: Defaults) -> Command:
         name: envelope.message[name] for name in ("recording", "sensor_id") if name in envelope.message
     }
     asked = envelope.command(envelope.name, {**beside, **envelope.data})
-    if asked.origin.way is not Way.CLOUD or asked.origin.source_type is not None:
+    if asked.origin.way is not Transport.CLOUD or asked.origin.source_type is not None:
         return asked
     return msgspec.structs.replace(asked, origin=msgspec.structs.replace(asked.origin, source_type="tele"))
 

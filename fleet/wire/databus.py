@@ -14,7 +14,6 @@ from typing import Any, Generic, TypeVar, get_args
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.event import EventReport
 from fleet.model.geodesy import GeoPoint
@@ -30,6 +29,7 @@ from fleet.model.report import (
     PoseReport,
     Report,
 )
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.arrays import decode_depth, decode_pointcloud, encode_depth, encode_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import EventDocument

@@ -14,8 +14,8 @@ from typing import Any
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.encoding import encode_finite
 from fleet.wire.envelope import stamp_of
 from fleet.wire.joints import STATE_SENDERS
@@ -89,17 +89,17 @@ _OPEN = Shape()
 _CLOUD = "backend"
 
 
-def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) -> bytes:
+def document_out(suffix: str, sample: bytes, *, source_type: str, session: str) -> bytes:
     """Return the MQTT message of a document on the bus; its stamp is its own, else the header's.
 
     Raises WireError for what is no JSON object, lacks what the leaf needs, or has no stamp at all.
     """
-    message = object_in(sample, leaf)
-    shape = _checked(leaf, message)
+    message = object_in(sample, suffix)
+    shape = _checked(suffix, message)
     message["timestamp"] = stamp_in(message, sample)
     message.pop("ts", None)
-    if leaf.startswith("environment:"):
-        message = {"type": leaf.partition(":")[2], **message}
+    if suffix.startswith("environment:"):
+        message = {"type": suffix.partition(":")[2], **message}
     if shape.aimed:
         message["target"] = _CLOUD
     if shape.tagged:
@@ -107,17 +107,17 @@ def document_out(leaf: str, sample: bytes, *, source_type: str, session: str) ->
     return encode_finite(message)
 
 
-def document_in(leaf: str, payload: bytes, *, size: int, now: float) -> bytes:
+def document_in(suffix: str, payload: bytes, *, size: int, now: float) -> bytes:
     """Return the sample to put on the bus for a document of the cloud; ``now`` stamps one without a stamp.
 
     Raises WireError for what is no strict JSON object of at most ``size`` bytes, or lacks what it needs.
     """
     message = parse_object(payload, limit=size)
-    _checked(leaf, message)
-    if leaf.startswith("environment:"):
-        message = {"type": leaf.partition(":")[2], **message}
-    if leaf in EDITED:
-        _check_edit(leaf, message)
+    _checked(suffix, message)
+    if suffix.startswith("environment:"):
+        message = {"type": suffix.partition(":")[2], **message}
+    if suffix in EDITED:
+        _check_edit(suffix, message)
     stamp = stamp_of(message)
     return json_sample(encode_finite(message), stamp=now if stamp is None else stamp, sequence=0)
 
@@ -127,9 +127,9 @@ def word_of_update(update: str) -> str:
     return re.sub(r"[^a-z0-9_]", "_", update.lower())
 
 
-def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
+def is_for_the_cloud(suffix: str, payload: bytes) -> bool:
     """Return True for a WebRTC message that is on its way to the cloud: ours, come back to us."""
-    if not leaf.startswith("webrtc-") or b'"backend"' not in payload:
+    if not suffix.startswith("webrtc-") or b'"backend"' not in payload:
         return False
     try:
         return _TARGET.decode(payload).target == _CLOUD
@@ -137,9 +137,9 @@ def is_for_the_cloud(leaf: str, payload: bytes) -> bool:
         return False
 
 
-def is_state_of_another(leaf: str, payload: bytes) -> bool:
+def is_state_of_another(suffix: str, payload: bytes) -> bool:
     """Return True for where a twin is as somebody measured or simulated it: nothing that the editor did."""
-    if leaf not in EDITED:
+    if suffix not in EDITED:
         return False
     try:
         return _SENDER.decode(payload).source_type in STATE_SENDERS
@@ -147,28 +147,28 @@ def is_state_of_another(leaf: str, payload: bytes) -> bool:
         return False
 
 
-def _check_edit(leaf: str, message: Mapping[str, Any]) -> None:
+def _check_edit(suffix: str, message: Mapping[str, Any]) -> None:
     """Raise WireError for what is no change by the editor."""
     if message.get("source_type") != "edit":
         raise WireError(f"edit is needed, not {str(message.get('source_type'))[:40]!a}", where="source_type")
-    for axis, value in child(message, leaf).items():
-        finite(value, path(leaf, axis))
+    for axis, value in child(message, suffix).items():
+        finite(value, path(suffix, axis))
 
 
-def _checked(leaf: str, message: Mapping[str, Any]) -> Shape:
+def _checked(suffix: str, message: Mapping[str, Any]) -> Shape:
     """Return the shape of a leaf, which the message must have."""
-    namespace, _, update = leaf.partition(":")
+    namespace, _, update = suffix.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
         raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")
-    raw = leaf == _CANDIDATE and "type" not in message
-    shape = _RAW_CANDIDATE if raw else SHAPES.get(leaf, _OPEN)
+    raw = suffix == _CANDIDATE and "type" not in message
+    shape = _RAW_CANDIDATE if raw else SHAPES.get(suffix, _OPEN)
     if shape.says and message.get("type") != shape.says:
         raise WireError(f"{shape.says!a} is needed, this is {str(message.get('type'))[:40]!a}", where="type")
     for name, types in shape.needs.items():
         if name not in message:
-            raise WireError("is missing", where=path(leaf, name))
+            raise WireError("is missing", where=path(suffix, name))
         if not isinstance(message[name], types):
-            raise WireError(f"this is {kind(message[name])}", where=path(leaf, name))
+            raise WireError(f"this is {kind(message[name])}", where=path(suffix, name))
     if shape.one_of and not any(isinstance(message.get(name), of) for name, of in shape.one_of.items()):
-        raise WireError(f"needs {' or '.join(shape.one_of)}", where=leaf)
+        raise WireError(f"needs {' or '.join(shape.one_of)}", where=suffix)
     return shape

@@ -11,7 +11,7 @@ from uuid import UUID
 import msgspec
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Origin, Way
+from fleet.model.command import Command, Origin, Transport
 from fleet.wire.stops import stop_named
 from fleet.wire.strict import kind, number
 
@@ -69,7 +69,7 @@ def digest(content: bytes) -> str:
 
 
 def origin_and_stamp(
-    message: Mapping[str, Any], way: Way, *, strict: bool, twin: str = ""
+    message: Mapping[str, Any], way: Transport, *, strict: bool, twin: str = ""
 ) -> tuple[Origin, float | None]:
     """Return who asked and when (Unix seconds, None when not given).
 
@@ -101,7 +101,7 @@ def _require_twin(message: Mapping[str, Any], twin: str) -> None:
         raise WireError(f"{named[:40]!a} is not this twin, which is {twin}", where="twin_uuid")
 
 
-def stop_asked(message: Mapping[str, Any], way: Way) -> Command | None:
+def stop_asked(message: Mapping[str, Any], way: Transport) -> Command | None:
     """Return the stop that a message names on a topic that has other words; None when it names none."""
     name = stop_named(message) if "command" in message or "type" in message else ""
     if not name:

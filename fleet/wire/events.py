@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
-from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.report import Report
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.samples import json_payload
 
 FLEET: Literal["fleet"] = "fleet"
@@ -36,7 +36,7 @@ class EventDocument(msgspec.Struct, frozen=True, omit_defaults=True):
     source: Literal["fleet"]
     text: str
     severity: Severity = Severity.INFO
-    asker: Asker | None = None
+    asker: Requester | None = None
     command: str = ""
     request: str = ""
     data: dict[str, Any] = {}

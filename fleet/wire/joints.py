@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Way
+from fleet.model.command import Command, Transport
 from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp, stop_asked
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
@@ -61,7 +61,7 @@ _SET_FIELDS = frozenset({"mode", "update_mode", *_SETS, *(f"target_{name}" for n
 Sets = dict[str, dict[str, float]]
 
 
-def decode_joints(payload: bytes, *, way: Way, request_id: str = "", twin: str = "") -> Command | None:
+def decode_joints(payload: bytes, *, way: Transport, request_id: str = "", twin: str = "") -> Command | None:
     """Return the joint targets in a message, as a command; None for joints that somebody measured.
 
     A message that names a stop is that stop.

@@ -25,7 +25,7 @@ Body = dict[str, Any]
 _SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts"}
 
 
-class Sender(msgspec.Struct, frozen=True):
+class MessageSource(msgspec.Struct, frozen=True):
     """Who says something to the cloud: what all its messages carry.
 
     ``session_id`` is the edge's client id, ``sensor_id`` the sensor that measured it; left out when unset.
@@ -40,7 +40,7 @@ class Sender(msgspec.Struct, frozen=True):
     layout: Layout = ""
 
 
-def joint_messages(report: JointReport, by: Sender) -> list[tuple[str, Body]]:
+def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Body]]:
     """Return the messages of joints in the layout of ``by``; the older topic is always aggregated.
 
     Raises WireError for a joint that the flat form cannot tell from other fields.

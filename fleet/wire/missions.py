@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Way
+from fleet.model.command import Command, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.navigation import MISSION, Constraints, Control, FlyMission, Navigate, PlanItem
 from fleet.wire.envelope import BadCommand, name_of, optional_word, origin_and_stamp, stop_asked, tolerant
@@ -61,7 +61,7 @@ _ITEM_FIELDS = frozenset(
 )
 
 
-def decode_mission(payload: bytes, *, way: Way, twin: str = "") -> Navigate | Command:
+def decode_mission(payload: bytes, *, way: Transport, twin: str = "") -> Navigate | Command:
     """Return the mission, the control or the stop in a message.
 
     Raises BadCommand with what could be read of it.

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import msgspec
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Way
+from fleet.model.command import Command, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, enu_yaw_from_heading, wrap_angle
 from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove, Task
@@ -90,7 +90,7 @@ class _Reading(msgspec.Struct, frozen=True):
 def decode_navigate(
     payload: bytes,
     *,
-    way: Way,
+    way: Transport,
     request_id: str = "",
     rotation_order: Literal["auto", "wxyz", "xyzw"],
     planar: bool = False,

@@ -13,32 +13,32 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.model.report import MetricsReport, Report, TelemetryReport
-from fleet.wire.rules import Rule, Traffic
+from fleet.wire.rules import TopicRule, TrafficClass
 
 TELEMETRY_END = "telemetry_end"
 _OF_ONE_STREAM = frozenset({"sensor", "stream_source", "stream_instance_id"})
 
 
-class Part(msgspec.Struct, frozen=True):
+class SubState(msgspec.Struct, frozen=True):
     """How one type of a topic's messages is carried, where that is not as its row says.
 
     ``max_rate`` in Hz (0: no limit), ``max_age`` in seconds (0: always worth sending). ``apart`` is the field
     whose values are states of their own.
     """
 
-    traffic: Traffic
+    traffic: TrafficClass
     qos: int
     max_rate: float
     max_age: float = 0.0
     apart: str = ""
 
 
-TELEMETRY: Mapping[str, Part] = MappingProxyType(
+TELEMETRY: Mapping[str, SubState] = MappingProxyType(
     {
-        "vehicle_state": Part(Traffic.LATEST, 0, 5),
-        "driver_info": Part(Traffic.LATEST, 0, 1),
-        "motor_status": Part(Traffic.LATEST, 0, 2, apart="motor_id"),
-        "camera_sync_frame": Part(Traffic.EVENT, 2, 0, 30),
+        "vehicle_state": SubState(TrafficClass.LATEST, 0, 5),
+        "driver_info": SubState(TrafficClass.LATEST, 0, 1),
+        "motor_status": SubState(TrafficClass.LATEST, 0, 2, apart="motor_id"),
+        "camera_sync_frame": SubState(TrafficClass.EVENT, 2, 0, 30),
     }
 )
 """The types of telemetry that are no plain events: periodic state, and what ties a picture to its time."""
@@ -57,7 +57,7 @@ def part_of(report: Report) -> str:
     return f"{report.type} {str(report.fields.get(apart))[:60]}" if apart else report.type
 
 
-def rule_of_part(rule: Rule, part: str) -> Rule:
+def rule_of_part(rule: TopicRule, part: str) -> TopicRule:
     """Return how a part is carried: as its own line says, never oftener or surer than fleet.yaml wants."""
     own = TELEMETRY.get(part.partition(" ")[0])
     if own is None or rule.channel != TelemetryReport.channel:

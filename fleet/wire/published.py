@@ -13,9 +13,9 @@ from typing import Any
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
 from fleet.model.report import LogReport, MetricsReport, Report, TelemetryReport
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.envelope import stamp_of
 from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.strict import child, text

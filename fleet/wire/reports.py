@@ -36,7 +36,7 @@ from fleet.model.report import (
 from fleet.wire.arrays import check_depth, check_pointcloud
 from fleet.wire.encoding import encode_finite
 from fleet.wire.events import TOLD_TO_THE_CLOUD, event_body
-from fleet.wire.layouts import Sender, depth_data
+from fleet.wire.layouts import MessageSource, depth_data
 from fleet.wire.rules import Layout
 from fleet.wire.states import STATES, State
 from fleet.wire.strict import finite, without_nulls
@@ -50,7 +50,9 @@ Message = Body | State
 
 
 @functools.lru_cache(maxsize=1024)  # that of most robots is the same
-def sender(*, source_type: str, session: str = "", sensor: str | None = None, layout: Layout = "") -> Sender:
+def sender(
+    *, source_type: str, session: str = "", sensor: str | None = None, layout: Layout = ""
+) -> MessageSource:
     """Return who says something to the cloud.
 
     ``session`` is the edge's client id, left out when empty; ``sensor`` the one that measured it, where the
@@ -61,19 +63,19 @@ def sender(*, source_type: str, session: str = "", sensor: str | None = None, la
         fields["session_id"] = session
     if sensor:
         fields["sensor_id"] = sensor
-    return Sender(source_type, session or UNSET, sensor or UNSET, fields, layout)
+    return MessageSource(source_type, session or UNSET, sensor or UNSET, fields, layout)
 
 
-def to_mqtt(report: Report, by: Sender, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
+def to_mqtt(report: Report, by: MessageSource, off: frozenset[str] = frozenset()) -> list[tuple[str, bytes]]:
     """Return what to publish for a report: those of ``messages_of`` as JSON.
 
     Raises WireError for a number that is not finite or out of its range.
     """
-    return [(leaf, encode_finite(body)) for leaf, body in messages_of(report, by, off)]
+    return [(suffix, encode_finite(body)) for suffix, body in messages_of(report, by, off)]
 
 
 def messages_of(
-    report: Report, by: Sender, off: frozenset[str] = frozenset()
+    report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 ) -> Sequence[tuple[str, Message]]:
     """Return the messages of a report: (leaf of the twin's topic, message), often one, at times none.
 
@@ -86,15 +88,15 @@ def messages_of(
     return [each for each in made if each[0] not in off] if off else made
 
 
-def _enveloped(report: Report, by: Sender) -> Leaves:
+def _enveloped(report: Report, by: MessageSource) -> Leaves:
     """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
     leaves = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
-    for leaf, body in leaves:
-        stream = body.get("session_id") if leaf == "telemetry" and body["type"] in OF_A_STREAM else None
+    for suffix, body in leaves:
+        stream = body.get("session_id") if suffix == "telemetry" and body["type"] in OF_A_STREAM else None
         body.update(by.fields, timestamp=report.stamp)
         if stream is not None:
             body["session_id"] = stream
-        if leaf == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
+        if suffix == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
             del body["source_type"]
     return leaves
 
@@ -225,7 +227,7 @@ def _photo(report: PhotoReport) -> Leaves:
     return [("camera/photo", body)]
 
 
-def _depth(report: DepthReport, by: Sender) -> Leaves:
+def _depth(report: DepthReport, by: MessageSource) -> Leaves:
     """One depth image, its bytes in base64 (the encoder does that) unless they are asked for as a list."""
     check_depth(report)
     return [("depth", {"type": "depth_data", **depth_data(report, by.layout)})]

@@ -13,11 +13,11 @@ from fleet.wire.rules import (
     INWARD,
     NOT_OF_A_TWIN,
     RULES,
-    Form,
-    Inward,
+    InboundRule,
     Layout,
-    Rule,
-    Traffic,
+    TopicForm,
+    TopicRule,
+    TrafficClass,
 )
 
 KIB = 1024
@@ -28,7 +28,7 @@ class Change(msgspec.Struct, frozen=True):
 
     on: bool | None = None
     rate: float | None = None
-    traffic: Traffic | None = None
+    traffic: TrafficClass | None = None
     max_age: float | None = None
     size: int | None = None
     layout: Layout | None = None
@@ -37,8 +37,8 @@ class Change(msgspec.Struct, frozen=True):
 class Channel(msgspec.Struct, frozen=True):
     """A bus channel that the table does not know, and the topic it goes to."""
 
-    leaf: str
-    traffic: Traffic
+    suffix: str
+    traffic: TrafficClass
     rate: float
     max_age: float
     size: int
@@ -106,9 +106,9 @@ class Rulebook(msgspec.Struct, frozen=True):
     ``backlog`` is how many bytes may wait to be sent before streams are dropped.
     """
 
-    outward: Mapping[str, Rule]
+    outward: Mapping[str, TopicRule]
     off: frozenset[str]
-    inward: Mapping[str, Inward]
+    inward: Mapping[str, InboundRule]
     backlog: int
 
 
@@ -121,56 +121,56 @@ def rulebook(
     chosen, layers = PROFILES[profile], tuple(layers)
     outward = (chosen.changes, *(layer.outward for layer in layers))
     inward = tuple(layer.inward for layer in layers)
-    changed = {leaf: _changed(rule, outward) for leaf, rule in RULES.items()}
-    listened = {leaf: _changed_inward(rule, inward) for leaf, rule in INWARD.items()}
+    changed = {suffix: _changed(rule, outward) for suffix, rule in RULES.items()}
+    listened = {suffix: _changed_inward(rule, inward) for suffix, rule in INWARD.items()}
     carried = {
         channel: changed[leaves[0]]
         for channel, leaves in CHANNEL_LEAVES.items()
-        if any(changed[leaf].on for leaf in leaves)
+        if any(changed[suffix].on for suffix in leaves)
     }
     return Rulebook(
         carried | {name: _added(name, channel) for name, channel in channels.items()},
-        frozenset(leaf for leaf, rule in changed.items() if not rule.on),
-        {leaf: rule for leaf, rule in listened.items() if rule.on},
+        frozenset(suffix for suffix, rule in changed.items() if not rule.on),
+        {suffix: rule for suffix, rule in listened.items() if rule.on},
         chosen.backlog,
     )
 
 
 def of_a_twin(book: Rulebook) -> Rulebook:
     """Return what crosses for a twin's uuid."""
-    return _only(book, lambda leaf: leaf not in NOT_OF_A_TWIN)
+    return _only(book, lambda suffix: suffix not in NOT_OF_A_TWIN)
 
 
 def of_an_environment(book: Rulebook) -> Rulebook:
     """Return what crosses for an environment's uuid."""
-    return _only(book, lambda leaf: leaf == ENVIRONMENT)
+    return _only(book, lambda suffix: suffix == ENVIRONMENT)
 
 
 def of_any_run(book: Rulebook) -> Rulebook:
     """Return what crosses for workflow runs."""
-    return _only(book, lambda leaf: leaf.startswith("workflow-run:"))
+    return _only(book, lambda suffix: suffix.startswith("workflow-run:"))
 
 
 def _only(book: Rulebook, wanted: Callable[[str], bool]) -> Rulebook:
     """Return the part of a book whose leaves are wanted."""
-    outward = {channel: rule for channel, rule in book.outward.items() if wanted(rule.leaf)}
-    inward = {leaf: rule for leaf, rule in book.inward.items() if wanted(leaf)}
+    outward = {channel: rule for channel, rule in book.outward.items() if wanted(rule.suffix)}
+    inward = {suffix: rule for suffix, rule in book.inward.items() if wanted(suffix)}
     return Rulebook(outward, book.off, inward, book.backlog)
 
 
-def _merged(leaf: str, layers: Iterable[Mapping[str, Change]]) -> Change:
+def _merged(suffix: str, layers: Iterable[Mapping[str, Change]]) -> Change:
     """Return what all layers together say of a leaf."""
     said: dict[str, object] = {}
     for layer in layers:
-        if leaf in layer:
-            given = msgspec.structs.asdict(layer[leaf])
+        if suffix in layer:
+            given = msgspec.structs.asdict(layer[suffix])
             said |= {name: value for name, value in given.items() if value is not None}
     return Change(**said)  # type: ignore[arg-type]
 
 
-def _changed(rule: Rule, layers: Iterable[Mapping[str, Change]]) -> Rule:
+def _changed(rule: TopicRule, layers: Iterable[Mapping[str, Change]]) -> TopicRule:
     """Return a rule as it was changed; what is durable is sent at least once and never repeated."""
-    change = _merged(rule.leaf, layers)
+    change = _merged(rule.suffix, layers)
     traffic = rule.traffic if change.traffic is None else change.traffic
     rate = rule.max_rate if change.rate is None else change.rate
     repeat = 0.0 if traffic.durable else min(rule.repeat, rate) if rate else rule.repeat
@@ -187,9 +187,9 @@ def _changed(rule: Rule, layers: Iterable[Mapping[str, Change]]) -> Rule:
     )
 
 
-def _changed_inward(rule: Inward, layers: Iterable[Mapping[str, Change]]) -> Inward:
+def _changed_inward(rule: InboundRule, layers: Iterable[Mapping[str, Change]]) -> InboundRule:
     """Return an inward rule as it was changed; a robot's asks keep no rate, whatever is said."""
-    change = _merged(rule.leaf, layers)
+    change = _merged(rule.suffix, layers)
     return msgspec.structs.replace(
         rule,
         on=rule.on if change.on is None else change.on,
@@ -198,17 +198,17 @@ def _changed_inward(rule: Inward, layers: Iterable[Mapping[str, Change]]) -> Inw
     )
 
 
-def _added(name: str, channel: Channel) -> Rule:
+def _added(name: str, channel: Channel) -> TopicRule:
     """Return the rule of a channel that fleet.yaml adds."""
-    return Rule(
-        channel.leaf,
+    return TopicRule(
+        channel.suffix,
         name,
         channel.traffic,
         int(channel.traffic.durable),
         channel.rate,
         0.0,
         "added in fleet.yaml",
-        Form.DOCUMENT,
+        TopicForm.DOCUMENT,
         channel.max_age,
         channel.size,
         sensors=True,

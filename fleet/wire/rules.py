@@ -23,7 +23,7 @@ KIB = 1024
 MIB = 1024 * KIB
 
 
-class Traffic(enum.IntEnum):
+class TrafficClass(enum.IntEnum):
     """Traffic classes; a smaller one goes first."""
 
     REPLY = 0
@@ -35,7 +35,7 @@ class Traffic(enum.IntEnum):
     @property
     def durable(self) -> bool:
         """True when it is spooled and delivered at least once."""
-        return self <= Traffic.EVENT
+        return self <= TrafficClass.EVENT
 
     @property
     def word(self) -> str:
@@ -43,7 +43,7 @@ class Traffic(enum.IntEnum):
         return self.name.lower()
 
 
-class Form(enum.Enum):
+class TopicForm(enum.Enum):
     """What a topic is made from."""
 
     SAID = "said by the edge itself"
@@ -58,7 +58,7 @@ LAYOUTS: Mapping[str, tuple[Layout, ...]] = MappingProxyType(
 """By leaf, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
 
 
-class Rule(msgspec.Struct, frozen=True):
+class TopicRule(msgspec.Struct, frozen=True):
     """How one topic is carried from the edge to the cloud.
 
     ``channel`` is the bus channel it is made from, empty for what the edge says itself. ``max_rate`` is
@@ -69,14 +69,14 @@ class Rule(msgspec.Struct, frozen=True):
     ``layout`` is that of its payload, where it has several (``fleet.wire.layouts``); empty: the usual one.
     """
 
-    leaf: str
+    suffix: str
     channel: str
-    traffic: Traffic
+    traffic: TrafficClass
     qos: int
     max_rate: float
     repeat: float
     about: str
-    form: Form = Form.REPORT
+    form: TopicForm = TopicForm.REPORT
     max_age: float = 0.0
     size: int = 64 * KIB
     sensors: bool = False
@@ -88,7 +88,7 @@ Kind = Literal["command", "navigate", "motion", "joints", "mission"]
 """What may be asked of a robot, by the topic that it comes on."""
 
 
-class Taker(enum.StrEnum):
+class Recipient(enum.StrEnum):
     """Who takes a message from the cloud."""
 
     COMMAND = "command"  # a robot: something discrete, or a velocity verb
@@ -102,18 +102,18 @@ class Taker(enum.StrEnum):
     @property
     def asks(self) -> bool:
         """True when a robot is asked something."""
-        return self not in (Taker.RELAY, Taker.EDGE)
+        return self not in (Recipient.RELAY, Recipient.EDGE)
 
 
-class Inward(msgspec.Struct, frozen=True):
+class InboundRule(msgspec.Struct, frozen=True):
     """How one topic is carried from the cloud to the edge.
 
     ``channel`` is the bus channel that a relayed message is put on. ``max_rate`` bounds what is relayed, in
     messages a second of one twin; what a robot is asked is never thinned, so that a stop is never lost.
     """
 
-    leaf: str
-    taker: Taker
+    suffix: str
+    taker: Recipient
     qos: int
     about: str
     channel: str = ""
@@ -123,25 +123,29 @@ class Inward(msgspec.Struct, frozen=True):
 
 
 _K, _M = KIB, MIB
-_S, _E, _L, _X = Traffic.STATUS, Traffic.EVENT, Traffic.LATEST, Traffic.STREAM
-_SAID, _DOC = Form.SAID, Form.DOCUMENT
-_BUS = Taker.RELAY
+_S, _E, _L, _X = TrafficClass.STATUS, TrafficClass.EVENT, TrafficClass.LATEST, TrafficClass.STREAM
+_SAID, _DOC = TopicForm.SAID, TopicForm.DOCUMENT
+_BUS = Recipient.RELAY
 
 _TABLE = (
-    Rule(REPLY_INBOX, "", Traffic.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
-    Rule("command", "", Traffic.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600),
-    Rule("start_video/status", "", Traffic.REPLY, 1, 0, 0, "what came of start_video", _SAID, 30),
-    Rule("stop_video/status", "", Traffic.REPLY, 1, 0, 0, "what came of stop_video", _SAID, 30),
-    Rule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
-    Rule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
-    Rule("webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K),
-    Rule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
-    Rule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
-    Rule("telemetry", "telemetry", _E, 1, 0, 0, "what happened; its periodic types are below"),
-    Rule("event", "event", _E, 1, 20, 0, "something that happened, for workflows", _DOC, 0, 256 * _K),
-    Rule("map_update", "map_update", _E, 1, 1, 0, "a piece of a map", _DOC, 60, 4 * _M),
-    Rule("driverlog", "driverlog", _E, 1, 10, 0, "log lines"),
-    Rule(
+    TopicRule(REPLY_INBOX, "", TrafficClass.REPLY, 1, 0, 0, "the one reply to an MQTT 5 request", _SAID, 30),
+    TopicRule(
+        "command", "", TrafficClass.REPLY, 1, 0, 0, "status of a command, and how it ended", _SAID, 3600
+    ),
+    TopicRule("start_video/status", "", TrafficClass.REPLY, 1, 0, 0, "what came of start_video", _SAID, 30),
+    TopicRule("stop_video/status", "", TrafficClass.REPLY, 1, 0, 0, "what came of stop_video", _SAID, 30),
+    TopicRule("navigate/status", "navigate_status", _S, 1, 0, 0, "status of an action"),
+    TopicRule("mission/status", "navigate_status", _S, 1, 0, 0, "status of a mission"),
+    TopicRule(
+        "webrtc-offer", "webrtc_offer", _E, 2, 5, 0, "a local video program's offer", _DOC, 30, 256 * _K
+    ),
+    TopicRule("webrtc-answer", "webrtc_answer", _E, 1, 5, 0, "its answer to an offer", _DOC, 30, 256 * _K),
+    TopicRule("webrtc-candidate", "webrtc_candidate", _E, 1, 50, 0, "its ICE candidates", _DOC, 30),
+    TopicRule("telemetry", "telemetry", _E, 1, 0, 0, "what happened; its periodic types are below"),
+    TopicRule("event", "event", _E, 1, 20, 0, "something that happened, for workflows", _DOC, 0, 256 * _K),
+    TopicRule("map_update", "map_update", _E, 1, 1, 0, "a piece of a map", _DOC, 60, 4 * _M),
+    TopicRule("driverlog", "driverlog", _E, 1, 10, 0, "log lines"),
+    TopicRule(
         ENVIRONMENT,
         "environment",
         _E,
@@ -154,44 +158,44 @@ _TABLE = (
         MIB,
         sensors=True,
     ),
-    Rule("pong:response", "", _L, 0, 0, 0, "the answer to a ping at one of our twins", _SAID),
-    Rule("ping:request", "", _L, 0, 0.1, 0, "asks how long the way to the cloud and back is", _SAID),
-    Rule("edge_health", "", _L, 0, 0.2, 0, "the edge's heartbeat for a twin", _SAID),
-    Rule("flight_controller", "flight_controller", _L, 0, 5, 0.2, "the autopilot's state"),
-    Rule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft flies"),
-    Rule("battery/status", "battery", _L, 0, 1, 0.1, "the main battery"),
-    Rule("gps", "gps", _L, 0, 2, 0, "a satellite fix", sensors=True),
-    Rule("metrics", "metrics", _L, 0, 1, 0, "power, navigation, errors and other categories"),
-    Rule("position", "position", _L, 0, 20, 1, "where the robot is"),
-    Rule("rotation", "position", _L, 0, 20, 1, "how the robot is turned"),
-    Rule("scale", "scale", _L, 0, 2, 1, "how large the twin is drawn"),
-    Rule(JOINT_UPDATE, "joint_states", _L, 0, 20, 1, "measured joints"),
-    Rule("joint_states", "joint_states", _L, 0, 20, 1, "measured joints, the older topic", on=False),
-    Rule("camera/photo", "photo", _L, 0, 0, 0, "the newest picture that was asked for", size=8 * _M),
-    Rule("model_output", "model_output", _L, 0, 10, 0, "what a local model found", _DOC, 0, 256 * _K),
-    Rule("model_health", "model_health", _L, 0, 1, 0, "how a local model is", _DOC),
-    Rule("imu", "imu", _X, 0, 10, 0, "body rates and accelerations", sensors=True),
-    Rule("pointcloud", "pointcloud", _X, 0, 2, 0, "points around the robot", size=8 * _M, sensors=True),
-    Rule("depth", "depth", _X, 0, 5, 0, "a depth image", size=8 * _M, sensors=True),
+    TopicRule("pong:response", "", _L, 0, 0, 0, "the answer to a ping at one of our twins", _SAID),
+    TopicRule("ping:request", "", _L, 0, 0.1, 0, "asks how long the way to the cloud and back is", _SAID),
+    TopicRule("edge_health", "", _L, 0, 0.2, 0, "the edge's heartbeat for a twin", _SAID),
+    TopicRule("flight_controller", "flight_controller", _L, 0, 5, 0.2, "the autopilot's state"),
+    TopicRule("flight_state", "flight_state", _L, 0, 2, 1, "whether an aircraft flies"),
+    TopicRule("battery/status", "battery", _L, 0, 1, 0.1, "the main battery"),
+    TopicRule("gps", "gps", _L, 0, 2, 0, "a satellite fix", sensors=True),
+    TopicRule("metrics", "metrics", _L, 0, 1, 0, "power, navigation, errors and other categories"),
+    TopicRule("position", "position", _L, 0, 20, 1, "where the robot is"),
+    TopicRule("rotation", "position", _L, 0, 20, 1, "how the robot is turned"),
+    TopicRule("scale", "scale", _L, 0, 2, 1, "how large the twin is drawn"),
+    TopicRule(JOINT_UPDATE, "joint_states", _L, 0, 20, 1, "measured joints"),
+    TopicRule("joint_states", "joint_states", _L, 0, 20, 1, "measured joints, the older topic", on=False),
+    TopicRule("camera/photo", "photo", _L, 0, 0, 0, "the newest picture that was asked for", size=8 * _M),
+    TopicRule("model_output", "model_output", _L, 0, 10, 0, "what a local model found", _DOC, 0, 256 * _K),
+    TopicRule("model_health", "model_health", _L, 0, 1, 0, "how a local model is", _DOC),
+    TopicRule("imu", "imu", _X, 0, 10, 0, "body rates and accelerations", sensors=True),
+    TopicRule("pointcloud", "pointcloud", _X, 0, 2, 0, "points around the robot", size=8 * _M, sensors=True),
+    TopicRule("depth", "depth", _X, 0, 5, 0, "a depth image", size=8 * _M, sensors=True),
 )
 
-RULES: Mapping[str, Rule] = MappingProxyType({rule.leaf: rule for rule in _TABLE})
+RULES: Mapping[str, TopicRule] = MappingProxyType({rule.suffix: rule for rule in _TABLE})
 
 CHANNEL_LEAVES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        rule.channel: tuple(other.leaf for other in _TABLE if other.channel == rule.channel)
+        rule.channel: tuple(other.suffix for other in _TABLE if other.channel == rule.channel)
         for rule in _TABLE
         if rule.channel
     }
 )
 
 _INWARD_TABLE = (
-    Inward("command", Taker.COMMAND, 1, "commands, and velocities by verb"),
-    Inward("navigate/command", Taker.NAVIGATE, 1, "goals, and controls of the running action"),
-    Inward("motion/command", Taker.MOTION, 0, "a signed velocity"),
-    Inward(JOINT_UPDATE, Taker.JOINTS, 0, "joint targets; measured joints are left alone"),
-    Inward("mission/command", Taker.MISSION, 1, "missions, and controls of the one that is flown"),
-    Inward(
+    InboundRule("command", Recipient.COMMAND, 1, "commands, and velocities by verb"),
+    InboundRule("navigate/command", Recipient.NAVIGATE, 1, "goals, and controls of the running action"),
+    InboundRule("motion/command", Recipient.MOTION, 0, "a signed velocity"),
+    InboundRule(JOINT_UPDATE, Recipient.JOINTS, 0, "joint targets; measured joints are left alone"),
+    InboundRule("mission/command", Recipient.MISSION, 1, "missions, and controls of the one that is flown"),
+    InboundRule(
         "webrtc-offer",
         _BUS,
         2,
@@ -200,18 +204,22 @@ _INWARD_TABLE = (
         5,
         256 * _K,
     ),
-    Inward("webrtc-answer", _BUS, 1, "the answer to its offer", "cloud/webrtc_answer", 5, 256 * _K),
-    Inward("webrtc-candidate", _BUS, 1, "ICE candidates for it", "cloud/webrtc_candidate", 50, 64 * _K),
-    Inward("alert", _BUS, 1, "an alert that was raised or changed", "alert", 20, 64 * _K),
-    Inward("commands/sync_workflows", _BUS, 1, "for local workers", "commands_sync_workflows", 5, _M),
-    Inward("position", _BUS, 1, "where the editor puts the twin", "cloud/position", 20, 4 * _K),
-    Inward("rotation", _BUS, 1, "how the editor turns it", "cloud/rotation", 20, 4 * _K),
-    Inward("scale", _BUS, 1, "how large the editor draws it", "cloud/scale", 20, 4 * _K),
-    Inward("edge_health", Taker.EDGE, 0, "another edge that says that the twin is its own", size=64 * _K),
-    Inward("ping:request", Taker.EDGE, 0, "somebody asks whether the twin's edge is there", size=4 * _K),
-    Inward("pong:response", Taker.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),
-    Inward(ENVIRONMENT, _BUS, 1, "an update of an environment", "cloud", 20, _M),
-    Inward(
+    InboundRule("webrtc-answer", _BUS, 1, "the answer to its offer", "cloud/webrtc_answer", 5, 256 * _K),
+    InboundRule("webrtc-candidate", _BUS, 1, "ICE candidates for it", "cloud/webrtc_candidate", 50, 64 * _K),
+    InboundRule("alert", _BUS, 1, "an alert that was raised or changed", "alert", 20, 64 * _K),
+    InboundRule("commands/sync_workflows", _BUS, 1, "for local workers", "commands_sync_workflows", 5, _M),
+    InboundRule("position", _BUS, 1, "where the editor puts the twin", "cloud/position", 20, 4 * _K),
+    InboundRule("rotation", _BUS, 1, "how the editor turns it", "cloud/rotation", 20, 4 * _K),
+    InboundRule("scale", _BUS, 1, "how large the editor draws it", "cloud/scale", 20, 4 * _K),
+    InboundRule(
+        "edge_health", Recipient.EDGE, 0, "another edge that says that the twin is its own", size=64 * _K
+    ),
+    InboundRule(
+        "ping:request", Recipient.EDGE, 0, "somebody asks whether the twin's edge is there", size=4 * _K
+    ),
+    InboundRule("pong:response", Recipient.EDGE, 0, "the cloud's answer to our ping", size=4 * _K),
+    InboundRule(ENVIRONMENT, _BUS, 1, "an update of an environment", "cloud", 20, _M),
+    InboundRule(
         "workflow-run:status",
         _BUS,
         1,
@@ -223,16 +231,16 @@ _INWARD_TABLE = (
     ),
 )
 
-INWARD: Mapping[str, Inward] = MappingProxyType({rule.leaf: rule for rule in _INWARD_TABLE})
+INWARD: Mapping[str, InboundRule] = MappingProxyType({rule.suffix: rule for rule in _INWARD_TABLE})
 
 NOT_OF_A_TWIN = frozenset({ENVIRONMENT, "workflow-run:status"})
 """Topics whose uuid is not that of a twin; environments are named in fleet.yaml, runs are any."""
 
 
-def rule_of(leaf: str) -> Rule | None:
+def rule_of(suffix: str) -> TopicRule | None:
     """Return the rule of a leaf that this project sends, None for any other."""
-    if leaf.startswith("command/") and leaf.endswith("/response"):
+    if suffix.startswith("command/") and suffix.endswith("/response"):
         return RULES[REPLY_INBOX]
-    if leaf.startswith("environment:"):
+    if suffix.startswith("environment:"):
         return RULES[ENVIRONMENT]
-    return RULES.get(leaf)
+    return RULES.get(suffix)

@@ -13,7 +13,7 @@ from msgspec import UNSET, UnsetType
 
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import ImuReport, JointReport, PoseReport
-from fleet.wire.layouts import Sender, joint_messages
+from fleet.wire.layouts import MessageSource, joint_messages
 from fleet.wire.topics import JOINT_UPDATE
 
 NUDGE = 1e-9  # the SDK's readers take an exact zero or identity for "not given"
@@ -44,7 +44,7 @@ class Rotation(Stamped, gc=False, tag_field="type", tag="rotation"):
     frame_id: str | UnsetType = UNSET
 
 
-class Joints(Stamped, gc=False):
+class JointsMessage(Stamped, gc=False):
     """The aggregated form of joints, the only one in which no other field can pass for a joint."""
 
     positions: Mapping[str, float]
@@ -52,17 +52,17 @@ class Joints(Stamped, gc=False):
     efforts: Mapping[str, float] | UnsetType = UNSET
 
 
-class Imu(Stamped, gc=False):
+class ImuMessage(Stamped, gc=False):
     """``imu``: rates in rad/s and accelerations in m/s2."""
 
     gyro: Vector3
     accel: Vector3
 
 
-State = Position | Rotation | Joints | Imu
+State = Position | Rotation | JointsMessage | ImuMessage
 
 
-def _pose(report: PoseReport, by: Sender) -> list[tuple[str, State]]:
+def _pose(report: PoseReport, by: MessageSource) -> list[tuple[str, State]]:
     """Make the messages of the two topics that a pose has."""
     position = NUDGED if report.position == ORIGIN else report.position
     rotation = NUDGED_TURN if report.rotation == UNTURNED else report.rotation
@@ -73,13 +73,13 @@ def _pose(report: PoseReport, by: Sender) -> list[tuple[str, State]]:
     return [("position", place), ("rotation", turn)]
 
 
-def _joints(report: JointReport, by: Sender) -> Sequence[tuple[str, State | dict[str, Any]]]:
+def _joints(report: JointReport, by: MessageSource) -> Sequence[tuple[str, State | dict[str, Any]]]:
     """Make one message for two topics; nothing without a joint. Other layouts have messages of their own."""
     if not report.positions:
         return []
     if by.layout or report.tags is not None:
         return joint_messages(report, by)
-    message = Joints(by.source_type, report.stamp, by.session_id, by.sensor_id, report.positions)
+    message = JointsMessage(by.source_type, report.stamp, by.session_id, by.sensor_id, report.positions)
     if report.velocities:
         message.velocities = report.velocities
     if report.efforts:
@@ -87,13 +87,13 @@ def _joints(report: JointReport, by: Sender) -> Sequence[tuple[str, State | dict
     return [(JOINT_UPDATE, message), ("joint_states", message)]
 
 
-def _imu(report: ImuReport, by: Sender) -> list[tuple[str, State]]:
+def _imu(report: ImuReport, by: MessageSource) -> list[tuple[str, State]]:
     """Make the one message of what an IMU measured."""
-    message = Imu(by.source_type, report.stamp, by.session_id, by.sensor_id, report.gyro, report.accel)
+    message = ImuMessage(by.source_type, report.stamp, by.session_id, by.sensor_id, report.gyro, report.accel)
     return [("imu", message)]
 
 
-STATES: Mapping[type[Any], Callable[[Any, Sender], Sequence[tuple[str, State | dict[str, Any]]]]] = {
+STATES: Mapping[type[Any], Callable[[Any, MessageSource], Sequence[tuple[str, State | dict[str, Any]]]]] = {
     PoseReport: _pose,
     JointReport: _joints,
     ImuReport: _imu,

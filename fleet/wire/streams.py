@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from fleet.decoding import json_decoder
 from fleet.errors import WireError
+from fleet.runtime.decoding import json_decoder
 from fleet.wire.samples import json_payload
 
 CHANNEL = "streams"
@@ -23,7 +23,7 @@ _Count = Annotated[int, msgspec.Meta(ge=0)]
 _Amount = Annotated[float, msgspec.Meta(ge=0)]
 
 
-class Stream(msgspec.Struct, frozen=True):
+class StreamState(msgspec.Struct, frozen=True):
     """One stream, as its program tells it.
 
     ``last_frame_ts`` is Unix seconds, None before the first frame; ``fps`` frames a second now,
@@ -41,10 +41,10 @@ class Stream(msgspec.Struct, frozen=True):
     stream_config: dict[str, Any] | None = None
 
 
-_STREAM: msgspec.json.Decoder[Stream] = json_decoder(Stream)
+_STREAM: msgspec.json.Decoder[StreamState] = json_decoder(StreamState)
 
 
-def read_stream(sample: bytes) -> Stream | None:
+def read_stream(sample: bytes) -> StreamState | None:
     """Return what a sample tells of a stream, None for an empty one: it has ended. Raises WireError."""
     if not sample:
         return None
@@ -56,7 +56,7 @@ def read_stream(sample: bytes) -> Stream | None:
         raise WireError(str(error), where=CHANNEL) from None
 
 
-def health_of(name: str, stream: Stream, *, now: float) -> dict[str, Any]:
+def health_of(name: str, stream: StreamState, *, now: float) -> dict[str, Any]:
     """Return a stream's entry in ``edge_health``, the SDK's fields in its order; ``now`` in Unix seconds.
 
     It is stale without a frame for ``STALE`` seconds, and healthy while it is connected and not stale.

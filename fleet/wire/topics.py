@@ -30,7 +30,7 @@ class Topic(msgspec.Struct, frozen=True):
     """A topic taken apart; ``twin`` is the uuid of whatever the namespace is about."""
 
     twin: str
-    leaf: str
+    suffix: str
 
 
 class DataKey(msgspec.Struct, frozen=True):
@@ -72,11 +72,11 @@ class Topics:
         self.prefix = prefix
         self._root = f"{prefix}cyberwave/"
 
-    def twin(self, twin_uuid: str, leaf: str) -> str:
+    def twin(self, twin_uuid: str, suffix: str) -> str:
         """Return the topic of a leaf in any namespace; raises WireError for a wildcard in either."""
-        namespace, rest = _split(leaf)
+        namespace, rest = _split(suffix)
         if not _LEAF.fullmatch(rest):
-            raise WireError(f"{leaf[:60]!a} cannot be a topic")
+            raise WireError(f"{suffix[:60]!a} cannot be a topic")
         return f"{self._root}{namespace}/{_checked_twin(twin_uuid)}/{rest}"
 
     def joint(self, twin_uuid: str) -> str:
@@ -87,12 +87,12 @@ class Topics:
         """Return the topic on which an edge says how it is, beside that of its commands in the contract."""
         return f"{self.prefix}edges/{edge_id}/health"
 
-    def filter(self, leaf: str, twin_uuid: str | None = None) -> str:
+    def filter(self, suffix: str, twin_uuid: str | None = None) -> str:
         """Return what to subscribe to for a leaf of our own, of one twin or of whatever there is.
 
         The leaf may end in ``+``, for one level.
         """
-        namespace, rest = _split(leaf)
+        namespace, rest = _split(suffix)
         place = "+" if twin_uuid is None else _checked_twin(twin_uuid)
         return f"{self._root}{namespace}/{place}/{rest}"
 
@@ -120,10 +120,10 @@ class Topics:
         return bool(_SEGMENT.fullmatch(response_topic[len(head) : -len(tail)]))
 
 
-def _split(leaf: str) -> tuple[str, str]:
+def _split(suffix: str) -> tuple[str, str]:
     """Return the namespace of a leaf, and what stands behind the uuid."""
-    namespace, colon, rest = leaf.partition(":")
-    return (namespace, rest) if colon and namespace in NAMESPACES else ("twin", leaf)
+    namespace, colon, rest = suffix.partition(":")
+    return (namespace, rest) if colon and namespace in NAMESPACES else ("twin", suffix)
 
 
 def data_key(twin: str, channel: str, sensor: str | None = None) -> str:

@@ -12,9 +12,9 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from fleet.decoding import decode_json
 from fleet.errors import WireError
 from fleet.model.command import Command, Reply
+from fleet.runtime.decoding import decode_json
 from fleet.wire.encoding import encode_finite
 
 T = TypeVar("T")

@@ -1,6 +1,6 @@
 """Every adapter that is installed with the project keeps the contract."""
 
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 from fleet.testing.contract import AdapterContract
 from fleet_quadruped.robot.description import EXAMPLE
 

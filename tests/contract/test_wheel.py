@@ -15,8 +15,8 @@ def shipped(root, bootstrap, tmp_path_factory):
     command = [str(bootstrap.find_uv()), "build", "--wheel", "--offline", "--out-dir", str(folder)]
     told = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     assert told.returncode == 0, told.stderr
-    (wheel,) = folder.glob("*.whl")
-    return zipfile.ZipFile(wheel).namelist()
+    (scheduler,) = folder.glob("*.whl")
+    return zipfile.ZipFile(scheduler).namelist()
 
 
 def test_the_wheel_installs_fleet_and_its_adapters_only(root, shipped):

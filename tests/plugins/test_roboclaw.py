@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import NotReady
-from fleet.host.make import make_adapter
+from fleet.host.robot.adapter_factory import create_adapter
 from fleet.link.memory import MemoryRobot
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.health import Level
@@ -112,7 +112,7 @@ async def test_it_drives_and_reports_over_a_link():
         name="claw", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", adapter="roboclaw", link="memory:claw"
     )
     with MemoryRobot("claw", answer=controller):
-        adapter = make_adapter(plugin.Roboclaw, config)
+        adapter = create_adapter(plugin.Roboclaw, config)
         run = asyncio.create_task(adapter.run(robot))
         await robot.until(lambda: robot.healths)
         with pytest.raises(NotReady):

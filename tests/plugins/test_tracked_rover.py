@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fleet.errors import Unsupported
-from fleet.host.make import capabilities, make_adapter, perform
+from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
@@ -70,11 +70,11 @@ def test_a_line_that_makes_no_sense_says_nothing(rover, line):
 async def test_it_drives_and_reports_over_a_link():
     robot = RecordingRobot()
     with MemoryRobot("drives", answer=lambda line: b"B 24.1 87\n") as machine:
-        adapter = make_adapter(TrackedRover, config("memory:drives"))
+        adapter = create_adapter(TrackedRover, config("memory:drives"))
         run = asyncio.create_task(adapter.run(robot))
         await robot.until(lambda: robot.healths)
         adapter.drive(Velocity(Vector3(0.5)))
-        await perform(adapter, capabilities(TrackedRover).commands["lights"], Command("lights"))
+        await start_command(adapter, capabilities(TrackedRover).commands["lights"], Command("lights"))
         assert (await robot.first(BatteryReport)).percent == 87.0
         await adapter.stop("the test is over")
         assert machine.heard == [b"M 0.500 0.000\n", b"L 1\n", b"M 0 0\n"]

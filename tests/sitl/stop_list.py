@@ -11,7 +11,7 @@ import pytest
 
 from fleet import Unsupported, Vector3, Velocity
 from fleet.model.report import FlightControllerReport, GpsReport, PoseReport
-from fleet_mavlink.words import type_name
+from fleet_mavlink.constants import type_name
 
 LONG = 240.0  # s
 GUIDED, HOVERS, FLIES_FORWARD = 15, 3, 4

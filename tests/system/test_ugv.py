@@ -85,9 +85,9 @@ def test_the_sdk_drives_it_and_a_square_of_goals_closes(beast):
     for corner in SQUARE:
         assert min(math.dist(at, corner) for at in seen) < 0.12
     ways = [each["metrics"]["navigation"] for each in ears.of("metrics")]
-    under_way = [way for way in ways if "eta_seconds" in way]
-    assert under_way
-    assert all(way["distance_remaining_m"] <= 4.5 for way in under_way)
+    inflight = [way for way in ways if "eta_seconds" in way]
+    assert inflight
+    assert all(way["distance_remaining_m"] <= 4.5 for way in inflight)
     assert "distance_remaining_m" not in ways[0]
     told = [each["type"] for each in ears.of("telemetry")]
     told = told[told.index("connected") :]  # before it answered, the edge may have said that it does not

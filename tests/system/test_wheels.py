@@ -40,7 +40,7 @@ def worker_of(running):
     [worker] = [
         child
         for child in psutil.Process(running.process.pid).children(recursive=True)
-        if "fleet.host.worker" in child.cmdline()
+        if "fleet.host.workers.worker_process" in child.cmdline()
     ]
     return worker
 

@@ -8,17 +8,17 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS
-from fleet_mavlink.sim.ardupilot_failsafes import Failsafes
+from fleet_mavlink.sim.ardupilot_failsafes import ArduPilotFailsafes
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.ask import FAILED
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.command_request import FAILED
 from fleet_mavlink.sim.fence import is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre, place_of
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.satellites import ARDUPILOT_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO, WARNING
-from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 from fleet_mavlink.sim.streams import heartbeat
 
 _BODY_FRAMES = frozenset({8, 9})
@@ -44,7 +44,7 @@ class ArduPilot(Autopilot):
     loss: ClassVar[Loss] = ARDUPILOT_LOSS
     gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_DISABLE", 1.0)
     fix_type: ClassVar[int] = 6
-    speeds_type: ClassVar[type[Speeds]] = ArduPilotSpeeds
+    speeds_type: ClassVar[type[FlightSpeeds]] = ArduPilotSpeeds
     spin_up: ClassVar[float] = 3.4
     modes: ClassVar[Mapping[str, Mode]] = MODES
     first_mode: ClassVar[str] = "STABILIZE"  # until the mode switch of the remote control is read
@@ -57,7 +57,7 @@ class ArduPilot(Autopilot):
         super().__init__(boot, self.modes[self.first_mode])
         self._switch_read = False
         self._prearm_told_at = boot.at
-        self.failsafes = Failsafes(self)
+        self.failsafes = ArduPilotFailsafes(self)
         self.motors_stopped: Manoeuvre | None = None  # what goes on when the emergency stop is released
         self.paused: Manoeuvre | None = None  # what goes on after DO_PAUSE_CONTINUE
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_modes import MODES
-from fleet_mavlink.sim.ask import (
+from fleet_mavlink.sim.autopilot import Handler, accept
+from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
     FAILED,
     IN_PROGRESS,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
-    Ask,
+    CommandRequest,
     whole,
 )
-from fleet_mavlink.sim.autopilot import Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
     configure_gimbal,
@@ -45,7 +45,7 @@ def _result(done: bool) -> int:  # noqa: FBT001 - turns an outcome into MAV_RESU
     return ACCEPTED if done else FAILED
 
 
-def _arm(pilot: ArduPilot, ask: Ask) -> int:
+def _arm(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Arm (1) or disarm (0); 21196 disarms in the air and skips the checks of arming."""
     if ask.p1 not in {0.0, 1.0}:
         return UNSUPPORTED
@@ -73,7 +73,7 @@ def _disarm(pilot: ArduPilot, *, force: bool) -> int:
     return ACCEPTED
 
 
-def _take_off(pilot: ArduPilot, ask: Ask) -> int:
+def _take_off(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Metres above home; COMMAND_INT only in GLOBAL_RELATIVE_ALT."""
     if ask.frame is not None and ask.frame != mav.MAV_FRAME_GLOBAL_RELATIVE_ALT:
         return DENIED
@@ -84,33 +84,33 @@ def _take_off(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _set_mode(pilot: ArduPilot, ask: Ask) -> int:
+def _set_mode(pilot: ArduPilot, ask: CommandRequest) -> int:
     if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return FAILED
     return _result(pilot.change_mode(whole(ask.p2)))
 
 
-def _return(pilot: ArduPilot, _ask: Ask) -> int:
+def _return(pilot: ArduPilot, _ask: CommandRequest) -> int:
     return _result(pilot.change_mode(MODES["RTL"].custom))
 
 
-def _land(pilot: ArduPilot, _ask: Ask) -> int:
+def _land(pilot: ArduPilot, _ask: CommandRequest) -> int:
     return _result(pilot.change_mode(MODES["LAND"].custom))
 
 
-def _start_mission(pilot: ArduPilot, ask: Ask) -> int:
+def _start_mission(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Only armed, and only the whole mission."""
     if ask.p1 or ask.p2 or not pilot.missions.loaded:
         return DENIED
     return _result(pilot.armed and pilot.change_mode(MODES["AUTO"].custom))
 
 
-def _set_current(pilot: ArduPilot, ask: Ask) -> int:
+def _set_current(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Go on with an item, now or when the mission is flown; 0 begins it anew."""
     return _result(pilot.missions.set_current(whole(ask.p1)))
 
 
-def _turn(pilot: ArduPilot, ask: Ask) -> int:
+def _turn(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Degrees 0 to 360 at degrees per second, absolute or relative (param 4)."""
     if pilot.mode.name != "GUIDED" or not pilot.flying or not 0.0 <= ask.p1 <= 360.0:
         return FAILED
@@ -123,7 +123,7 @@ def _turn(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _reposition(pilot: ArduPilot, ask: Ask) -> int:
+def _reposition(pilot: ArduPilot, ask: CommandRequest) -> int:
     """COMMAND_INT only; frames 0 and 5 are above sea level, 3 and 6 above home."""
     if ask.frame is None:
         return UNSUPPORTED
@@ -141,7 +141,7 @@ def _reposition(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _pause(pilot: ArduPilot, ask: Ask) -> int:
+def _pause(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Hold (0) or go on (1) in GUIDED and AUTO."""
     if pilot.mode.name not in {"GUIDED", "AUTO"}:
         return DENIED
@@ -152,7 +152,7 @@ def _pause(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _speed(pilot: ArduPilot, ask: Ask) -> int:
+def _speed(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Stays in force for later moves."""
     if not ask.p2 > 0.0:
         return FAILED
@@ -160,7 +160,7 @@ def _speed(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _home(pilot: ArduPilot, ask: Ask) -> int:
+def _home(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a place."""
     if not pilot.origin_set:
         return FAILED
@@ -174,12 +174,12 @@ def _home(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _terminate(pilot: ArduPilot, ask: Ask) -> int:
+def _terminate(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Do the same as a forced disarm."""
     return _disarm(pilot, force=True) if ask.p1 >= 1.0 else FAILED
 
 
-def _auxiliary(pilot: ArduPilot, ask: Ask) -> int:
+def _auxiliary(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Stop the motors but stay armed: releasing it starts them again."""
     if ask.p1 != _MOTOR_STOP:
         return FAILED
@@ -190,14 +190,14 @@ def _auxiliary(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _reboot(pilot: ArduPilot, ask: Ask) -> int:
+def _reboot(pilot: ArduPilot, ask: CommandRequest) -> int:
     if pilot.armed or ask.p1 not in {1.0, 3.0}:
         return FAILED
     pilot.reboot_asked = True
     return ACCEPTED
 
 
-def _calibrate(pilot: ArduPilot, ask: Ask) -> int:
+def _calibrate(pilot: ArduPilot, ask: CommandRequest) -> int:
     """IN_PROGRESS, and in the same moment the result."""
     if pilot.armed:
         return FAILED
@@ -205,7 +205,7 @@ def _calibrate(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _interval(pilot: ArduPilot, ask: Ask) -> int:
+def _interval(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Unknown messages and rates of 400 Hz and more are denied."""
     if whole(ask.p1) not in BUILDERS or 0.0 < ask.p2 <= _FASTEST * 1e6:
         if whole(ask.p1) in BUILDERS:
@@ -214,7 +214,7 @@ def _interval(pilot: ArduPilot, ask: Ask) -> int:
     return message_interval(pilot, ask)
 
 
-def _request(pilot: ArduPilot, ask: Ask) -> int:
+def _request(pilot: ArduPilot, ask: CommandRequest) -> int:
     """Accept also while the message cannot be built yet: then nothing comes."""
     message = requested(pilot, whole(ask.p1))
     if message is not None:
@@ -222,7 +222,7 @@ def _request(pilot: ArduPilot, ask: Ask) -> int:
     return ACCEPTED if message is not None or whole(ask.p1) in BUILDERS else FAILED
 
 
-def _check(pilot: ArduPilot, _ask: Ask) -> int:
+def _check(pilot: ArduPilot, _ask: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: tell at once what stands against arming."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
@@ -231,7 +231,7 @@ def _check(pilot: ArduPilot, _ask: Ask) -> int:
     return ACCEPTED
 
 
-def _start_compass(pilot: ArduPilot, _ask: Ask) -> int:
+def _start_compass(pilot: ArduPilot, _ask: CommandRequest) -> int:
     if pilot.armed:
         pilot.say(CRITICAL, "Disarm to allow calibration")
         return FAILED
@@ -239,7 +239,7 @@ def _start_compass(pilot: ArduPilot, _ask: Ask) -> int:
     return ACCEPTED
 
 
-def _cancel_compass(pilot: ArduPilot, _ask: Ask) -> int:
+def _cancel_compass(pilot: ArduPilot, _ask: CommandRequest) -> int:
     pilot.equipment.compass.cancel(pilot)
     return ACCEPTED
 

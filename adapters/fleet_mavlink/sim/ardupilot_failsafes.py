@@ -16,7 +16,7 @@ _RADIO_LANDS, _RADIO_LEAVES_AUTO = 3, 2  # FS_THR_ENABLE
 _CONTINUES = (("AUTO", 1, "Auto"), ("GUIDED", 4, "Guided Mode"), ("LAND", 8, "Landing"))  # mode, FS_OPTIONS
 
 
-class Failsafes:
+class ArduPilotFailsafes:
     """The fail-safes of one ArduCopter."""
 
     def __init__(self, pilot: ArduPilot) -> None:

@@ -14,23 +14,25 @@ from typing import Any, ClassVar
 
 from fleet.model.geodesy import GeoOrigin, GeoPoint, geo_from_world, world_from_geo
 from fleet.model.geometry import Vector3
-from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, Ask
-from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.battery import SimBattery
+from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, CommandRequest
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.manoeuvres import LANDING, ON_GROUND, TAKING_OFF, GoTo, Idle, Manoeuvre, hold, place_of
 from fleet_mavlink.sim.mission_flight import leave_mission
-from fleet_mavlink.sim.missions import Missions
+from fleet_mavlink.sim.missions import SimMissions
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.params import Params
 from fleet_mavlink.sim.physics import Agility, Body
 from fleet_mavlink.sim.satellites import Drift, Loss
 from fleet_mavlink.sim.setpoints import Setpoint
 from fleet_mavlink.sim.speaker import Speaker
-from fleet_mavlink.sim.speeds import Speeds
-from fleet_mavlink.sim.streams import Streams, home_position
+from fleet_mavlink.sim.speeds import FlightSpeeds
+from fleet_mavlink.sim.streams import SimStreams, home_position
 
 Geo = tuple[float, float, float]  # degrees, degrees, metres above mean sea level
-Handler = Callable[[Any, Ask], "int | None"]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
+Handler = Callable[
+    [Any, CommandRequest], "int | None"
+]  # (autopilot, ask) -> MAV_RESULT; None: no acknowledgement
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +43,9 @@ class Boot:
     place: Geo  # where it was put down
     ready_after: float | None  # seconds to a usable position, None: as long as the real one
     body: Body
-    battery: Battery
+    battery: SimBattery
     params: Params
-    missions: Missions
+    missions: SimMissions
     equipment: Equipment
     random: random.Random
     faults: Mapping[str, float]
@@ -66,7 +68,7 @@ class Autopilot(Speaker, ABC):
     loss: ClassVar[Loss]
     gps_switch: ClassVar[tuple[str, float]]  # the parameter, and its value without satellites
     fix_type: ClassVar[int]
-    speeds_type: ClassVar[type[Speeds]]
+    speeds_type: ClassVar[type[FlightSpeeds]]
     spin_up: ClassVar[float]  # seconds from take-off to leaving the ground
     agility: ClassVar[Agility] = Agility(2.5, 2.5, 1.6)
     obeys_other_components: ClassVar[bool] = False
@@ -88,7 +90,7 @@ class Autopilot(Speaker, ABC):
         ready_after = self.real_ready if boot.ready_after is None else boot.ready_after
         self._pace = ready_after / self.real_ready
         self._origin = GeoOrigin(*boot.place)
-        self.streams = Streams(self.default_rates, boot.at + self.real_time(1.0))
+        self.streams = SimStreams(self.default_rates, boot.at + self.real_time(1.0))
         self.mode = mode
         self.manoeuvre: Manoeuvre = Idle()
         self.armed = False
@@ -222,7 +224,7 @@ class Autopilot(Speaker, ABC):
 
     # being asked
 
-    def command(self, ask: Ask) -> None:
+    def command(self, ask: CommandRequest) -> None:
         """Carry out a command and acknowledge it."""
         handler = self.commands.get(ask.command)
         result = handler(self, ask) if handler else UNSUPPORTED
@@ -363,6 +365,6 @@ class Autopilot(Speaker, ABC):
         self.manoeuvre = hold(self) if self.armed else Idle()
 
 
-def accept(_pilot: Autopilot, _ask: Ask) -> int:
+def accept(_pilot: Autopilot, _ask: CommandRequest) -> int:
     """Accept a command that changes nothing here."""
     return ACCEPTED

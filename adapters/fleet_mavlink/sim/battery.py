@@ -7,7 +7,7 @@ from collections.abc import Callable
 _IDLE, _FLYING = 0.5, 12.0  # amperes
 
 
-class Battery:
+class SimBattery:
     """A pack of ``capacity_mah``; volts fall from ``full`` to ``empty`` as it drains.
 
     ``whole`` makes the whole percents of the messages: PX4 rounds up (``ceilf``), ArduPilot cuts off.

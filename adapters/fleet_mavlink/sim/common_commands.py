@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import ACCEPTED, Ask, whole
+from fleet_mavlink.sim.command_request import ACCEPTED, CommandRequest, whole
 from fleet_mavlink.sim.streams import BUILDERS, autopilot_version
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FORCE = 21196.0  # param 2 of arm and disarm
 
 
-def message_interval(pilot: Autopilot, ask: Ask) -> int:
+def message_interval(pilot: Autopilot, ask: CommandRequest) -> int:
     """SET_MESSAGE_INTERVAL: microseconds; 0 is the default rate, -1 off."""
     if ask.p2 == 0.0:
         pilot.streams.reset(whole(ask.p1), pilot.time)
@@ -24,20 +24,20 @@ def message_interval(pilot: Autopilot, ask: Ask) -> int:
     return ACCEPTED
 
 
-def get_message_interval(pilot: Autopilot, ask: Ask) -> int:
+def get_message_interval(pilot: Autopilot, ask: CommandRequest) -> int:
     """GET_MESSAGE_INTERVAL, answered by MESSAGE_INTERVAL: -1 for a message that is not sent."""
     every = pilot.streams.every(whole(ask.p1))
     pilot.out.append(mav.MAVLink_message_interval_message(whole(ask.p1), int(every * 1e6) if every else -1))
     return ACCEPTED
 
 
-def configure_gimbal(pilot: Autopilot, ask: Ask) -> int | None:
+def configure_gimbal(pilot: Autopilot, ask: CommandRequest) -> int | None:
     """DO_GIMBAL_MANAGER_CONFIGURE: who may turn the gimbal."""
     gimbal = pilot.equipment.gimbal
     return pilot.without_gimbal if gimbal is None else gimbal.configure(ask)
 
 
-def turn_gimbal(pilot: Autopilot, ask: Ask) -> int | None:
+def turn_gimbal(pilot: Autopilot, ask: CommandRequest) -> int | None:
     """DO_GIMBAL_MANAGER_PITCHYAW."""
     gimbal = pilot.equipment.gimbal
     return pilot.without_gimbal if gimbal is None else gimbal.turn(ask)
@@ -52,7 +52,7 @@ def requested(pilot: Autopilot, message_id: int) -> Any:
     return build(pilot) if build is not None else None
 
 
-def request_version(pilot: Autopilot, _ask: Ask) -> int:
+def request_version(pilot: Autopilot, _ask: CommandRequest) -> int:
     """REQUEST_AUTOPILOT_CAPABILITIES, the old way to ask for AUTOPILOT_VERSION."""
     pilot.out.append(autopilot_version(pilot))
     return ACCEPTED

@@ -19,7 +19,7 @@ class Speaker(Protocol):
         """Send a STATUSTEXT."""
 
 
-class Compass:
+class SimCompass:
     """One calibration at a time; ``words``: told in texts (PX4), not in messages of its own."""
 
     def __init__(self, *, words: bool) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import ACCEPTED, UNSUPPORTED, ask_of, whole
-from fleet_mavlink.sim.gimbal import DEVICE, Gimbal
+from fleet_mavlink.sim.command_request import ACCEPTED, UNSUPPORTED, ask_of, whole
+from fleet_mavlink.sim.gimbal import DEVICE, SimGimbal
 from fleet_mavlink.sim.vehicle import SimVehicle
 
 _CAMERA = 100
@@ -65,14 +65,14 @@ class GimbalDevice(Component):
 
     def __init__(self, vehicle: SimVehicle) -> None:
         super().__init__(vehicle)
-        self._gimbal = vehicle.equipment.gimbal = Gimbal()
+        self._gimbal = vehicle.equipment.gimbal = SimGimbal()
 
     def told(self, now: float) -> list[Any]:
         """Tell how it is turned."""
         return self._gimbal.due(now, int(now * 1000))
 
 
-class Camera(Component):
+class SimCamera(Component):
     """A camera with a component of its own; takes a picture a moment after it was asked."""
 
     component = _CAMERA
@@ -120,4 +120,4 @@ class Camera(Component):
         )
 
 
-ACCESSORIES: Mapping[str, type[Component]] = {"gimbal": GimbalDevice, "adsb": Component, "camera": Camera}
+ACCESSORIES: Mapping[str, type[Component]] = {"gimbal": GimbalDevice, "adsb": Component, "camera": SimCamera}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fleet_mavlink.sim.compass import Compass
-from fleet_mavlink.sim.gimbal import Gimbal
-from fleet_mavlink.sim.logs import Logs
+from fleet_mavlink.sim.compass import SimCompass
+from fleet_mavlink.sim.gimbal import SimGimbal
+from fleet_mavlink.sim.logs import SimLogs
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
@@ -16,14 +16,14 @@ class Equipment:
     """Logs, a compass, and a gimbal where there is one."""
 
     def __init__(self, *, ardupilot: bool) -> None:
-        self.logs = Logs(1 if ardupilot else 0)
-        self.compass = Compass(words=not ardupilot)
-        self.gimbal: Gimbal | None = None
+        self.logs = SimLogs(1 if ardupilot else 0)
+        self.compass = SimCompass(words=not ardupilot)
+        self.gimbal: SimGimbal | None = None
 
     def reboot(self) -> None:
         """End what was under way."""
         self.logs.reboot()
-        self.compass = Compass(words=self.compass.words)
+        self.compass = SimCompass(words=self.compass.words)
 
     def tick(self, pilot: Autopilot, dt: float) -> list[Any]:
         """Move on; return what is told of its own accord."""

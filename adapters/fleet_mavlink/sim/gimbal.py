@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import ACCEPTED, DENIED, Ask
+from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, CommandRequest
 
 _PITCH = (-90.0, 30.0)  # degrees
 _YAW = (-160.0, 160.0)
@@ -17,7 +17,7 @@ _ITSELF = -2.0  # in DO_GIMBAL_MANAGER_CONFIGURE: the asker
 DEVICE = 154
 
 
-class Gimbal:
+class SimGimbal:
     """Turns to angles or at speeds; only for the station that took control of it."""
 
     def __init__(self) -> None:
@@ -27,7 +27,7 @@ class Gimbal:
         self._owner: tuple[int, int] | None = None
         self._told_at = -math.inf
 
-    def configure(self, ask: Ask) -> int:
+    def configure(self, ask: CommandRequest) -> int:
         """Take control (DO_GIMBAL_MANAGER_CONFIGURE): for the ids given, or for who asks."""
         if ask.p1 == _ITSELF:
             self._owner = (ask.system, ask.component)
@@ -35,7 +35,7 @@ class Gimbal:
             self._owner = (int(ask.p1), int(ask.p2))
         return ACCEPTED
 
-    def turn(self, ask: Ask) -> int:
+    def turn(self, ask: CommandRequest) -> int:
         """Turn (DO_GIMBAL_MANAGER_PITCHYAW): degrees and degrees a second, NaN leaves an axis alone."""
         if self._owner != (ask.system, ask.component):
             return DENIED

@@ -19,7 +19,7 @@ def content(number: int, size: int) -> bytes:
     return Random(number).randbytes(size)  # noqa: S311 - repeatable, no secret
 
 
-class Logs:
+class SimLogs:
     """The logs of one vehicle; ``first`` is the number of the oldest (ArduPilot 1, PX4 0)."""
 
     def __init__(self, first: int) -> None:

@@ -85,7 +85,7 @@ class _Upload:
     heard_at: float
 
 
-class Missions:
+class SimMissions:
     """The stored plans of one vehicle (they survive a reboot) by MAV_MISSION_TYPE, and their transfer."""
 
     def __init__(self, habits: Habits) -> None:

@@ -112,18 +112,18 @@ def encode(kind: int, value: float, encoding: Encoding) -> float:
     """Return the float that carries ``value`` on the wire."""
     if encoding == "cast" or kind == REAL32:
         return float(value)
-    (carried,) = struct.unpack("<f", struct.pack("<i", int(value)))
-    return float(carried)
+    (sensors,) = struct.unpack("<f", struct.pack("<i", int(value)))
+    return float(sensors)
 
 
-def decode(kind: int, carried: float, encoding: Encoding) -> float | None:
+def decode(kind: int, sensors: float, encoding: Encoding) -> float | None:
     """Return the value in a float from the wire, None when it is not a number."""
     if encoding == "bytewise" and kind != REAL32:
-        (number,) = struct.unpack("<i", struct.pack("<f", carried))
+        (number,) = struct.unpack("<i", struct.pack("<f", sensors))
         return float(number)
-    if not math.isfinite(carried):
+    if not math.isfinite(sensors):
         return None
-    return float(carried) if kind == REAL32 else float(int(carried))
+    return float(sensors) if kind == REAL32 else float(int(sensors))
 
 
 class Params:
@@ -175,8 +175,8 @@ class Params:
     def _message(self, name: str) -> Any:
         """Return PARAM_VALUE for a name."""
         if name == "_HASH_CHECK":
-            carried = encode(INT32, len(self._values) * 7919, "bytewise")
-            return mav.MAVLink_param_value_message(b"_HASH_CHECK", carried, 6, len(self._values), 65535)
+            sensors = encode(INT32, len(self._values) * 7919, "bytewise")
+            return mav.MAVLink_param_value_message(b"_HASH_CHECK", sensors, 6, len(self._values), 65535)
         kind, value = self._values[name]
         return mav.MAVLink_param_value_message(
             name.encode(),

@@ -9,19 +9,19 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import ACCEPTED, TEMPORARILY_REJECTED, Ask, ack
 from fleet_mavlink.sim.autopilot import Autopilot, Boot, Handler
+from fleet_mavlink.sim.command_request import ACCEPTED, TEMPORARILY_REJECTED, CommandRequest, ack
 from fleet_mavlink.sim.fence import CIRCLE, HEIGHT, POLYGON, is_outside
 from fleet_mavlink.sim.manoeuvres import Drive, GoTo, Manoeuvre
 from fleet_mavlink.sim.modes import Mode
 from fleet_mavlink.sim.px4_commands import COMMANDS
-from fleet_mavlink.sim.px4_failsafes import Failsafes
+from fleet_mavlink.sim.px4_failsafes import Px4Failsafes
 from fleet_mavlink.sim.px4_modes import MODES, MODES_BY_NUMBER
 from fleet_mavlink.sim.px4_takeoff import Px4Takeoff, wander, watch
 from fleet_mavlink.sim.satellites import PX4_LOSS, Loss
 from fleet_mavlink.sim.setpoints import Setpoint, Triple, setpoint_of, turned
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
-from fleet_mavlink.sim.speeds import Px4Speeds, Speeds
+from fleet_mavlink.sim.speeds import FlightSpeeds, Px4Speeds
 
 _BODY_NED = 8
 _LOCAL_NED = 1
@@ -38,7 +38,7 @@ _HAS_RECEIVER = frozenset({0, 2, 3})  # COM_RC_IN_MODE; the simulated one's own,
 _NOT_CHOSEN = frozenset({"TAKEOFF", "LAND", "PRECLAND", "RTL"})
 
 
-class Px4(Autopilot):
+class SimPx4(Autopilot):
     """PX4 multicopter."""
 
     autopilot_id: ClassVar[int] = int(mav.MAV_AUTOPILOT_PX4)
@@ -64,7 +64,7 @@ class Px4(Autopilot):
     loss: ClassVar[Loss] = PX4_LOSS
     gps_switch: ClassVar[tuple[str, float]] = ("SIM_GPS_USED", 0.0)
     fix_type: ClassVar[int] = 3
-    speeds_type: ClassVar[type[Speeds]] = Px4Speeds
+    speeds_type: ClassVar[type[FlightSpeeds]] = Px4Speeds
     spin_up: ClassVar[float] = 4.2
     modes: ClassVar[Mapping[str, Mode]] = MODES
     without_gimbal: ClassVar[int | None] = None
@@ -79,7 +79,7 @@ class Px4(Autopilot):
         self.takeoff: Manoeuvre | None = None  # what the take-off command asked for
         self._setpoint_at: float | None = None
         self._stream_since = 0.0
-        self.failsafes = Failsafes(self)
+        self.failsafes = Px4Failsafes(self)
         self._withheld: list[Any] = []
 
     # readiness
@@ -192,11 +192,11 @@ class Px4(Autopilot):
         """Obey SET_MODE; it is acknowledged as DO_SET_MODE."""
         asker = message.get_srcSystem(), message.get_srcComponent()
         nan = float("nan")
-        ask = Ask(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *asker)
+        ask = CommandRequest(mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0, 0.0, nan, nan, nan, nan, None, *asker)
         mode = MODES_BY_NUMBER.get(message.custom_mode)
         self.acknowledge(ask, self.change_mode(mode) if mode else ACCEPTED)
 
-    def acknowledge_again(self, ask: Ask, result: int) -> None:
+    def acknowledge_again(self, ask: CommandRequest, result: int) -> None:
         """Send the commander's answer behind the one of the MAVLink module."""
         if "no_ack" not in self.faults:
             self.later(self.ack_delay + _COMMANDER, ack(ask, result))

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import (
+from fleet_mavlink.sim.autopilot import Geo, Handler, accept
+from fleet_mavlink.sim.command_request import (
     ACCEPTED,
     DENIED,
     FAILED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
-    Ask,
+    CommandRequest,
     whole,
 )
-from fleet_mavlink.sim.autopilot import Geo, Handler, accept
 from fleet_mavlink.sim.common_commands import (
     FORCE,
     configure_gimbal,
@@ -34,12 +34,12 @@ from fleet_mavlink.sim.speaker import CRITICAL, INFO
 from fleet_mavlink.sim.streams import BUILDERS
 
 if TYPE_CHECKING:
-    from fleet_mavlink.sim.px4 import Px4
+    from fleet_mavlink.sim.px4 import SimPx4
 
 _HOP = 0.6  # metres that a take-off to a height below the vehicle climbs
 
 
-def _arm(pilot: Px4, ask: Ask) -> int:
+def _arm(pilot: SimPx4, ask: CommandRequest) -> int:
     """Arm (1) or disarm (0); 21196 disarms in the air."""
     if ask.p1 not in {0.0, 1.0}:
         return UNSUPPORTED
@@ -57,7 +57,7 @@ def _arm(pilot: Px4, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _disarm(pilot: Px4, *, force: bool) -> int:
+def _disarm(pilot: SimPx4, *, force: bool) -> int:
     if pilot.armed and not pilot.landed and not force:
         pilot.say(CRITICAL, "Disarming denied: not landed")
         return TEMPORARILY_REJECTED
@@ -67,7 +67,7 @@ def _disarm(pilot: Px4, *, force: bool) -> int:
     return ACCEPTED
 
 
-def _take_off(pilot: Px4, ask: Ask) -> int:
+def _take_off(pilot: SimPx4, ask: CommandRequest) -> int:
     """Metres above sea level whatever the frame; NaN keeps, 0/0 is a place in the Gulf of Guinea."""
     if pilot.terminated:
         return TEMPORARILY_REJECTED
@@ -75,7 +75,7 @@ def _take_off(pilot: Px4, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _takeoff_manoeuvre(pilot: Px4, ask: Ask) -> Manoeuvre:
+def _takeoff_manoeuvre(pilot: SimPx4, ask: CommandRequest) -> Manoeuvre:
     if ask.latitude == 0.0 and ask.longitude == 0.0:
         return Idle()
     here = pilot.geo()[2]
@@ -86,7 +86,7 @@ def _takeoff_manoeuvre(pilot: Px4, ask: Ask) -> Manoeuvre:
     return Px4Takeoff(pilot, altitude)
 
 
-def _set_mode(pilot: Px4, ask: Ask) -> None:
+def _set_mode(pilot: SimPx4, ask: CommandRequest) -> None:
     """Acknowledged twice: by the MAVLink module, which always accepts, and by the commander."""
     pilot.acknowledge(ask, ACCEPTED)
     mode = MODES_BY_NUMBER.get((whole(ask.p3) << 24 | whole(ask.p2) << 16) & 0xFFFFFFFF)
@@ -94,14 +94,14 @@ def _set_mode(pilot: Px4, ask: Ask) -> None:
     pilot.acknowledge_again(ask, pilot.change_mode(mode) if custom and mode else ACCEPTED)
 
 
-def _return(pilot: Px4, _ask: Ask) -> int:
+def _return(pilot: SimPx4, _ask: CommandRequest) -> int:
     result = pilot.change_mode(MODES["RTL"])
     if result == ACCEPTED:
         pilot.say(INFO, "Returning to launch")
     return result
 
 
-def _land(pilot: Px4, _ask: Ask) -> int:
+def _land(pilot: SimPx4, _ask: CommandRequest) -> int:
     """Accept also without a position."""
     result = pilot.change_mode(MODES["LAND"])
     if result == ACCEPTED:
@@ -109,16 +109,16 @@ def _land(pilot: Px4, _ask: Ask) -> int:
     return result
 
 
-def _orbit(pilot: Px4, _ask: Ask) -> int:
+def _orbit(pilot: SimPx4, _ask: CommandRequest) -> int:
     """Show the mode; the circle is not flown."""
     return pilot.change_mode(MODES["ORBIT"])
 
 
-def _unanswered(_pilot: Px4, _ask: Ask) -> None:
+def _unanswered(_pilot: SimPx4, _ask: CommandRequest) -> None:
     """Do nothing and say nothing: nobody on the simulated board takes it."""
 
 
-def _start_mission(pilot: Px4, _ask: Ask) -> int:
+def _start_mission(pilot: SimPx4, _ask: CommandRequest) -> int:
     """Arms by itself."""
     if not pilot.missions.loaded:
         return DENIED
@@ -132,7 +132,7 @@ def _start_mission(pilot: Px4, _ask: Ask) -> int:
     return ACCEPTED
 
 
-def _reposition(pilot: Px4, ask: Ask) -> int:
+def _reposition(pilot: SimPx4, ask: CommandRequest) -> int:
     """Altitude above sea level whatever the frame; NaN keeps; heading in radians."""
     if not whole(ask.p2) & 1:
         return UNSUPPORTED
@@ -140,12 +140,12 @@ def _reposition(pilot: Px4, ask: Ask) -> int:
     return _go(pilot, place, heading=ask.p4, speed=ask.p1)
 
 
-def _altitude(pilot: Px4, ask: Ask) -> int:
+def _altitude(pilot: SimPx4, ask: CommandRequest) -> int:
     """DO_CHANGE_ALTITUDE: above sea level."""
     return _go(pilot, (math.nan, math.nan, ask.p1), heading=math.nan, speed=-1.0)
 
 
-def _go(pilot: Px4, place: Geo, *, heading: float, speed: float) -> int:
+def _go(pilot: SimPx4, place: Geo, *, heading: float, speed: float) -> int:
     """Go over into LOITER at a place; what is NaN stays as it is."""
     result = pilot.change_mode(MODES["LOITER"])
     if result != ACCEPTED or not pilot.flying or not pilot.armed:
@@ -157,14 +157,14 @@ def _go(pilot: Px4, place: Geo, *, heading: float, speed: float) -> int:
     return ACCEPTED
 
 
-def _speed(pilot: Px4, ask: Ask) -> int:
+def _speed(pilot: SimPx4, ask: CommandRequest) -> int:
     """Metres per second; -1 leaves it."""
     if ask.p2 > 0.0:
         pilot.speeds.asked = ask.p2
     return ACCEPTED
 
 
-def _home(pilot: Px4, ask: Ask) -> int:
+def _home(pilot: SimPx4, ask: CommandRequest) -> int:
     """Set home here (param 1 = 1), or at a place."""
     place = (ask.latitude, ask.longitude, ask.altitude)
     if ask.p1 == 1.0:
@@ -176,7 +176,7 @@ def _home(pilot: Px4, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _terminate(pilot: Px4, ask: Ask) -> int:
+def _terminate(pilot: SimPx4, ask: CommandRequest) -> int:
     """Stop the motors while the heartbeat stays armed; only a reboot ends it."""
     if not ask.p1 > 1.5 and ask.p1 != 1.0:
         return DENIED
@@ -185,19 +185,19 @@ def _terminate(pilot: Px4, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _reboot(pilot: Px4, ask: Ask) -> int:
+def _reboot(pilot: SimPx4, ask: CommandRequest) -> int:
     if pilot.armed or ask.p1 not in {1.0, 3.0}:
         return DENIED
     pilot.reboot_asked = True
     return ACCEPTED
 
 
-def _interval(pilot: Px4, ask: Ask) -> int:
+def _interval(pilot: SimPx4, ask: CommandRequest) -> int:
     """Unknown messages fail."""
     return message_interval(pilot, ask) if whole(ask.p1) in BUILDERS else FAILED
 
 
-def _request(pilot: Px4, ask: Ask) -> int:
+def _request(pilot: SimPx4, ask: CommandRequest) -> int:
     """Denied when there is no such message, or nothing to tell yet."""
     message = requested(pilot, whole(ask.p1))
     if message is None:
@@ -206,7 +206,7 @@ def _request(pilot: Px4, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _check(pilot: Px4, _ask: Ask) -> int:
+def _check(pilot: SimPx4, _ask: CommandRequest) -> int:
     """RUN_PREARM_CHECKS: tell at once what stands against arming."""
     if pilot.armed:
         return TEMPORARILY_REJECTED
@@ -215,7 +215,7 @@ def _check(pilot: Px4, _ask: Ask) -> int:
     return ACCEPTED
 
 
-def _calibrate(pilot: Px4, ask: Ask) -> int:
+def _calibrate(pilot: SimPx4, ask: CommandRequest) -> int:
     """PREFLIGHT_CALIBRATION: parameter 2 the compass; all zero stops one; the rest is over at once."""
     if pilot.armed:
         return TEMPORARILY_REJECTED

@@ -11,7 +11,7 @@ from fleet_mavlink.sim.px4_modes import MODES
 from fleet_mavlink.sim.speaker import CRITICAL, WARNING
 
 if TYPE_CHECKING:
-    from fleet_mavlink.sim.px4 import Px4
+    from fleet_mavlink.sim.px4 import SimPx4
 
 _GCS_GRACE = 2.2  # seconds on top of COM_DL_LOSS_T
 _ACTIONS = {1: "LOITER", 2: "RTL", 3: "LAND"}  # NAV_DLL_ACT, NAV_RCL_ACT
@@ -20,10 +20,10 @@ _GOES_DOWN = frozenset({"LAND", "PRECLAND", "RTL"})
 _EXCEPTED = {"MISSION": 1, "LOITER": 2, "TAKEOFF": 2, "OFFBOARD": 4}  # mode -> bit of COM_RCL_EXCEPT
 
 
-class Failsafes:
+class Px4Failsafes:
     """The fail-safes of one PX4. A fail-safe holds first, and goes on after COM_FAIL_ACT_T."""
 
-    def __init__(self, pilot: Px4) -> None:
+    def __init__(self, pilot: SimPx4) -> None:
         self._pilot = pilot
         self._then: tuple[float, Mode] | None = None  # when it goes on, and with what
         self._battery_told: set[str] = set()

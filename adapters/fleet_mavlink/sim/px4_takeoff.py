@@ -9,7 +9,7 @@ from fleet_mavlink.sim.manoeuvres import IN_AIR, GoTo, Takeoff
 
 if TYPE_CHECKING:
     from fleet_mavlink.sim.autopilot import Autopilot
-    from fleet_mavlink.sim.px4 import Px4
+    from fleet_mavlink.sim.px4 import SimPx4
 
 _DETECTED = 1.8  # s from arming to "Takeoff detected"
 _DETECTED_RUNNING = 0.5  # s, where the motors have been turning for a while
@@ -33,7 +33,7 @@ class Px4Takeoff(Takeoff):
             self.in_air_state = IN_AIR
 
 
-def watch(pilot: Px4) -> None:
+def watch(pilot: SimPx4) -> None:
     """Detect a take-off, which sets home again, and end it NAV_MC_ALT_RAD below its height."""
     flown = pilot.manoeuvre
     if not isinstance(flown, Px4Takeoff):

@@ -19,7 +19,7 @@ from fleet_mavlink.sim.rover_moves import BRAKED, DISARMED, Coast, Roll
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.setpoints import Setpoint, setpoint_of
 from fleet_mavlink.sim.speaker import INFO
-from fleet_mavlink.sim.speeds import ArduPilotSpeeds, Speeds
+from fleet_mavlink.sim.speeds import ArduPilotSpeeds, FlightSpeeds
 
 _BODY_FRAMES = frozenset({8, 9})
 _RELATIVE_FRAMES = frozenset({3, 6, 10, 11})
@@ -35,7 +35,7 @@ class RoverSpeeds(ArduPilotSpeeds):
         return self.asked or self._params["WP_SPEED"]
 
 
-class ArduRover(ArduPilot):
+class SimArduRover(ArduPilot):
     """ArduRover. Its home keeps an altitude of 0.14 m until the first disarming."""
 
     vehicle_type: ClassVar[int] = int(mav.MAV_TYPE_GROUND_ROVER)
@@ -43,7 +43,7 @@ class ArduRover(ArduPilot):
     modes: ClassVar[Mapping[str, Mode]] = MODES
     first_mode: ClassVar[str] = "INITIALISING"
     switched_mode: ClassVar[str] = "MANUAL"
-    speeds_type: ClassVar[type[Speeds]] = RoverSpeeds
+    speeds_type: ClassVar[type[FlightSpeeds]] = RoverSpeeds
     agility: ClassVar[Agility] = Agility(1.15, 1.0, 1.05)
     body: WheeledBody
 

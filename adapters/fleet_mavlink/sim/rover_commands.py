@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink.sim.ardupilot_commands import COMMANDS as COPTERS
-from fleet_mavlink.sim.ask import ACCEPTED, DENIED, FAILED, Ask, whole
 from fleet_mavlink.sim.autopilot import Handler
+from fleet_mavlink.sim.command_request import ACCEPTED, DENIED, FAILED, CommandRequest, whole
 from fleet_mavlink.sim.common_commands import FORCE
 from fleet_mavlink.sim.manoeuvres import GoTo
 from fleet_mavlink.sim.speaker import CRITICAL, INFO
 
 if TYPE_CHECKING:
-    from fleet_mavlink.sim.rover import ArduRover
+    from fleet_mavlink.sim.rover import SimArduRover
 
 _UNSUPPORTED = frozenset(
     {
@@ -28,7 +28,7 @@ _UNSUPPORTED = frozenset(
 )
 
 
-def _arm(pilot: ArduRover, ask: Ask) -> int:
+def _arm(pilot: SimArduRover, ask: CommandRequest) -> int:
     """Arm (1) or disarm (0), while it drives too."""
     if ask.p1 == 0.0:
         if pilot.armed:
@@ -48,14 +48,14 @@ def _arm(pilot: ArduRover, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _set_mode(pilot: ArduRover, ask: Ask) -> int:
+def _set_mode(pilot: SimArduRover, ask: CommandRequest) -> int:
     """Denied without the flag for a custom mode."""
     if not whole(ask.p1) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
     return ACCEPTED if pilot.change_mode(whole(ask.p2)) else FAILED
 
 
-def _reposition(pilot: ArduRover, ask: Ask) -> int:
+def _reposition(pilot: SimArduRover, ask: CommandRequest) -> int:
     """Drive to a place: COMMAND_INT, in GUIDED or with the flag that changes to it."""
     if ask.frame is None or not math.isfinite(ask.latitude + ask.longitude):
         return DENIED
@@ -67,7 +67,7 @@ def _reposition(pilot: ArduRover, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _speed(pilot: ArduRover, ask: Ask) -> int:
+def _speed(pilot: SimArduRover, ask: CommandRequest) -> int:
     """Fail for a speed of 0, and change nothing."""
     if not ask.p2 > 0.0:
         return FAILED
@@ -75,11 +75,11 @@ def _speed(pilot: ArduRover, ask: Ask) -> int:
     return ACCEPTED
 
 
-def _return(pilot: ArduRover, _ask: Ask) -> int:
+def _return(pilot: SimArduRover, _ask: CommandRequest) -> int:
     return ACCEPTED if pilot.change_mode(pilot.modes["RTL"].custom) else FAILED
 
 
-def _start_mission(pilot: ArduRover, _ask: Ask) -> int:
+def _start_mission(pilot: SimArduRover, _ask: CommandRequest) -> int:
     return ACCEPTED if pilot.armed and pilot.change_mode(pilot.modes["AUTO"].custom) else FAILED
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import all as mav
 
-from fleet_mavlink.sim.ask import Ask, ack
+from fleet_mavlink.sim.command_request import CommandRequest, ack
 
 _TEXT = 50  # bytes in one STATUSTEXT
 CRITICAL, WARNING, INFO = 2, 4, 6  # severities
@@ -52,7 +52,7 @@ class Speaker:
         """Send a message after a delay."""
         self._later.append((self.time + delay, message))
 
-    def acknowledge(self, ask: Ask, result: int) -> None:
+    def acknowledge(self, ask: CommandRequest, result: int) -> None:
         """Answer a command; answers that the faults or the autopilot's short queue lose are not sent."""
         if "no_ack" in self.faults or self.random.random() < self.faults.get("ack_loss", 0.0):
             return

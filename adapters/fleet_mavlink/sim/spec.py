@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl
 
 import msgspec
 
-from fleet.decoding import convert
+from fleet.runtime.decoding import convert
 from fleet.sim.faults import parse_faults
 from fleet_mavlink.sim.faults import FAULTS
 

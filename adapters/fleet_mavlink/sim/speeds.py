@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from fleet_mavlink.sim.params import Params
 
 
-class Speeds(ABC):
+class FlightSpeeds(ABC):
     """The speeds of one autopilot; ``asked`` is what DO_CHANGE_SPEED asked for."""
 
     def __init__(self, params: Params) -> None:
@@ -50,7 +50,7 @@ class Speeds(ABC):
         """True when the nose turns into the direction of travel."""
 
 
-class ArduPilotSpeeds(Speeds):
+class ArduPilotSpeeds(FlightSpeeds):
     """WPNAV_* and LAND_SPEED are centimetres per second; a speed that was asked for stays in force."""
 
     @property
@@ -89,7 +89,7 @@ class ArduPilotSpeeds(Speeds):
         return self._params["WP_YAW_BEHAVIOR"] != 0
 
 
-class Px4Speeds(Speeds):
+class Px4Speeds(FlightSpeeds):
     """MPC_*."""
 
     @property

@@ -328,7 +328,7 @@ DATA_STREAMS: Mapping[int, tuple[int, ...]] = {
 ALL_STREAMS = tuple(sorted({message for group in DATA_STREAMS.values() for message in group}))
 
 
-class Streams:
+class SimStreams:
     """Which messages are sent by themselves, and when the next of each is due."""
 
     def __init__(self, rates: Mapping[int, float], now: float) -> None:

@@ -11,17 +11,17 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet.sim.faults import check_fault
 from fleet_mavlink.sim.ardupilot import ArduPilot
-from fleet_mavlink.sim.ask import ask_of
 from fleet_mavlink.sim.autopilot import Autopilot, Boot
-from fleet_mavlink.sim.battery import Battery
+from fleet_mavlink.sim.battery import SimBattery
+from fleet_mavlink.sim.command_request import ask_of
 from fleet_mavlink.sim.equipment import Equipment
 from fleet_mavlink.sim.faults import FAULTS
 from fleet_mavlink.sim.files import FILES, answer
-from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, Missions
+from fleet_mavlink.sim.missions import ARDUPILOT_HABITS, PX4_HABITS, SimMissions
 from fleet_mavlink.sim.params import Params, ardupilot_params, px4_params
 from fleet_mavlink.sim.physics import Body
-from fleet_mavlink.sim.px4 import Px4
-from fleet_mavlink.sim.rover import ArduRover
+from fleet_mavlink.sim.px4 import SimPx4
+from fleet_mavlink.sim.rover import SimArduRover
 from fleet_mavlink.sim.rover_physics import WheeledBody
 from fleet_mavlink.sim.spec import VehicleName
 from fleet_mavlink.sim.streams import ALL_STREAMS, BUILDERS, DATA_STREAMS
@@ -29,8 +29,8 @@ from fleet_mavlink.sim.streams import ALL_STREAMS, BUILDERS, DATA_STREAMS
 Flavour = Literal["ardupilot", "px4"]
 _VEHICLES: Mapping[tuple[Flavour, VehicleName], tuple[Callable[[Boot], Autopilot], type[Body]]] = {
     ("ardupilot", "multirotor"): (ArduPilot, Body),
-    ("ardupilot", "rover"): (ArduRover, WheeledBody),
-    ("px4", "multirotor"): (Px4, Body),
+    ("ardupilot", "rover"): (SimArduRover, WheeledBody),
+    ("px4", "multirotor"): (SimPx4, Body),
 }
 ARDUPILOT_GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
 _STEP = 0.05  # longest step of the physics, s
@@ -73,10 +73,10 @@ class SimVehicle:
         self._random = Random(seed * 1009 + system_id)  # noqa: S311 - the same run again, no secret
         self._epoch = epoch
         ardupilot = flavour == "ardupilot"
-        self._battery = Battery(12.6, 9.6, int) if ardupilot else Battery(16.2, 13.2, math.ceil)
+        self._battery = SimBattery(12.6, 9.6, int) if ardupilot else SimBattery(16.2, 13.2, math.ceil)
         values = ardupilot_params(system_id) if ardupilot else px4_params(system_id)
         self._params = Params(values, "cast" if ardupilot else "bytewise")
-        self._missions = Missions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
+        self._missions = SimMissions(ARDUPILOT_HABITS if ardupilot else PX4_HABITS)
         self.equipment = Equipment(ardupilot=ardupilot)
         self._gust = 0.0
         self._dark_until = now
@@ -158,8 +158,8 @@ class SimVehicle:
         if not wind:
             return 0.0, 0.0
         self._gust = 0.98 * self._gust + 0.2 * self._random.gauss(0.0, 1.0)
-        carried = max(0.0, wind - _HELD)
-        return 0.3 * _DRIFT * wind * self._gust, carried + _DRIFT * wind * (1.0 + self._gust)
+        sensors = max(0.0, wind - _HELD)
+        return 0.3 * _DRIFT * wind * self._gust, sensors + _DRIFT * wind * (1.0 + self._gust)
 
     def _is_for_us(self, message: Any) -> bool:
         """Return True when a message is addressed to this vehicle, or to nobody in particular."""
@@ -234,7 +234,7 @@ def _set_current(pilot: Autopilot, message: Any) -> Iterable[Any]:
 
 def _files(pilot: Autopilot, message: Any) -> Iterable[Any]:
     """Answer a file transfer: PX4 serves the list of its events."""
-    return answer(message, FILES if isinstance(pilot, Px4) else {})
+    return answer(message, FILES if isinstance(pilot, SimPx4) else {})
 
 
 def _list_logs(pilot: Autopilot, message: Any) -> Iterable[Any]:

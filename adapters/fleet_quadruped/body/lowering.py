@@ -6,9 +6,9 @@ own, or one on a silent bus, holds its leg stiff: until it obeys the others wait
 
 from __future__ import annotations
 
-from fleet_quadruped.body.motion import Motion, Segment
-from fleet_quadruped.body.sense import ZEROS, Targets
-from fleet_quadruped.robot.description import Description, leg_angles
+from fleet_quadruped.body.measured import ZEROS, Targets
+from fleet_quadruped.body.motion import PostureMotion, Segment
+from fleet_quadruped.robot.description import DogDescription, leg_angles
 from fleet_quadruped.robot.names import Twelve
 
 _SHARE = 0.6  # of the time until the torque goes off, in which the legs fold
@@ -16,7 +16,7 @@ _TOUCH = 0.15  # s in which lifted feet come down: on two legs it would fall ont
 _PATIENCE = 1.0  # s in which a drive that brakes must go on
 
 
-def level(dog: Description, posture: Twelve) -> Twelve:
+def level(dog: DogDescription, posture: Twelve) -> Twelve:
     """Return the angles with all feet as deep as the deepest one."""
     feet = [leg.foot(leg_angles(posture, number)) for number, leg in enumerate(dog.legs)]
     deepest = min(z for _, _, z in feet)
@@ -27,11 +27,11 @@ def level(dog: Description, posture: Twelve) -> Twelve:
 class Lowering:
     """One way down. ``done``: the torque may go off; ``stuck``: a drive brakes on and cannot be moved."""
 
-    def __init__(self, dog: Description, start: Twelve, *, upright: bool) -> None:
+    def __init__(self, dog: DogDescription, start: Twelve, *, upright: bool) -> None:
         self._until = dog.safety.damp_time
         fold = Segment(_SHARE * self._until, dog.posture(dog.poses.fold))
         way = [Segment(_TOUCH, level(dog, start)), fold] if upright else [fold]
-        self._motion = Motion(start, way)
+        self._motion = PostureMotion(start, way)
         self._targets = Targets(start, ZEROS, ZEROS)
         self._moved = self._waited = 0.0  # s
 

@@ -11,11 +11,11 @@ import msgspec
 
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
-from fleet_quadruped.body.motion import Motion, folding, rising, rolling, sitting
+from fleet_quadruped.body.measured import ZEROS, Sense, Targets
+from fleet_quadruped.body.motion import PostureMotion, folding, rising, rolling, sitting
 from fleet_quadruped.body.probing import probing
-from fleet_quadruped.body.sense import ZEROS, Sense, Targets
 from fleet_quadruped.body.walk import Walker
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import UPRIGHT, Mode, Stage, Trip, forced
 
 _ENABLE_TIME = 1.0  # s
@@ -28,7 +28,7 @@ _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
 _LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
 
 
-class Ask(enum.StrEnum):
+class BodyRequest(enum.StrEnum):
     """What the body can be asked."""
 
     STAND = "stand"
@@ -57,13 +57,13 @@ class Wanted(msgspec.Struct, frozen=True, gc=False):
     targets: Targets
 
 
-class Body:
+class BodyStateMachine:
     """One dog's body. ``fault`` is the latched cause of the last hard stop, empty without one.
 
     ``tries``: how often it has rolled since it was asked to recover.
     """
 
-    def __init__(self, dog: Description) -> None:
+    def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self.walker = Walker(dog)
         self.mode = Mode.OFF
@@ -71,14 +71,14 @@ class Body:
         self._before = Mode.OFF  # the mode before this one
         self._after = Mode.RISING
         self._since = 0.0  # s in this mode
-        self._motion: Motion | None = None
+        self._motion: PostureMotion | None = None
         self._lowering: Lowering | None = None
         self.tries = 0
         self._reset = False
 
     # -- being asked ---------------------------------------------------------------------------------
 
-    def ask(self, ask: Ask, value: float, sense: Sense) -> str:
+    def ask(self, ask: BodyRequest, value: float, sense: Sense) -> str:
         """Take something that is asked; return why not, empty when it is being done (or was already)."""
         return self._ASKS[ask](self, value, sense)
 
@@ -275,15 +275,15 @@ class Body:
         self.tries += 1
         self._motion = rolling(self._dog, targets.angles, to_left=to_left)
 
-    _ASKS: ClassVar[Mapping[Ask, Callable[[Body, float, Sense], str]]] = {
-        Ask.STAND: _stand,
-        Ask.SIT: _sit,
-        Ask.RECOVER: _recover,
-        Ask.CHECK: _check,
-        Ask.HEIGHT: _height,
-        Ask.RESET: _reset_faults,
+    _ASKS: ClassVar[Mapping[BodyRequest, Callable[[BodyStateMachine, float, Sense], str]]] = {
+        BodyRequest.STAND: _stand,
+        BodyRequest.SIT: _sit,
+        BodyRequest.RECOVER: _recover,
+        BodyRequest.CHECK: _check,
+        BodyRequest.HEIGHT: _height,
+        BodyRequest.RESET: _reset_faults,
     }
-    _STEPS: ClassVar[Mapping[Mode, Callable[[Body, float, Sense, Twist, str], Wanted]]] = {
+    _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], Wanted]]] = {
         Mode.OFF: _off,
         Mode.ENABLING: _enabling,
         Mode.RISING: _rising,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from fleet_quadruped.body.sense import ZEROS, Targets
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.body.measured import ZEROS, Targets
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
 Path = Callable[[float], Twelve]
@@ -22,7 +22,7 @@ class Segment(NamedTuple):
     path: Path | None = None
 
 
-class Motion:
+class PostureMotion:
     """Segments one after the other, each begun where the last one ended."""
 
     def __init__(self, start: Twelve, segments: Sequence[Segment]) -> None:
@@ -62,15 +62,15 @@ def _smooth(share: float) -> float:
     return share**3 * (share * (6 * share - 15) + 10)
 
 
-def folding(dog: Description, start: Twelve, seconds: float = _FOLD_TIME) -> Motion:
+def folding(dog: DogDescription, start: Twelve, seconds: float = _FOLD_TIME) -> PostureMotion:
     """Fold the legs under the body."""
-    return Motion(start, [Segment(seconds, dog.posture(dog.poses.fold))])
+    return PostureMotion(start, [Segment(seconds, dog.posture(dog.poses.fold))])
 
 
-def rising(dog: Description, start: Twelve, height: float) -> Motion:
+def rising(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:
     """Fold, crouch, and stand up."""
     low = dog.gait.lowest
-    return Motion(
+    return PostureMotion(
         start,
         [
             Segment(_FOLD_TIME, dog.posture(dog.poses.fold)),
@@ -84,10 +84,10 @@ def rising(dog: Description, start: Twelve, height: float) -> Motion:
     )
 
 
-def sitting(dog: Description, start: Twelve, height: float) -> Motion:
+def sitting(dog: DogDescription, start: Twelve, height: float) -> PostureMotion:
     """Lower the body from where it stands, and fold."""
     low = dog.gait.lowest
-    return Motion(
+    return PostureMotion(
         start,
         [
             Segment(0.2, dog.stance(height)),
@@ -101,11 +101,13 @@ def sitting(dog: Description, start: Twelve, height: float) -> Motion:
     )
 
 
-def rolling(dog: Description, start: Twelve, *, to_left: bool) -> Motion:
+def rolling(dog: DogDescription, start: Twelve, *, to_left: bool) -> PostureMotion:
     """Roll over towards one side and fold again; only with roll poses in the description."""
     near, far = dog.poses.roll_near, dog.poses.roll_far
     if near is None or far is None:
         raise ValueError(f"{dog.robot.name} has no roll poses")
     roll = dog.posture(near, far) if to_left else dog.posture(far, near)
     fold = dog.posture(dog.poses.fold)
-    return Motion(start, [Segment(_ROLL_TIME, roll), Segment(_ROLL_HOLD, roll), Segment(_FOLD_TIME, fold)])
+    return PostureMotion(
+        start, [Segment(_ROLL_TIME, roll), Segment(_ROLL_HOLD, roll), Segment(_FOLD_TIME, fold)]
+    )

@@ -12,13 +12,13 @@ from fleet import Vector3
 from fleet.model.geometry import wrap_angle
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.legs import Leg, Reached
-from fleet_quadruped.body.sense import Sense
+from fleet_quadruped.body.measured import Sense
 from fleet_quadruped.robot.description import leg_angles
 
 Planar = tuple[float, float, float, float]  # foot place x, y (m) and its velocity x, y (m/s), body frame
 
 
-class Odometry:
+class LegOdometry:
     """Place since the start (m), heading (rad) and velocity; ``twist`` is smoothed over ``smooth`` s.
 
     The heading is the IMU's own, so that the way it goes and the way it faces are told in one frame.

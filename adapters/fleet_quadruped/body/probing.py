@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.legs import Point
-from fleet_quadruped.body.motion import Motion, Segment
+from fleet_quadruped.body.motion import PostureMotion, Segment
 from fleet_quadruped.body.turning import to_body
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
 
 FOLD_TIME, RISE_TIME, MOVE_TIME, HOLD_TIME = 1.5, 2.0, 0.8, 0.4  # s
@@ -30,7 +30,7 @@ class Lean(NamedTuple):
     yaw: float = 0.0
 
 
-def leans(dog: Description) -> tuple[Lean, ...]:
+def leans(dog: DogDescription) -> tuple[Lean, ...]:
     """Return the places of the trunk at which the joints are looked at, the lowest first."""
     gait, shift = dog.gait, _SHIFT * (dog.geometry.thigh + dog.geometry.calf)
     low = gait.lowest
@@ -45,13 +45,13 @@ def leans(dog: Description) -> tuple[Lean, ...]:
     return (Lean(low), Lean(middle), *there, Lean(gait.height), Lean(low))
 
 
-def look_times(dog: Description) -> tuple[float, ...]:
+def look_times(dog: DogDescription) -> tuple[float, ...]:
     """Return when the trunk has come to rest at each of ``leans``, seconds from the beginning."""
     first = FOLD_TIME + RISE_TIME + HOLD_TIME
     return tuple(first + number * (MOVE_TIME + HOLD_TIME) for number in range(len(leans(dog))))
 
 
-def probing(dog: Description, start: Twelve) -> Motion:
+def probing(dog: DogDescription, start: Twelve) -> PostureMotion:
     """Fold slowly, crouch, and take the trunk to each of ``leans``."""
     fold = dog.posture(dog.poses.fold)
     first, *others = leans(dog)
@@ -64,10 +64,10 @@ def probing(dog: Description, start: Twelve) -> Motion:
     for lean in others:
         segments += [_move(dog, before, lean), Segment(HOLD_TIME, leaning(dog, lean))]
         before = lean
-    return Motion(start, segments)
+    return PostureMotion(start, segments)
 
 
-def _move(dog: Description, before: Lean, after: Lean) -> Segment:
+def _move(dog: DogDescription, before: Lean, after: Lean) -> Segment:
     """Return the way of the trunk from one place to another."""
 
     def path(share: float) -> Twelve:
@@ -76,7 +76,7 @@ def _move(dog: Description, before: Lean, after: Lean) -> Segment:
     return Segment(MOVE_TIME, leaning(dog, after), path)
 
 
-def leaning(dog: Description, lean: Lean) -> Twelve:
+def leaning(dog: DogDescription, lean: Lean) -> Twelve:
     """Return the angles with the trunk there and the feet below the hips of a level trunk."""
     rotation = quaternion_from_euler(lean.roll, lean.pitch, lean.yaw)
     angles: list[float] = []

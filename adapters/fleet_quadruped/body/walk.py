@@ -5,11 +5,11 @@ from __future__ import annotations
 from fleet_quadruped.body.balance import GRAVITY
 from fleet_quadruped.body.gait import Steps, Twist
 from fleet_quadruped.body.legs import Point
-from fleet_quadruped.body.odometry import Odometry
-from fleet_quadruped.body.pace import limited, ramped, within
+from fleet_quadruped.body.measured import Sense, Targets
+from fleet_quadruped.body.odometry import LegOdometry
 from fleet_quadruped.body.pattern import trot, walk
-from fleet_quadruped.body.sense import Sense, Targets
-from fleet_quadruped.robot.description import Description, leg_angles
+from fleet_quadruped.body.velocity_ramp import limited, ramped, within
+from fleet_quadruped.robot.description import DogDescription, leg_angles
 from fleet_quadruped.robot.names import GaitName, Twelve
 
 _INTEGRAL = 0.8  # 1/s: how fast the velocity loop takes up what the legs give way
@@ -24,10 +24,10 @@ class Walker:
     ``gait`` is trot or walk.
     """
 
-    def __init__(self, dog: Description) -> None:
+    def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self._steps = Steps(dog.gait, dog.legs, dog.geometry.foot_radius)
-        self.odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+        self.odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
         self._ramped = Twist()
         self._added = Twist()
         self.height = dog.gait.height

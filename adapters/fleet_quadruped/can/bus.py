@@ -28,7 +28,7 @@ from pydantic import AfterValidator
 from fleet.clock import Clock
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.can import raw
-from fleet_quadruped.can.frame import Frame, is_foreign
+from fleet_quadruped.can.frame import CanFrame, is_foreign
 from fleet_quadruped.can.raw import Packet
 
 _URL = re.compile(r"can:(?P<interface>[a-z0-9_]+):(?P<channel>[^?\s]+)(?:\?(?P<options>\S+))?", re.ASCII)
@@ -98,7 +98,7 @@ BusText = Annotated[str, AfterValidator(_checked)]
 """The type of a bus in an adapter's config: checked when fleet.yaml is read."""
 
 
-class Bus:
+class CanConnection:
     """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames."""
 
     def __init__(self, name: str, url: str, bitrate: int, clock: Clock) -> None:
@@ -112,7 +112,7 @@ class Bus:
         self._bus: can.BusABC | None = _open(url, bitrate)
         self._socket = _socket_of(self._bus)
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame, or drop and count it. A dead bus takes nothing more."""
         bus = self._bus
         if bus is None or self._dead:
@@ -128,9 +128,9 @@ class Bus:
         else:
             self._full_since = None
 
-    def receive(self, wait: float) -> list[Frame]:
+    def receive(self, wait: float) -> list[CanFrame]:
         """Return what has arrived, waiting up to ``wait`` s for the first; raises LinkLost."""
-        frames: list[Frame] = []
+        frames: list[CanFrame] = []
         try:
             for packet in self._packets(wait):
                 self._sort(packet, frames)
@@ -160,7 +160,7 @@ class Bus:
             return raw.read(self._socket, wait, _BATCH)
         return _received(self._bus, wait)
 
-    def _sort(self, packet: Packet, frames: list[Frame]) -> None:
+    def _sort(self, packet: Packet, frames: list[CanFrame]) -> None:
         """Keep data frames; count error frames and look for bus-off in them."""
         if packet.error:
             self.errors += 1
@@ -186,7 +186,7 @@ class Bus:
             )
 
 
-def _message(frame: Frame) -> can.Message:
+def _message(frame: CanFrame) -> can.Message:
     """Return a frame as python-can has it."""
     return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended, check=False)
 
@@ -197,7 +197,7 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
         message = bus.recv(wait)
         if message is None:
             return
-        frame = Frame(message.arbitration_id, bytes(message.data))
+        frame = CanFrame(message.arbitration_id, bytes(message.data))
         unwanted = message.is_remote_frame or is_foreign(frame.id, extended=message.is_extended_id)
         yield Packet(frame, message.is_error_frame, unwanted)
         wait = 0.0

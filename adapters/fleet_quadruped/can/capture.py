@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import ConfigError
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.can.frame import CanBus, CanFrame
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class Captured(NamedTuple):
 
     time: float
     bus: str
-    frame: Frame
+    frame: CanFrame
     sent: bool
 
 
@@ -49,12 +49,12 @@ class CapturedBus:
         """Frames that could not be sent."""
         return getattr(self._bus, "dropped", 0)
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame, or drop and count it."""
         self._ring.append(Captured(self._clock.time(), self.name, frame, sent=True))
         self._bus.send(frame)
 
-    def receive(self, wait: float) -> list[Frame]:
+    def receive(self, wait: float) -> list[CanFrame]:
         """Return what has arrived; raises LinkLost."""
         frames = self._bus.receive(wait)
         now = self._clock.time() if frames else 0.0
@@ -140,4 +140,4 @@ def read_capture(path: Path) -> Iterator[Captured]:
         if match is None:
             raise ConfigError(f"{path}:{number}: is no line of a candump log: {line[:60]!r}")
         time, bus, identifier, data, way = match.groups()
-        yield Captured(float(time), bus, Frame(int(identifier, 16), bytes.fromhex(data)), way == "T")
+        yield Captured(float(time), bus, CanFrame(int(identifier, 16), bytes.fromhex(data)), way == "T")

@@ -10,7 +10,7 @@ STANDARD_ID = 0x7FF
 """The largest identifier of a standard frame; one beyond it makes an extended frame."""
 
 
-class Frame(msgspec.Struct, frozen=True, gc=False):
+class CanFrame(msgspec.Struct, frozen=True, gc=False):
     """One data frame: identifier (extended when it is beyond STANDARD_ID) and up to eight bytes.
 
     Thousands are made in a second, so it is what is made quickest.
@@ -28,7 +28,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
 def is_foreign(identifier: int, *, extended: bool) -> bool:
     """Tell whether a frame that was read is nobody's here: extended, with the number of a standard one.
 
-    As a ``Frame`` it could not be told from that one.
+    As a ``CanFrame`` it could not be told from that one.
     """
     return extended and identifier <= STANDARD_ID
 
@@ -38,10 +38,10 @@ class CanBus(Protocol):
 
     name: str
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame, or drop and count it: a newer one comes in the next cycle."""
 
-    def receive(self, wait: float) -> list[Frame]:
+    def receive(self, wait: float) -> list[CanFrame]:
         """Return what has arrived, waiting up to ``wait`` seconds for the first; empty when nothing did.
 
         Raises LinkLost when the bus is gone.

@@ -10,7 +10,7 @@ import socket
 import struct
 from typing import NamedTuple
 
-from fleet_quadruped.can.frame import STANDARD_ID, Frame, is_foreign
+from fleet_quadruped.can.frame import STANDARD_ID, CanFrame, is_foreign
 
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 1 << 31, 1 << 30, 1 << 29
@@ -24,12 +24,12 @@ class Packet(NamedTuple):
     ``unwanted``: a remote one, which has no data, a foreign one, or one that was cut short.
     """
 
-    frame: Frame
+    frame: CanFrame
     error: bool = False
     unwanted: bool = False
 
 
-def pack(frame: Frame) -> bytes:
+def pack(frame: CanFrame) -> bytes:
     """Return a frame as the kernel takes it."""
     identifier = frame.id | _EXTENDED if frame.extended else frame.id
     return _FRAME.pack(identifier, len(frame.data), frame.data)
@@ -38,14 +38,14 @@ def pack(frame: Frame) -> bytes:
 def unpack(data: bytes) -> Packet:
     """Return what the kernel gave; a frame that is cut short is an empty one that nobody wants."""
     if len(data) < _FRAME.size:
-        return Packet(Frame(0, b""), unwanted=True)
+        return Packet(CanFrame(0, b""), unwanted=True)
     word, length, payload = _FRAME.unpack_from(data)
     if word & _ERROR:
-        return Packet(Frame(word & _EXTENDED_ID, payload[:length]), error=True)
+        return Packet(CanFrame(word & _EXTENDED_ID, payload[:length]), error=True)
     extended = bool(word & _EXTENDED)
     identifier = word & (_EXTENDED_ID if extended else STANDARD_ID)
     unwanted = bool(word & _REMOTE) or is_foreign(identifier, extended=extended)
-    return Packet(Frame(identifier, payload[:length]), unwanted=unwanted)
+    return Packet(CanFrame(identifier, payload[:length]), unwanted=unwanted)
 
 
 def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:
@@ -61,6 +61,6 @@ def read(sock: socket.socket, wait: float, most: int) -> list[Packet]:
     return packets
 
 
-def write(sock: socket.socket, frame: Frame) -> None:
+def write(sock: socket.socket, frame: CanFrame) -> None:
     """Write a frame, now or not at all; raises OSError (ENOBUFS or EAGAIN for a full queue)."""
     sock.send(pack(frame), socket.MSG_DONTWAIT)

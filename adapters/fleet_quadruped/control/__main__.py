@@ -12,21 +12,21 @@ from pathlib import Path
 import msgspec
 
 from fleet.clock import Clock, SystemClock
-from fleet.decoding import decode_json
 from fleet.errors import ConfigError, LinkError, LinkLost, LinkRefused
-from fleet_quadruped.bodies import AnyBody, load_body
-from fleet_quadruped.can.alone import make_sure
-from fleet_quadruped.can.bus import Bus
+from fleet.runtime.decoding import decode_json
+from fleet_quadruped.any_description import AnyBody, load_body
+from fleet_quadruped.can.bus import CanConnection
+from fleet_quadruped.can.bus_guard import require_sole_controller
 from fleet_quadruped.can.capture import Capture
 from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.exchange import Slot
+from fleet_quadruped.control.exchange import SharedValue
 from fleet_quadruped.control.loop import Loop
-from fleet_quadruped.control.orders import Order, State
-from fleet_quadruped.control.plan import Plan, Word
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.control.orders import DogState, Order
+from fleet_quadruped.control.plan import ControlPlan, Word
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.selfwalk.controller import SelfWalkController
-from fleet_quadruped.sim.make import Simulated, on_buses
+from fleet_quadruped.sim.simulated_machine import SimulatedMachine, on_buses
 
 _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 """What ends or freezes all of a terminal or a service: the parent tells us to leave, or its end does."""
@@ -35,15 +35,15 @@ _FOR_THE_PARENT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 class Memory:
     """The shared memory as an exchange."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._orders = Slot(plan.order, Order)
-        self._states = Slot(plan.state, State)
+    def __init__(self, plan: ControlPlan) -> None:
+        self._orders = SharedValue(plan.order, Order)
+        self._states = SharedValue(plan.state, DogState)
 
     def order(self) -> Order:
         """Return the newest order."""
         return self._orders.get()
 
-    def put(self, state: State) -> None:
+    def put(self, state: DogState) -> None:
         """Make this the newest state."""
         self._states.put(state)
 
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
     logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # it warns of each split read
     for number in _FOR_THE_PARENT:
         signal.signal(number, signal.SIG_IGN)
-    plan = decode_json(arguments[0], Plan)
+    plan = decode_json(arguments[0], ControlPlan)
     try:
         _run(plan, SystemClock())
     except (LinkError, ConfigError) as error:
@@ -64,11 +64,11 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _run(plan: Plan, clock: Clock) -> None:
+def _run(plan: ControlPlan, clock: Clock) -> None:
     """Open the buses, configure the drives, say that it is ready, and run the cycles to their end."""
     body = load_body(Path(plan.body))
     with contextlib.ExitStack() as stack:
-        machine: Simulated | None = None
+        machine: SimulatedMachine | None = None
         if plan.sim:
             machine, simulated = on_buses(body, plan.sim)
             buses: dict[str, CanBus] = dict(simulated)
@@ -81,10 +81,10 @@ def _run(plan: Plan, clock: Clock) -> None:
         stack.callback(capture.finish)
         buses = capture.buses
         controller = (
-            Controller(body, buses) if isinstance(body, Description) else SelfWalkController(body, buses)
+            Controller(body, buses) if isinstance(body, DogDescription) else SelfWalkController(body, buses)
         )
         if machine is None:
-            make_sure(buses, controller.addresses, clock)
+            require_sole_controller(buses, controller.addresses, clock)
         controller.configure()
         _say(Word(ready=True))
         moved = machine.advance if machine else None
@@ -92,7 +92,7 @@ def _run(plan: Plan, clock: Clock) -> None:
         Loop(controller, buses, Memory(plan), clock, owner=owner, moved=moved, capture=capture).run()
 
 
-def _begin(machine: Simulated, faults: dict[str, float]) -> None:
+def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
     """Begin the faults of a simulated dog; raises LinkRefused for one that it does not have."""
     for name, value in faults.items():
         try:
@@ -102,9 +102,9 @@ def _begin(machine: Simulated, faults: dict[str, float]) -> None:
 
 
 @contextlib.contextmanager
-def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[Bus]:
+def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[CanConnection]:
     """Open a bus for the time of a block."""
-    bus = Bus(name, url, body.buses[name].bitrate, clock)
+    bus = CanConnection(name, url, body.buses[name].bitrate, clock)
     try:
         yield bus
     finally:

@@ -9,19 +9,19 @@ from fleet.errors import LinkLost
 from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
-from fleet_quadruped.body.machine import Ask, Body, Wanted, Wish
-from fleet_quadruped.body.sense import ZEROS, Imu, Sense, Targets
-from fleet_quadruped.can.alone import Address
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.body.machine import BodyRequest, BodyStateMachine, Wanted, Wish
+from fleet_quadruped.body.measured import ZEROS, Imu, Sense, Targets
+from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.control.holding import all_off, holding, silent_bus
 from fleet_quadruped.control.lamp import Lamp
-from fleet_quadruped.control.orders import Order, State, Timing
-from fleet_quadruped.control.senses import Values, imu_of
+from fleet_quadruped.control.orders import DogState, Order, Timing
+from fleet_quadruped.control.sensors import Values, imu_of
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import JointFeedback, Joints, Power
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import Twelve
-from fleet_quadruped.safety.limits import Limits
+from fleet_quadruped.safety.limits import JointLimits
 from fleet_quadruped.safety.monitor import Monitor, Observed
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode, Stage, Trip
 
@@ -34,12 +34,12 @@ log = logging.getLogger(__name__)
 class Controller:
     """A dog under control. ``begin`` asks the drives, ``take`` hears them, ``finish`` answers."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus]) -> None:
+    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus]) -> None:
         self.dog = dog
         self.drives = drives_of(dog, buses)
-        self.body = Body(dog)
+        self.body = BodyStateMachine(dog)
         self.clamped = 0
-        self._limits = Limits(dog.all_joints, dog.safety)
+        self._limits = JointLimits(dog.all_joints, dog.safety)
         self._monitor = Monitor(dog)
         self._stale = dog.safety.stale_cycles * dog.dt
         self._imu = Values(dog.imu, whole=True) if dog.imu else None
@@ -98,7 +98,7 @@ class Controller:
         """Begin a cycle: the drives are asked where they are."""
         self.drives.begin_cycle(now)
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
         sensor = self._sensors.get((bus, frame.id))
         if sensor is not None:
@@ -144,12 +144,12 @@ class Controller:
             self.drives.damp(self.dog.safety.kd)
         self.drives.begin_cycle(0.0)  # with the SYNC on which they obey
 
-    def state(self, now: float, timing: Timing) -> State:
+    def state(self, now: float, timing: Timing) -> DogState:
         """Return the newest state."""
         imu, odometry = self._seen_imu, self.body.walker.odometry
         turn = imu.rotation if imu else quaternion_from_yaw(odometry.yaw)
         battery = self._battery
-        return State(
+        return DogState(
             stamp=now,
             mode=self.body.mode.value,
             fault=self.body.fault or self._failed() or self._not_off(),
@@ -240,11 +240,11 @@ class Controller:
 
     def _obey(self, order: Order, now: float, sense: Sense) -> None:
         """Take what is asked, then stops, which so have the last word, then the absence of whoever asks."""
-        if order.errand.number > self._errand:
-            self._errand = order.errand.number
-            self._release(order.errand.ask)
-            self._refusal = self._start_refusal(order.errand.ask) or self.body.ask(
-                order.errand.ask, order.errand.value, sense
+        if order.activity.number > self._errand:
+            self._errand = order.activity.number
+            self._release(order.activity.ask)
+            self._refusal = self._start_refusal(order.activity.ask) or self.body.ask(
+                order.activity.ask, order.activity.value, sense
             )
         if order.stop > self._stops:
             self._stops = order.stop
@@ -257,15 +257,15 @@ class Controller:
             )
             self.body.trip(Trip(Stage.SIT, why))
 
-    def _release(self, ask: Ask) -> None:
+    def _release(self, ask: BodyRequest) -> None:
         """End an emergency stop, which the host has released, by a new command to get up; no other fault."""
-        if ask in {Ask.STAND, Ask.RECOVER} and self.body.fault == EMERGENCY_STOP:
+        if ask in {BodyRequest.STAND, BodyRequest.RECOVER} and self.body.fault == EMERGENCY_STOP:
             self.body.fault = ""
 
-    def _start_refusal(self, ask: Ask) -> str:
+    def _start_refusal(self, ask: BodyRequest) -> str:
         """Return why the drives cannot be powered now, naming one; empty when they can."""
         if (
-            ask not in {Ask.STAND, Ask.RECOVER, Ask.CHECK}
+            ask not in {BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK}
             or self.body.mode is not Mode.OFF
             or self.body.fault
         ):

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from fleet.decoding import msgpack_decoder
+from fleet.runtime.decoding import msgpack_decoder
 
 ValueT = TypeVar("ValueT", bound=msgspec.Struct)
 
@@ -31,7 +31,7 @@ def new_memory() -> int:
     return descriptor
 
 
-class Slot(Generic[ValueT]):
+class SharedValue(Generic[ValueT]):
     """One slot; ``sequence`` is the number of the value that was read or written last."""
 
     def __init__(self, descriptor: int, kind: type[ValueT]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.robot.parts import Switch
 
 
@@ -22,4 +22,4 @@ class Lamp:
         if led is None or lamp is None or lamp == self._shown:
             return
         self._shown = lamp
-        self._buses[led.bus].send(Frame(led.id, bytes.fromhex(led.on if lamp else led.off)))
+        self._buses[led.bus].send(CanFrame(led.id, bytes.fromhex(led.on if lamp else led.off)))

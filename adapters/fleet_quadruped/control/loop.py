@@ -15,8 +15,8 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet_quadruped.can.capture import Capture
-from fleet_quadruped.can.frame import CanBus, Frame
-from fleet_quadruped.control.orders import Order, State, Timing
+from fleet_quadruped.can.frame import CanBus, CanFrame
+from fleet_quadruped.control.orders import DogState, Order, Timing
 from fleet_quadruped.safety.stages import MEANT
 
 log = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ class Controlled(Protocol):
     def begin(self, now: float) -> None:
         """Ask for feedback."""
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
 
     def complete(self) -> bool:
@@ -57,7 +57,7 @@ class Controlled(Protocol):
     def finish(self, now: float, dt: float, order: Order) -> None:
         """Decide, and write."""
 
-    def state(self, now: float, timing: Timing) -> State:
+    def state(self, now: float, timing: Timing) -> DogState:
         """Return the newest state."""
 
     def abandon(self) -> None:
@@ -70,7 +70,7 @@ class Exchange(Protocol):
     def order(self) -> Order:
         """Return the newest order."""
 
-    def put(self, state: State) -> None:
+    def put(self, state: DogState) -> None:
         """Make this the newest state."""
 
 
@@ -170,7 +170,7 @@ class Loop:
         self._incomplete += not controller.complete()
         order = self._exchange.order()
         if self._orphan:
-            order = Order(leave=True, alive=now, stop=order.stop, errand=order.errand)
+            order = Order(leave=True, alive=now, stop=order.stop, activity=order.activity)
         controller.finish(self._clock.monotonic(), dt, order)
         end = self._clock.monotonic()
         self._count(end, end - now)
@@ -179,7 +179,7 @@ class Loop:
             self._moved(dt)
         return order
 
-    def _captured(self, state: State) -> State:
+    def _captured(self, state: DogState) -> DogState:
         """Return the state, with the file that its fault was written to."""
         if self._capture is None or state.fault in MEANT:
             return state

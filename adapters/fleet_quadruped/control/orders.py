@@ -8,14 +8,14 @@ from typing import Literal
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 
 
-class Errand(msgspec.Struct, frozen=True):
+class Activity(msgspec.Struct, frozen=True):
     """Something discrete that is asked; each has its own number, so that it is done once."""
 
     number: int = 0
-    ask: Ask = Ask.STAND
+    ask: BodyRequest = BodyRequest.STAND
     value: float = 0.0
 
 
@@ -31,7 +31,7 @@ class Order(msgspec.Struct, frozen=True):
     gait: Literal["trot", "walk"] = "trot"
     until: float = 0.0
     alive: float = 0.0  # monotonic time at which the adapter wrote this
-    errand: Errand = Errand()
+    activity: Activity = Activity()
     stop: int = 0
     lamp: bool | None = None
     leave: bool = False
@@ -56,7 +56,7 @@ class Timing(msgspec.Struct, frozen=True):
     dropped: int = 0  # frames that could not be sent
 
 
-class State(msgspec.Struct, frozen=True):
+class DogState(msgspec.Struct, frozen=True):
     """The newest state of the dog. Angles in the order of ``JOINTS``; ``stamp`` is monotonic.
 
     ``measured``, ``posed`` and ``felt`` are the monotonic times at which each joint, the oldest of what the

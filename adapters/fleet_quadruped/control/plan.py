@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 
-class Plan(msgspec.Struct, frozen=True):
+class ControlPlan(msgspec.Struct, frozen=True):
     """The dog, its buses by name (URLs) or its simulated world, and the shared memory's descriptors.
 
     ``captures`` is the folder for what was on the buses before a fault.

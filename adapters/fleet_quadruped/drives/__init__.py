@@ -10,7 +10,7 @@ from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
 from fleet_quadruped.drives.mit.drive import MitDrives
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Drive
 
 
@@ -18,7 +18,7 @@ class Kind(Protocol):
     """A class of drives."""
 
     def __call__(
-        self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint], /
+        self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint], /
     ) -> JointDrive:
         """Return the drives of these joints."""
 
@@ -39,7 +39,7 @@ PROTOCOLS: Mapping[str, Kind] = MappingProxyType({"cia402": Cia402Drives, "mit":
 
 
 def drives_of(
-    dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
+    dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint] | None = None
 ) -> JointDrive:
     """Return the drives of a dog, or of some of its joints, not yet configured."""
     return PROTOCOLS[dog.drive.protocol](dog, buses, dog.all_joints if joints is None else joints)

@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from fleet_quadruped.body.sense import Targets
-from fleet_quadruped.can.alone import Address
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.body.measured import Targets
+from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
 
@@ -125,10 +125,10 @@ class JointDrive(Protocol):
         Raises LinkRefused for a drive that cannot be limited.
         """
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a frame that was received at ``now`` (monotonic s); frames of others are ignored."""
 
-    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+    def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return which joint a frame of ours sends where (rad); None for any other frame."""
 
     def begin_cycle(self, now: float) -> None:

@@ -55,7 +55,7 @@ class Joint(NamedTuple):
         return self.sign * (motor / self.kind.ratio - self.offset)
 
 
-class Description(Section):
+class DogDescription(Section):
     """Everything that is known of one dog."""
 
     robot: Machine
@@ -72,7 +72,7 @@ class Description(Section):
     safety: Safety = Safety()
 
     @model_validator(mode="after")
-    def _whole(self) -> Description:
+    def _whole(self) -> DogDescription:
         """Refuse what cannot be walked with; every problem at once."""
         problems = _protocol(self) or _missing(self)
         problems = problems or [*_addresses(self), *_ranges(self), *_poses(self), *_loads(self)]
@@ -161,7 +161,7 @@ def leg_angles(posture: Twelve, leg: int) -> Angles:
     return posture[3 * leg], posture[3 * leg + 1], posture[3 * leg + 2]
 
 
-def _protocol(dog: Description) -> list[str]:
+def _protocol(dog: DogDescription) -> list[str]:
     """Return that nobody speaks the drives' protocol, or what that protocol misses in their section."""
     from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
 
@@ -172,7 +172,7 @@ def _protocol(dog: Description) -> list[str]:
     return [problem] if problem else []
 
 
-def _missing(dog: Description) -> list[str]:
+def _missing(dog: DogDescription) -> list[str]:
     """Return what is not there at all."""
     problems = [f"joints: {name} is missing" for name in JOINTS if name not in dog.joints]
     problems += [f"joints: there is no joint {name!r}" for name in dog.joints if name not in JOINTS]
@@ -185,7 +185,7 @@ def _missing(dog: Description) -> list[str]:
     return problems
 
 
-def _addresses(dog: Description) -> list[str]:
+def _addresses(dog: DogDescription) -> list[str]:
     """Return who would say or hear the frames of somebody else."""
     taken: dict[tuple[str, int], str] = {}
     problems: dict[tuple[str, str], str] = {}
@@ -198,7 +198,7 @@ def _addresses(dog: Description) -> list[str]:
     return list(problems.values())
 
 
-def _users(dog: Description) -> Iterator[tuple[str, str, tuple[int, ...]]]:
+def _users(dog: DogDescription) -> Iterator[tuple[str, str, tuple[int, ...]]]:
     """Yield by name, on which bus, the frames of drives, of their protocol, of sensors and lamp."""
     from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
 
@@ -214,7 +214,7 @@ def _users(dog: Description) -> Iterator[tuple[str, str, tuple[int, ...]]]:
         yield "led", dog.led.bus, (dog.led.id,)
 
 
-def _ranges(dog: Description) -> list[str]:
+def _ranges(dog: DogDescription) -> list[str]:
     """Return the joints that can be where their drives' frames cannot say: there they stay at the end."""
     from fleet_quadruped.drives import PROTOCOLS  # noqa: PLC0415 - they know the description
 
@@ -230,7 +230,7 @@ def _ranges(dog: Description) -> list[str]:
     return problems
 
 
-def _poses(dog: Description) -> list[str]:
+def _poses(dog: DogDescription) -> list[str]:
     """Return the postures that the legs cannot take."""
     gait, poses = dog.gait, dog.poses
     problems = []
@@ -250,7 +250,7 @@ def _poses(dog: Description) -> list[str]:
     return problems
 
 
-def _outside(dog: Description, what: str, posture: Twelve) -> list[str]:
+def _outside(dog: DogDescription, what: str, posture: Twelve) -> list[str]:
     """Return the joints that a posture would take beyond their limits."""
     margin = dog.safety.margin
     return [
@@ -260,7 +260,7 @@ def _outside(dog: Description, what: str, posture: Twelve) -> list[str]:
     ]
 
 
-def _loads(dog: Description) -> list[str]:
+def _loads(dog: DogDescription) -> list[str]:
     """Return the buses that would be too full."""
     return [
         f"buses: {bus} would be {load:.0%} full, more than {HIGHEST:.0%}; "
@@ -270,6 +270,6 @@ def _loads(dog: Description) -> list[str]:
     ]
 
 
-def load_description(path: Path) -> Description:
+def load_description(path: Path) -> DogDescription:
     """Read a dog's YAML file; raises ConfigError with every problem."""
-    return checked(path, read_tree(path), Description)
+    return checked(path, read_tree(path), DogDescription)

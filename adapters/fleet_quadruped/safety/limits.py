@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Safety
@@ -22,7 +22,7 @@ class Limited(msgspec.Struct, frozen=True, gc=False):
     clamped: int
 
 
-class Limits:
+class JointLimits:
     """The bounds of a dog's joints: positions less the margin, speeds, torques."""
 
     def __init__(self, joints: Sequence[Joint], safety: Safety) -> None:

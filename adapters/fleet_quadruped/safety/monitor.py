@@ -8,9 +8,9 @@ from operator import ge, le
 
 import msgspec
 
-from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.drives.base import Joints, Power
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.safety.stages import POSITIONED, UPRIGHT, Mode, Stage, Trip
 
@@ -40,7 +40,7 @@ class Observed(msgspec.Struct, frozen=True, gc=False):
 class Monitor:
     """Remembers how long each joint has been far from its target, and how long a supply has been low."""
 
-    def __init__(self, dog: Description) -> None:
+    def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self._joints = joints = dog.all_joints
         self._far: dict[int, float] = {}  # s that joints have been far from their targets

@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.frame_integrity import Sealed
 from fleet_quadruped.frames import FrameMap, encode
 from fleet_quadruped.robot.parts import Section
-from fleet_quadruped.seals import Sealed
 from fleet_quadruped.selfwalk.wire import AXES, COMMANDS, Wire
 
 
@@ -41,9 +41,9 @@ class FixedFrame(Section, Sealed):
         return self
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> CanFrame:
         """The frame itself."""
-        return Frame(self.id, bytes.fromhex(self.data))
+        return CanFrame(self.id, bytes.fromhex(self.data))
 
 
 class Frames(Section):
@@ -84,7 +84,7 @@ def wire_of(frames: Frames) -> Wire:
     return Wire(
         velocity=(frames.velocity,),
         commands={name: one.frame for name, one in fixed.items() if one},
-        height=(lambda metres: Frame(height.id, encode(height, {"height": metres}))) if height else None,
+        height=(lambda metres: CanFrame(height.id, encode(height, {"height": metres}))) if height else None,
         state=frames.state,
         slow=frames.slow,
         start=tuple(one.frame for one in frames.start),

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import Object, pdo_objects
 from fleet_quadruped.frames import FieldMap, FrameMap, Number, encode
@@ -118,7 +118,7 @@ def wire_of(objects: Objects, silence: float) -> Wire:
         height=(lambda metres: _raised(node, height, metres)) if height else None,
         state=tuple(maps[:fast]),
         slow=tuple(maps[fast:]),
-        alive=(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])), Frame(SYNC, b"")),
+        alive=(CanFrame(HEARTBEAT + MASTER, bytes([OPERATIONAL])), CanFrame(SYNC, b"")),
         node=node,
         setup=tuple(setup),
     )
@@ -145,13 +145,13 @@ def _frame(identifier: int, group: Mapping[str, Entry]) -> FrameMap:
     return FrameMap(id=identifier, fields=fields)
 
 
-def _raised(node: int, entry: Entry, metres: float) -> Frame:
+def _raised(node: int, entry: Entry, metres: float) -> CanFrame:
     """Return the frame that writes a height."""
     data = encode(FrameMap(id=0, fields={"height": entry.at(0)}), {"height": metres})
     return _written(node, Object(entry.index, entry.sub, len(data), 0, "height"), data)
 
 
-def _written(node: int, item: Object, data: bytes) -> Frame:
+def _written(node: int, item: Object, data: bytes) -> CanFrame:
     """Return the frame that writes an object (expedited SDO download)."""
     head = struct.pack("<BHB", 0x23 | (4 - item.size) << 2, item.place, item.sub)
-    return Frame(SDO_REQUEST + node, head + data.ljust(4, b"\x00"))
+    return CanFrame(SDO_REQUEST + node, head + data.ljust(4, b"\x00"))

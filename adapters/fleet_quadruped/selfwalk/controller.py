@@ -8,23 +8,23 @@ from collections.abc import Mapping
 from fleet.errors import LinkLost
 from fleet.model.geometry import quaternion_from_yaw
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
-from fleet_quadruped.body.pace import limited, ramped
-from fleet_quadruped.body.sense import Imu
-from fleet_quadruped.can.alone import Address
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.body.velocity_ramp import limited, ramped
+from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.control.lamp import Lamp
-from fleet_quadruped.control.orders import Order, State, Timing
-from fleet_quadruped.control.senses import Values, imu_of
-from fleet_quadruped.drives.cia402.commission import Addressed, write_node
+from fleet_quadruped.control.orders import DogState, Order, Timing
+from fleet_quadruped.control.sensors import Values, imu_of
+from fleet_quadruped.drives.cia402.commission import NodeName, write_node
 from fleet_quadruped.drives.cia402.frames import SDO_RESPONSE
-from fleet_quadruped.frames import Encoder
+from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.safety.stages import EMERGENCY_STOP, TOLD_TO_LEAVE, Mode
-from fleet_quadruped.seals import Seal
-from fleet_quadruped.selfwalk.asks import NAMES, TAKEN, Asks
 from fleet_quadruped.selfwalk.by_objects import SDO_ABORT
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.obedience import Obedience
+from fleet_quadruped.selfwalk.requests import NAMES, TAKEN, RequestTracker
 from fleet_quadruped.selfwalk.wire import AXES
 
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
@@ -49,9 +49,9 @@ class SelfWalkController:
         self._state = Values(state)
         self._slow = Values(slow) if slow else None
         self._lamp = Lamp(walker.led, buses)
-        self._asks = Asks()
+        self._asks = RequestTracker()
         self._seals = {number: Seal(number, sealed) for number, sealed in self._wire.seals.items()}
-        self._velocities = [(frame.id, Encoder(frame)) for frame in self._wire.velocity]
+        self._velocities = [(frame.id, FrameEncoder(frame)) for frame in self._wire.velocity]
         self._obedience = Obedience()
         self._errand = self._stops = 0
         self._stopping = False  # an emergency stop that the machine has not obeyed yet
@@ -76,7 +76,7 @@ class SelfWalkController:
         Raises LinkLost for one that does not answer, LinkRefused naming object, wanted and actual.
         """
         if self._wire.node is not None:
-            who = Addressed(self.walker.robot.name, self.walker.bus, self._wire.node)
+            who = NodeName(self.walker.robot.name, self.walker.bus, self._wire.node)
             write_node(self._bus, who, list(self._wire.setup))
         for frame in self._wire.start:
             self._put(frame)
@@ -101,7 +101,7 @@ class SelfWalkController:
         """Return True when nothing more is waited for; a machine that speaks when it likes is not."""
         return not self._wire.alive or self._state.age(self._began) <= 0.0
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
         for told in (self._state, self._slow):
             if told is not None and (bus, frame.id) in told.frames:
@@ -131,11 +131,11 @@ class SelfWalkController:
         """Have it stand still, if it can still be reached: nobody follows."""
         self._send(_STILL)
 
-    def state(self, now: float, timing: Timing) -> State:
+    def state(self, now: float, timing: Timing) -> DogState:
         """Return the newest state."""
         turn = self._imu.rotation if self._imu else quaternion_from_yaw(self._yaw)
         gyro, accel = (self._imu.gyro, self._imu.accel) if self._imu else (None, None)
-        return State(
+        return DogState(
             stamp=now,
             mode=self.mode.value,
             fault=self.fault,
@@ -221,10 +221,10 @@ class SelfWalkController:
 
     def _obey(self, order: Order, now: float) -> None:
         """Take what is asked, then stops, which so have the last word, then the absence of whoever asks."""
-        errand = order.errand
-        if errand.number > self._errand:
-            self._errand = errand.number
-            self._asks.begin(errand.number, errand.ask, *self._answer(errand.ask, errand.value), now)
+        activity = order.activity
+        if activity.number > self._errand:
+            self._errand = activity.number
+            self._asks.begin(activity.number, activity.ask, *self._answer(activity.ask, activity.value), now)
         if order.stop > self._stops:
             self._stops, self._stopping = order.stop, True
             self._stop(EMERGENCY_STOP, now)
@@ -235,24 +235,24 @@ class SelfWalkController:
         if percent is not None and percent <= self.walker.sit_at:
             self._sit(f"battery: {percent:.0f} %, it sits down at {self.walker.sit_at:g} %")
 
-    def _answer(self, ask: Ask, value: float) -> tuple[Frame | None, str]:
+    def _answer(self, ask: BodyRequest, value: float) -> tuple[CanFrame | None, str]:
         """Return the frame that carries out an ask, and why it is refused, empty when it is not."""
-        if ask is Ask.HEIGHT:
+        if ask is BodyRequest.HEIGHT:
             return self._raise(value)
         frame = self._wire.commands.get(NAMES[ask])
-        if ask is Ask.RESET:
+        if ask is BodyRequest.RESET:
             if self._stopping:
                 return None, "it has not obeyed the emergency stop yet"
             self.fault = ""
             return frame, ""
         if frame is None:
             return None, f"this machine's description has no {NAMES[ask]}"
-        if ask is Ask.SIT:
+        if ask is BodyRequest.SIT:
             return frame, ""
         refusal = self._not_now(ask)
         return (None, refusal) if refusal else (frame, "")
 
-    def _not_now(self, ask: Ask) -> str:
+    def _not_now(self, ask: BodyRequest) -> str:
         """Return why it cannot get up now; what the host lets through ends an emergency stop."""
         if self._is_stale():
             return "the machine tells no state"
@@ -262,7 +262,7 @@ class SelfWalkController:
             self.fault = ""
         return self.fault and f"a fault is latched: {self.fault}; look at the machine, then send reset_faults"
 
-    def _raise(self, value: float) -> tuple[Frame | None, str]:
+    def _raise(self, value: float) -> tuple[CanFrame | None, str]:
         """Return the frame for another height."""
         if self._wire.height is None:
             return None, "this machine's description has no height"
@@ -308,9 +308,9 @@ class SelfWalkController:
         """Send a velocity."""
         values = dict(zip(AXES, twist, strict=True))
         for number, encoder in self._velocities:
-            self._put(Frame(number, encoder.encode(values)))
+            self._put(CanFrame(number, encoder.encode(values)))
 
-    def _put(self, frame: Frame) -> None:
+    def _put(self, frame: CanFrame) -> None:
         """Put a frame on the bus, with its counter and checksum."""
         seal = self._seals.get(frame.id)
-        self._bus.send(Frame(frame.id, seal.put(frame.data)) if seal else frame)
+        self._bus.send(CanFrame(frame.id, seal.put(frame.data)) if seal else frame)

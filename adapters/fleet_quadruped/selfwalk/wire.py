@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.setup import Object
+from fleet_quadruped.frame_integrity import Sealed
 from fleet_quadruped.frames import FrameMap
-from fleet_quadruped.seals import Sealed
 
 AXES = ("x", "y", "turn")
 """A velocity: m/s forward, m/s left, rad/s counter-clockwise."""
@@ -25,12 +25,12 @@ class Wire(NamedTuple):
     """
 
     velocity: tuple[FrameMap, ...]
-    commands: Mapping[str, Frame]
-    height: Callable[[float], Frame] | None
+    commands: Mapping[str, CanFrame]
+    height: Callable[[float], CanFrame] | None
     state: tuple[FrameMap, ...]
     slow: tuple[FrameMap, ...]
-    start: tuple[Frame, ...] = ()
-    alive: tuple[Frame, ...] = ()
+    start: tuple[CanFrame, ...] = ()
+    alive: tuple[CanFrame, ...] = ()
     node: int | None = None
     setup: tuple[Object, ...] = ()
     seals: Mapping[int, Sealed] = MappingProxyType({})

@@ -18,38 +18,44 @@ STIFF, DAMPING = 150.0, 3.0  # N m/rad, N m s/rad: the drive's position loop
 _AT_ONCE, _SLOW_DOWN, _QUICK, _HARD = 0.0, 20.0, 100.0, math.inf  # rad/s2; at once: without any torque
 
 
-class Ending(NamedTuple):
+class BrakeEnd(NamedTuple):
     """How a stop goes on: how fast the motor is slowed down (rad/s2), and whether it is held then."""
 
     ramp: float
     holds: bool = False
 
 
-QUICK_STOPS: Mapping[int, Ending] = MappingProxyType(
+QUICK_STOPS: Mapping[int, BrakeEnd] = MappingProxyType(
     {
-        0: Ending(_AT_ONCE),
-        1: Ending(_SLOW_DOWN),
-        2: Ending(_QUICK),
-        3: Ending(_HARD),
-        4: Ending(_HARD),
-        5: Ending(_SLOW_DOWN, holds=True),
-        6: Ending(_QUICK, holds=True),
-        7: Ending(_HARD, holds=True),
+        0: BrakeEnd(_AT_ONCE),
+        1: BrakeEnd(_SLOW_DOWN),
+        2: BrakeEnd(_QUICK),
+        3: BrakeEnd(_HARD),
+        4: BrakeEnd(_HARD),
+        5: BrakeEnd(_SLOW_DOWN, holds=True),
+        6: BrakeEnd(_QUICK, holds=True),
+        7: BrakeEnd(_HARD, holds=True),
     }
 )
 """605Ah: what a quick stop does."""
-DISABLES: Mapping[int, Ending] = MappingProxyType({0: Ending(_AT_ONCE), 1: Ending(_SLOW_DOWN)})
+DISABLES: Mapping[int, BrakeEnd] = MappingProxyType({0: BrakeEnd(_AT_ONCE), 1: BrakeEnd(_SLOW_DOWN)})
 """605Ch: what "disable operation" does."""
-FAULTS: Mapping[int, Ending] = MappingProxyType(
-    {0: Ending(_AT_ONCE), 1: Ending(_SLOW_DOWN), 2: Ending(_QUICK), 3: Ending(_HARD), 4: Ending(_HARD)}
+FAULTS: Mapping[int, BrakeEnd] = MappingProxyType(
+    {
+        0: BrakeEnd(_AT_ONCE),
+        1: BrakeEnd(_SLOW_DOWN),
+        2: BrakeEnd(_QUICK),
+        3: BrakeEnd(_HARD),
+        4: BrakeEnd(_HARD),
+    }
 )
 """605Eh: what a fault does before the torque goes off."""
 
 
-class Brake:
+class MotorBrake:
     """One stop of one motor, from where it is and as fast as it turns when the stop begins."""
 
-    def __init__(self, ending: Ending, motor: Motor) -> None:
+    def __init__(self, ending: BrakeEnd, motor: Motor) -> None:
         self.holds = ending.holds
         self._ramp = ending.ramp
         self._speed = motor.speed if _AT_ONCE < ending.ramp < math.inf else 0.0

@@ -7,10 +7,10 @@ import struct
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402 import frames as wire
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE, MODE_DISPLAY, OPTIONAL, mapping_objects
-from fleet_quadruped.drives.cia402.states import FOLLOWS, State
+from fleet_quadruped.drives.cia402.states import FOLLOWS, DriveState
 from fleet_quadruped.robot.busload import SLOW_EVERY
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
@@ -23,39 +23,39 @@ from fleet_quadruped.sim.brakes import (
     QUICK_STOP_OPTION,
     QUICK_STOPS,
     STIFF,
-    Brake,
-    Ending,
+    BrakeEnd,
+    MotorBrake,
     let_go,
 )
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Encoder, Hears
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
 from fleet_quadruped.sim.sdo import Entry, SdoServer
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
 _NO_LIMIT = 0xFFFF  # in 6072h
-_STATUS: Mapping[State, int] = MappingProxyType(
+_STATUS: Mapping[DriveState, int] = MappingProxyType(
     {
-        State.NOT_READY: 0x0000,
-        State.SWITCH_ON_DISABLED: 0x0250,
-        State.READY: 0x0231,
-        State.SWITCHED_ON: 0x0233,
-        State.ENABLED: 0x1237,
-        State.QUICK_STOP: 0x0217,
-        State.FAULT_REACTION: 0x021F,
-        State.FAULT: 0x0218,
+        DriveState.NOT_READY: 0x0000,
+        DriveState.SWITCH_ON_DISABLED: 0x0250,
+        DriveState.READY: 0x0231,
+        DriveState.SWITCHED_ON: 0x0233,
+        DriveState.ENABLED: 0x1237,
+        DriveState.QUICK_STOP: 0x0217,
+        DriveState.FAULT_REACTION: 0x021F,
+        DriveState.FAULT: 0x0218,
     }
 )
-_STEPS: Mapping[tuple[State, int], State] = MappingProxyType(
+_STEPS: Mapping[tuple[DriveState, int], DriveState] = MappingProxyType(
     {
-        (State.SWITCH_ON_DISABLED, 0x06): State.READY,
-        (State.READY, 0x07): State.SWITCHED_ON,
-        (State.SWITCHED_ON, 0x0F): State.ENABLED,
-        (State.SWITCHED_ON, 0x06): State.READY,
-        (State.ENABLED, 0x06): State.READY,
+        (DriveState.SWITCH_ON_DISABLED, 0x06): DriveState.READY,
+        (DriveState.READY, 0x07): DriveState.SWITCHED_ON,
+        (DriveState.SWITCHED_ON, 0x0F): DriveState.ENABLED,
+        (DriveState.SWITCHED_ON, 0x06): DriveState.READY,
+        (DriveState.ENABLED, 0x06): DriveState.READY,
     }
 )
 """(state, low four bits of the control word) to the next state; clear bit 1 means voltage off; see _ACTS."""
-_FAILED = frozenset({State.FAULT, State.FAULT_REACTION})
+_FAILED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION})
 _CONNECTION_LOST = (0x6007, 0)
 _ERROR_BEHAVIOUR = (0x1029, 1)
 _AFTER_ERROR: Mapping[int, int] = MappingProxyType({0: wire.PRE_OPERATIONAL, 2: wire.STOPPED})
@@ -70,20 +70,20 @@ _CODES: Mapping[str, int] = MappingProxyType({"overcurrent": 0x2310, "hot": 0x43
 class SimDrive:
     """One drive at one joint; ``send`` puts its frames on the bus."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
-        self.encoder = Encoder(motor)
+        self.encoder = SimEncoder(motor)
         self._units = wire.Units(joint)
         self._send = send
         self._warm_since: float | None = None
         self._scale = drive.temperature.scale if drive.temperature else None
         self.sdo = SdoServer(joint.id, _dictionary(joint, drive), send)
         self.sdo.objects[MODE_DISPLAY] = self.sdo.objects[0x6060, 0]
-        self.state = State.SWITCH_ON_DISABLED
+        self.state = DriveState.SWITCH_ON_DISABLED
         self.nmt = wire.PRE_OPERATIONAL
-        self._brake: Brake | None = None
-        self._after_brake = State.SWITCH_ON_DISABLED
+        self._brake: MotorBrake | None = None
+        self._after_brake = DriveState.SWITCH_ON_DISABLED
         self._stays = False  # it does not go on from a quick stop
         self._muted = self._terse = self._deaf = False
         self._dozing = 0  # times that it does not hear that it is to be enabled
@@ -111,14 +111,14 @@ class SimDrive:
 
     def boot(self) -> None:
         """Start as after power-on."""
-        self.state, self.nmt = State.SWITCH_ON_DISABLED, wire.PRE_OPERATIONAL
+        self.state, self.nmt = DriveState.SWITCH_ON_DISABLED, wire.PRE_OPERATIONAL
         self._master_at = self._waiting = self._brake = None
         self._say(wire.HEARTBEAT, bytes([wire.BOOT_UP]))
 
     def fail(self, why: str) -> None:
         """Go into fault, and say so in an emergency."""
         self._code = _CODES[why]
-        self._stop(State.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], State.FAULT)
+        self._stop(DriveState.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], DriveState.FAULT)
         self._say(wire.EMERGENCY, struct.pack("<HB5x", self._code, 0x21))
 
     def mute(self) -> None:
@@ -178,7 +178,7 @@ class SimDrive:
         if self._brake is not None:
             self._slow_down(self._brake, dt)
             return
-        if self.state is not State.ENABLED:
+        if self.state is not DriveState.ENABLED:
             let_go(motor)
             return
         goal, target, slope = self._to, self._to, 0.0
@@ -190,14 +190,14 @@ class SimDrive:
         motor.kp, motor.kd, motor.feed = STIFF, DAMPING, self._feed
         motor.target, motor.target_speed, motor.slope = target, slope, slope
 
-    def _stop(self, state: State, ending: Ending, after: State) -> None:
+    def _stop(self, state: DriveState, ending: BrakeEnd, after: DriveState) -> None:
         """Begin to stop in ``state``; ``after`` is what follows when the torque is off."""
         self.state, self._after_brake = state, after
-        self._brake = Brake(ending, self.motor)
+        self._brake = MotorBrake(ending, self.motor)
         if not self._brake.torque:
             self.state, self._brake = after, None
 
-    def _slow_down(self, brake: Brake, dt: float) -> None:
+    def _slow_down(self, brake: MotorBrake, dt: float) -> None:
         """Go on with a stop: brake, then hold, or take the torque off."""
         if brake.over and not brake.holds:
             self.state, self._brake = self._after_brake, None
@@ -239,11 +239,13 @@ class SimDrive:
 
     def _lose_connection(self) -> None:
         """Do what 6007h says, when the master is silent or takes the node out of operation."""
-        if self.state is not State.ENABLED:
+        if self.state is not DriveState.ENABLED:
             return
         option = self.sdo.objects[_CONNECTION_LOST].value
         if option == 1:
-            self._stop(State.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], State.FAULT)
+            self._stop(
+                DriveState.FAULT_REACTION, FAULTS[self.sdo.objects[FAULT_OPTION].value], DriveState.FAULT
+            )
         elif option == 2:
             self._switch(0x00, self._control)
         elif option == 3:
@@ -252,19 +254,19 @@ class SimDrive:
     def stop_quickly(self) -> None:
         """Do what 605Ah says for a quick stop."""
         ending = QUICK_STOPS[self.sdo.objects[QUICK_STOP_OPTION].value]
-        self._stop(State.QUICK_STOP, ending, State.SWITCH_ON_DISABLED)
+        self._stop(DriveState.QUICK_STOP, ending, DriveState.SWITCH_ON_DISABLED)
 
-    def _master(self, _frame: Frame) -> None:
+    def _master(self, _frame: CanFrame) -> None:
         """Note that the master lives."""
         if self._master_at is None:
             self._look_at = self._time
         self._master_at = self._time
 
-    def _target(self, frame: Frame) -> None:
+    def _target(self, frame: CanFrame) -> None:
         """Keep a control word and a target for the next SYNC."""
         self._waiting = self._units.unpack(frame.data) if self.nmt == wire.OPERATIONAL else None
 
-    def _command(self, frame: Frame) -> None:
+    def _command(self, frame: CanFrame) -> None:
         """Obey NMT."""
         data = frame.data
         if len(data) < 2 or data[1] not in {0, self.joint.id}:
@@ -277,7 +279,7 @@ class SimDrive:
             if self.nmt != wire.OPERATIONAL:
                 self._lose_connection()
 
-    def _sync(self, _frame: Frame) -> None:
+    def _sync(self, _frame: CanFrame) -> None:
         """Obey the target that came since the last SYNC, and tell where we are."""
         if self.nmt != wire.OPERATIONAL:
             return
@@ -293,17 +295,17 @@ class SimDrive:
         if self._syncs % SLOW_EVERY == 0:
             warm = COOL + (self._time - self._warm_since) * WARMING if self._warm_since is not None else COOL
             heat = None if self._scale is None else round(warm / self._scale)
-            self._say(wire.TPDO2, wire.pack_slow(wire.Slow(self.voltage, self._code, heat)))
+            self._say(wire.TPDO2, wire.pack_slow(wire.SlowPdo(self.voltage, self._code, heat)))
 
     def _obey(self, told: tuple[int, float, float]) -> None:
         """Take a control word and a target."""
         control, angle, torque = told
-        if self._dozing and control & 0x0F == 0x0F and self.state is State.SWITCHED_ON:
+        if self._dozing and control & 0x0F == 0x0F and self.state is DriveState.SWITCHED_ON:
             self._dozing -= 1
             return
-        if control != self._control or self.state is not State.ENABLED:  # enabled, it obeys a word once
+        if control != self._control or self.state is not DriveState.ENABLED:  # enabled, it obeys a word once
             self._switch(control, self._control)
-        if self.state is State.ENABLED and not self._deaf:
+        if self.state is DriveState.ENABLED and not self._deaf:
             self._from = self._to
             self._to = angle - self.encoder.off
             self._feed = torque
@@ -316,41 +318,43 @@ class SimDrive:
         if self.state in _FAILED:
             self._reset(control, before)
         elif not control & 0x02:
-            self.state, self._brake = State.SWITCH_ON_DISABLED, None
+            self.state, self._brake = DriveState.SWITCH_ON_DISABLED, None
         elif act is not None:
             act(self)
         else:
             self.state = _STEPS.get((self.state, control & 0x0F), self.state)
-        if self.state is State.ENABLED is not was:
+        if self.state is DriveState.ENABLED is not was:
             self._to = self.motor.angle
 
     def _reset(self, control: int, before: int) -> None:
         """Leave a fault by a rising edge of the reset bit."""
-        if self.state is State.FAULT and control & 0x80 and not before & 0x80:
-            self.state, self._code = State.SWITCH_ON_DISABLED, 0
+        if self.state is DriveState.FAULT and control & 0x80 and not before & 0x80:
+            self.state, self._code = DriveState.SWITCH_ON_DISABLED, 0
             self._say(wire.EMERGENCY, bytes(8))
 
     def disable(self) -> None:
         """Do what 605Ch says for "disable operation"."""
-        self._stop(State.ENABLED, DISABLES[self.sdo.objects[DISABLE_OPTION].value], State.SWITCHED_ON)
+        self._stop(
+            DriveState.ENABLED, DISABLES[self.sdo.objects[DISABLE_OPTION].value], DriveState.SWITCHED_ON
+        )
 
     def go_on(self) -> None:
         """Go on from a quick stop that holds (605Ah is 5 to 7): transition 16."""
         if self._brake is not None and self._brake.holds and not self._stays:
-            self.state, self._brake = State.ENABLED, None
+            self.state, self._brake = DriveState.ENABLED, None
 
     def _say(self, base: int, data: bytes) -> None:
         """Send a frame of ours."""
         if not self._muted:
             short = self._terse and base == wire.EMERGENCY
-            self._send(Frame(base + self.joint.id, data[:2] if short else data))
+            self._send(CanFrame(base + self.joint.id, data[:2] if short else data))
 
 
-_ACTS: Mapping[tuple[State, int], Callable[[SimDrive], None]] = MappingProxyType(
+_ACTS: Mapping[tuple[DriveState, int], Callable[[SimDrive], None]] = MappingProxyType(
     {
-        (State.ENABLED, 0x02): SimDrive.stop_quickly,
-        (State.ENABLED, 0x07): SimDrive.disable,
-        (State.QUICK_STOP, 0x0F): SimDrive.go_on,
+        (DriveState.ENABLED, 0x02): SimDrive.stop_quickly,
+        (DriveState.ENABLED, 0x07): SimDrive.disable,
+        (DriveState.QUICK_STOP, 0x0F): SimDrive.go_on,
     }
 )
 """(state, low four bits of the control word) to what takes its time, or is not always possible."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from fleet.sim.faults import check_fault
-from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.drive import AnyDrive, Hears
 from fleet_quadruped.sim.faults import ALL_FAULTS, ON_CIA402, ON_DRIVE
@@ -27,7 +27,11 @@ class SimDog:
     """
 
     def __init__(
-        self, dog: Description, world: World, heard: Mapping[str, Callable[[Frame], None]], seed: int = 1
+        self,
+        dog: DogDescription,
+        world: World,
+        heard: Mapping[str, Callable[[CanFrame], None]],
+        seed: int = 1,
     ) -> None:
         self.dog = dog
         self.world = world
@@ -91,7 +95,7 @@ class SimDog:
         self._wires.faults.pop(name, None)
         self._sensors.faults.pop(name, None)
 
-    def take(self, bus: str, frame: Frame) -> None:
+    def take(self, bus: str, frame: CanFrame) -> None:
         """Take a frame that was sent to the dog."""
         if not self._wires.faults:
             self._deliver(bus, frame)
@@ -125,15 +129,15 @@ class SimDog:
             for frame in self._wires.from_dog(bus, (), self.time):
                 self._heard[bus](frame)
 
-    def _deliver(self, bus: str, frame: Frame) -> None:
+    def _deliver(self, bus: str, frame: CanFrame) -> None:
         for hears in self._listeners[bus].get(frame.id, ()):
             hears(frame)
 
-    def _sender(self, bus: str) -> Callable[[Frame], None]:
+    def _sender(self, bus: str) -> Callable[[CanFrame], None]:
         """Return what puts a frame of the dog on a bus."""
         heard, wires = self._heard[bus], self._wires
 
-        def send(frame: Frame) -> None:
+        def send(frame: CanFrame) -> None:
             if not wires.faults:
                 heard(frame)
                 return

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.sim.world import Motor
 
 STUBBORN = 3  # times that a lazy drive does not hear that it is to be enabled
 COOL, WARMING = 40.0, 10.0  # degrees C, and by the second
 
-Hears = Callable[[Frame], None]
+Hears = Callable[[CanFrame], None]
 
 
-class Encoder:
+class SimEncoder:
     """What a drive believes of where its motor is; ``off`` is by how much it errs, rad."""
 
     def __init__(self, motor: Motor) -> None:
@@ -46,7 +46,7 @@ class AnyDrive(Protocol):
     """One simulated drive; ``voltage`` is what its supply has, V."""
 
     joint: Joint
-    encoder: Encoder
+    encoder: SimEncoder
     voltage: float
 
     @property

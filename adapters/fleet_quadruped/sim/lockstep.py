@@ -7,8 +7,8 @@ from collections import deque
 from typing import Protocol
 
 from fleet.errors import LinkLost
-from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.sim.dog import SimDog
 from fleet_quadruped.sim.world import KinematicWorld, World
 
@@ -16,7 +16,7 @@ from fleet_quadruped.sim.world import KinematicWorld, World
 class Takes(Protocol):
     """A machine that takes frames."""
 
-    def take(self, bus: str, frame: Frame) -> None:
+    def take(self, bus: str, frame: CanFrame) -> None:
         """Take a frame that was sent to it."""
 
 
@@ -26,16 +26,16 @@ class SimBus:
     def __init__(self, name: str) -> None:
         self.name = name
         self.cut = False
-        self.sent: deque[Frame] = deque(maxlen=64)
+        self.sent: deque[CanFrame] = deque(maxlen=64)
         self._dog: Takes | None = None
-        self._arrived: deque[Frame] = deque()
+        self._arrived: deque[CanFrame] = deque()
         self._news: threading.Event | None = None  # while somebody waits
 
     def connect(self, dog: Takes) -> None:
         """Join the dog."""
         self._dog = dog
 
-    def arrive(self, frame: Frame) -> None:
+    def arrive(self, frame: CanFrame) -> None:
         """Take a frame from the dog."""
         if not self.cut:
             self._arrived.append(frame)
@@ -43,14 +43,14 @@ class SimBus:
             if news is not None:
                 news.set()
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Hand a frame to the dog."""
         if self.cut or self._dog is None:
             return
         self.sent.append(frame)
         self._dog.take(self.name, frame)
 
-    def receive(self, wait: float) -> list[Frame]:
+    def receive(self, wait: float) -> list[CanFrame]:
         """Return what the dog has sent, waiting for what another thread asks it; raises LinkLost if cut."""
         if wait > 0:
             self._wait(wait)
@@ -74,7 +74,7 @@ class SimBus:
 
 
 def lockstep(
-    dog: Description, world: World | None = None, *, real: Description | None = None, seed: int = 1
+    dog: DogDescription, world: World | None = None, *, real: DogDescription | None = None, seed: int = 1
 ) -> tuple[SimDog, dict[str, SimBus]]:
     """Return a simulated dog and its buses; ``real`` is how it is built when ``dog`` is wrong."""
     buses = {name: SimBus(name) for name in dog.buses}

@@ -6,13 +6,13 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import Command, MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.description import Joint
 from fleet_quadruped.robot.parts import Drive
-from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Encoder, Hears
+from fleet_quadruped.sim.drive import COOL, STUBBORN, WARMING, Hears, SimEncoder
 from fleet_quadruped.sim.sensors import FULL
 from fleet_quadruped.sim.world import Motor
 
@@ -23,14 +23,14 @@ _LOST = 0xD
 class SimMitDrive:
     """One motor at one joint; ``send`` puts its frames on the bus."""
 
-    def __init__(self, joint: Joint, motor: Motor, send: Callable[[Frame], None], drive: Drive) -> None:
+    def __init__(self, joint: Joint, motor: Motor, send: Callable[[CanFrame], None], drive: Drive) -> None:
         self.joint = joint
         self.motor = motor
-        self.encoder = Encoder(motor)
+        self.encoder = SimEncoder(motor)
         self._send = send
         self._profile = PROFILES[drive.profile]
         self._layout = wire.Layout(self._profile)
-        self._units = wire.Units(joint)
+        self._units = wire.MitUnits(joint)
         self._square = joint.kind.ratio**2
         ranges = (self._profile.angle, self._profile.speed, self._profile.torque)
         self._registers = {
@@ -103,7 +103,7 @@ class SimMitDrive:
         target, motor.target_speed, motor.feed = self._units.joint(angle, speed, torque)
         motor.target = target - self.encoder.off
 
-    def _obey(self, frame: Frame) -> None:
+    def _obey(self, frame: CanFrame) -> None:
         """Take a special frame or a command, and answer."""
         data = frame.data
         if len(data) != 8:
@@ -129,9 +129,9 @@ class SimMitDrive:
         angle, speed, torque = self._units.motor(self.encoder.angle, motor.speed, motor.torque)
         reply = (self.joint.id, angle, speed, torque, self.status, self._temperature)
         data = self._layout.pack_reply(reply)
-        self._send(Frame(self._place, data[:2] if self._terse else data))
+        self._send(CanFrame(self._place, data[:2] if self._terse else data))
 
-    def _register(self, frame: Frame) -> None:
+    def _register(self, frame: CanFrame) -> None:
         """Answer a question for a register, or a change of one."""
         data = frame.data
         told = wire.unpack_register(data)
@@ -142,7 +142,7 @@ class SimMitDrive:
             self._registers[register] = value
             self._timeout = _timeout(self._registers[wire.TIMEOUT_REGISTER])
         answer = struct.pack("<HBB4s", motor, data[2], register, self._registers[register])
-        self._send(Frame(wire.MASTER + self.joint.id, answer))
+        self._send(CanFrame(wire.MASTER + self.joint.id, answer))
 
 
 def _timeout(register: bytes) -> float:

@@ -9,9 +9,9 @@ import mujoco
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.legs import Leg, Point
-from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.turning import to_body
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import LEGS
 from fleet_quadruped.sim.world import Motor
 
@@ -20,7 +20,7 @@ _TRUNK = 0.55  # share of the mass
 _BODY_HALF_HEIGHT = 0.05  # m
 
 
-def model_of(dog: Description, friction: float = 0.8) -> str:
+def model_of(dog: DogDescription, friction: float = 0.8) -> str:
     """Return the MuJoCo model (MJCF) of a dog on flat ground.
 
     The rubber of the end stops fills the margin that targets keep, so that its give ends at the limits.
@@ -58,7 +58,7 @@ def model_of(dog: Description, friction: float = 0.8) -> str:
 </mujoco>"""
 
 
-def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
+def _leg(dog: DogDescription, name: str, leg: Leg, mass: float) -> str:
     """Return one leg: hip block, thigh, calf with a round foot."""
     joints = {joint.name: joint for joint in dog.all_joints}
     ranges = {
@@ -86,7 +86,7 @@ def _leg(dog: Description, name: str, leg: Leg, mass: float) -> str:
 class MujocoWorld:
     """Rigid bodies, contacts and friction."""
 
-    def __init__(self, dog: Description, *, friction: float = 0.8) -> None:
+    def __init__(self, dog: DogDescription, *, friction: float = 0.8) -> None:
         self._model: Any = mujoco.MjModel.from_xml_string(model_of(dog, friction))
         self.data: Any = mujoco.MjData(self._model)
         self._load: Any = self.data.act

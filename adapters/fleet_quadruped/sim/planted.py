@@ -10,10 +10,10 @@ import random
 from fleet import Quaternion
 from fleet.model.geometry import quaternion_from_euler
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.check_moves import Moves
 from fleet_quadruped.commissioning import at_rest, problems
-from fleet_quadruped.moves import Moves
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -34,7 +34,7 @@ class BuiltWorld(MujocoWorld):
         return true._replace(rotation=_product(true.rotation, self.mount))
 
 
-def as_built(dog: Description, seed: int) -> tuple[Description, BuiltWorld]:
+def as_built(dog: DogDescription, seed: int) -> tuple[DogDescription, BuiltWorld]:
     """Return a dog with the small errors of manufacturing, and its world with some friction."""
     chance = random.Random(seed)  # noqa: S311 - must be the same on every run
     joints = {
@@ -55,7 +55,7 @@ def as_built(dog: Description, seed: int) -> tuple[Description, BuiltWorld]:
     return built, world
 
 
-def with_offset(dog: Description, name: str, offset: float) -> Description:
+def with_offset(dog: DogDescription, name: str, offset: float) -> DogDescription:
     """Return the description with one joint's offset wrong by so much, rad."""
     wiring = dog.joints[name]
     return _changed(
@@ -63,7 +63,7 @@ def with_offset(dog: Description, name: str, offset: float) -> Description:
     )
 
 
-def with_sign(dog: Description, name: str, *, calibrated: bool) -> Description:
+def with_sign(dog: DogDescription, name: str, *, calibrated: bool) -> DogDescription:
     """Return the description with a wrong sign; ``calibrated``: in the fold, with that sign, or not."""
     wiring = dog.joints[name]
     fold = dog.posture(dog.poses.fold)[JOINTS.index(name)]
@@ -72,7 +72,7 @@ def with_sign(dog: Description, name: str, *, calibrated: bool) -> Description:
     return _changed(dog, joints={**dog.joints, name: wrong})
 
 
-def checked(dog: Description, built: Description, world: MujocoWorld) -> list[str]:
+def checked(dog: DogDescription, built: DogDescription, world: MujocoWorld) -> list[str]:
     """Return what a check with moves finds when a dog is described as ``dog`` and is as ``built``."""
     rig = Rig(dog, world, real=built)
     rig.go(0.1)
@@ -89,9 +89,9 @@ def checked(dog: Description, built: Description, world: MujocoWorld) -> list[st
     return problems(dog, moves.looks, moves.ended)
 
 
-def _changed(dog: Description, **sections: object) -> Description:
+def _changed(dog: DogDescription, **sections: object) -> DogDescription:
     """Return a description with other sections, checked anew."""
-    return Description.model_validate(dog.model_copy(update=sections).model_dump())
+    return DogDescription.model_validate(dog.model_copy(update=sections).model_dump())
 
 
 def _product(one: Quaternion, two: Quaternion) -> Quaternion:

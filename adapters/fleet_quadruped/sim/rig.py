@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.control.controller import Controller
-from fleet_quadruped.control.orders import Errand, Order, State, Timing
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.control.orders import Activity, DogState, Order, Timing
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.lockstep import lockstep
 from fleet_quadruped.sim.world import World
@@ -22,7 +22,12 @@ class Rig:
     """A simulated dog that is configured and off. ``order`` is what its host says, kept fresh."""
 
     def __init__(
-        self, dog: Description, world: World | None = None, *, real: Description | None = None, seed: int = 1
+        self,
+        dog: DogDescription,
+        world: World | None = None,
+        *,
+        real: DogDescription | None = None,
+        seed: int = 1,
     ) -> None:
         self.dog = dog
         self.sim, self.buses = lockstep(dog, world, real=real, seed=seed)
@@ -44,7 +49,7 @@ class Rig:
         """The latched fault."""
         return self.controller.body.fault
 
-    def state(self) -> State:
+    def state(self) -> DogState:
         """Return what the controller tells."""
         return self.controller.state(self.sim.time + self.skew, Timing())
 
@@ -84,10 +89,10 @@ class Rig:
         for _ in range(round(seconds / self.dog.dt)):
             self.cycle()
 
-    def ask(self, ask: Ask, value: float = 0.0) -> str:
+    def ask(self, ask: BodyRequest, value: float = 0.0) -> str:
         """Ask the body for something; return why it refuses, empty when it does it."""
         self.order = msgspec.structs.replace(
-            self.order, errand=Errand(self.order.errand.number + 1, ask, value)
+            self.order, activity=Activity(self.order.activity.number + 1, ask, value)
         )
         self.cycle()
         return self.state().refusal
@@ -105,7 +110,7 @@ class Rig:
     def stand(self) -> None:
         """Stand up, from off to standing."""
         self.settle()
-        refusal = self.ask(Ask.STAND)
+        refusal = self.ask(BodyRequest.STAND)
         self.go(3.0)
         if self.mode is not Mode.STANDING:
             raise AssertionError(refusal or self.fault or f"it is {self.mode}")

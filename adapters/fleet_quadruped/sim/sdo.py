@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import SDO_REQUEST, SDO_RESPONSE
 
 NO_OBJECT, TOO_LONG, READ_ONLY, NOT_MAPPABLE = 0x06020000, 0x06070010, 0x06010002, 0x06040041
@@ -26,7 +26,7 @@ class SdoServer:
     """Answers SDO requests. ``refusals`` maps an object to the abort code with which a write is refused."""
 
     def __init__(
-        self, node: int, objects: Mapping[tuple[int, int], tuple[int, int]], send: Callable[[Frame], None]
+        self, node: int, objects: Mapping[tuple[int, int], tuple[int, int]], send: Callable[[CanFrame], None]
     ) -> None:
         self._node = node
         self._send = send
@@ -35,7 +35,7 @@ class SdoServer:
         self.unmappable: frozenset[int] = frozenset()  # values that a mapping must not have
         self.changed = True  # since the owner looked last
 
-    def take(self, frame: Frame) -> None:
+    def take(self, frame: CanFrame) -> None:
         """Take a frame; anything but a request to this node is ignored."""
         if frame.id != SDO_REQUEST + self._node or len(frame.data) != 8:
             return
@@ -91,4 +91,4 @@ class SdoServer:
 
     def _answer(self, command: int, place: tuple[int, int], data: bytes) -> None:
         head = struct.pack("<BHB", command, *place)
-        self._send(Frame(SDO_RESPONSE + self._node, head + data.ljust(4, b"\x00")))
+        self._send(CanFrame(SDO_RESPONSE + self._node, head + data.ljust(4, b"\x00")))

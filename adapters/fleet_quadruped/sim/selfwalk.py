@@ -10,12 +10,12 @@ from typing import NamedTuple
 from fleet import Quaternion, quaternion_from_yaw
 from fleet.sim.faults import check_fault
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, OPERATIONAL, SDO_REQUEST, SYNC
 from fleet_quadruped.drives.cia402.setup import final_values
-from fleet_quadruped.frames import Decoder, FrameMap, encode
+from fleet_quadruped.frame_integrity import Seal
+from fleet_quadruped.frames import FrameDecoder, FrameMap, encode
 from fleet_quadruped.safety.stages import Mode
-from fleet_quadruped.seals import Seal
 from fleet_quadruped.selfwalk.description import SelfWalker
 from fleet_quadruped.selfwalk.wire import AXES
 from fleet_quadruped.sim.faults import WALKER_FAULTS
@@ -26,7 +26,7 @@ GRAVITY = 9.81  # m/s2
 _LAG = 0.1  # s in which it takes up a velocity
 _SLOW = 1.0  # s between two words of the battery
 _BOOT, _PRE_OPERATIONAL = 0x00, 0x7F
-_NOTHING = Frame(0x7FF, b"")
+_NOTHING = CanFrame(0x7FF, b"")
 _RUNAWAY = Twist(0.5)
 
 
@@ -64,7 +64,7 @@ class SimWalker:
     """The machine. ``heard`` takes the frames that it sends on a bus, by its name."""
 
     def __init__(
-        self, walker: SelfWalker, heard: Mapping[str, Callable[[Frame], None]], seed: int = 1
+        self, walker: SelfWalker, heard: Mapping[str, Callable[[CanFrame], None]], seed: int = 1
     ) -> None:
         self.walker = walker
         self.time = 0.0
@@ -76,7 +76,7 @@ class SimWalker:
         self._heard = heard[walker.bus]
         self._wires = BadBuses(walker.buses, seed)
         self._wire = walker.wire
-        self._velocity = Decoder(self._wire.velocity)
+        self._velocity = FrameDecoder(self._wire.velocity)
         self._lengths = {frame.id: frame.length for frame in self._wire.velocity}
         told = (*self._wire.state, *self._wire.slow)
         self._seals = {frame.id: Seal(frame.id, frame) for frame in told if frame.seal_bytes}
@@ -92,7 +92,7 @@ class SimWalker:
         self._nmt = _PRE_OPERATIONAL
         self.sdo = self._server()
         if self._wire.node is not None:
-            self._say(Frame(HEARTBEAT + self._wire.node, bytes([_BOOT])))
+            self._say(CanFrame(HEARTBEAT + self._wire.node, bytes([_BOOT])))
 
     def fault(self, name: str, value: float = 1.0) -> None:
         """Begin a fault; raises ValueError for one that such a machine does not have."""
@@ -112,7 +112,7 @@ class SimWalker:
         else:
             self._wires.faults[name] = value
 
-    def take(self, bus: str, frame: Frame) -> None:
+    def take(self, bus: str, frame: CanFrame) -> None:
         """Take a frame that was sent to it."""
         for arrived in self._wires.to_dog(bus, [frame], self.time):
             self._deliver(arrived)
@@ -132,7 +132,7 @@ class SimWalker:
         for frame in self._wires.from_dog(self.walker.bus, (), self.time):
             self._heard(frame)
 
-    def _deliver(self, frame: Frame) -> None:
+    def _deliver(self, frame: CanFrame) -> None:
         """Obey a frame."""
         if self._muted:
             return
@@ -143,15 +143,17 @@ class SimWalker:
             return
         check = self._checks.get(frame.id)
         if check is not None:
-            frame = Frame(frame.id, check.bare(frame.data)) if check.take(frame.data) else _NOTHING
+            frame = CanFrame(frame.id, check.bare(frame.data)) if check.take(frame.data) else _NOTHING
         name = self._commands.get(frame)
         if name is not None:
             self._command(name)
         height = self.walker.frames.height if self.walker.frames else None
         if height is not None and frame.id == height.id:
-            self.height = (Decoder([height]).decode(frame.id, frame.data) or {}).get("height", self.height)
+            self.height = (FrameDecoder([height]).decode(frame.id, frame.data) or {}).get(
+                "height", self.height
+            )
 
-    def _take_velocity(self, frame: Frame) -> None:
+    def _take_velocity(self, frame: CanFrame) -> None:
         """Take a velocity, if it is just as long as it must be, and sealed."""
         right = len(frame.data) == self._lengths[frame.id] and self._runs()
         found = self._velocity.decode(frame.id, frame.data) if right else None
@@ -199,7 +201,7 @@ class SimWalker:
         values = self._values()
         for frame in frames:
             data, seal = encode(frame, values), self._seals.get(frame.id)
-            self._say(Frame(frame.id, seal.put(data) if seal else data))
+            self._say(CanFrame(frame.id, seal.put(data) if seal else data))
 
     def _values(self) -> dict[str, float]:
         """Return all that such a machine may tell."""
@@ -228,7 +230,7 @@ class SimWalker:
             "current": 3.0,
         }
 
-    def _say(self, frame: Frame) -> None:
+    def _say(self, frame: CanFrame) -> None:
         """Put a frame on the bus."""
         for arrived in () if self._muted else self._wires.from_dog(self.walker.bus, [frame], self.time):
             self._heard(arrived)
@@ -253,7 +255,7 @@ class SimWalker:
         """Return True when velocities are obeyed: a CANopen node has been configured and started."""
         return self.sdo is None or self._nmt == OPERATIONAL
 
-    def _serve(self, frame: Frame) -> None:
+    def _serve(self, frame: CanFrame) -> None:
         """Be a node: SDO, NMT, SYNC."""
         assert self.sdo is not None
         objects, node = self.walker.objects, self._wire.node

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from fleet import Quaternion
-from fleet_quadruped.body.sense import Imu
-from fleet_quadruped.can.frame import Frame
-from fleet_quadruped.frames import Encoder
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.frames import FrameEncoder
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.parts import Sensor
 from fleet_quadruped.sim.world import World
 
@@ -31,7 +31,7 @@ FULL, _PERCENT = 48.0, 80.0  # V; of the battery
 class Sensors:
     """What the sensors on a dog say. ``faults`` holds those that have begun, with their numbers."""
 
-    def __init__(self, dog: Description, world: World) -> None:
+    def __init__(self, dog: DogDescription, world: World) -> None:
         self.faults: dict[str, float] = {}
         self.voltage = FULL
         self._world = world
@@ -40,18 +40,18 @@ class Sensors:
         self._frozen: Imu | None = None
         self._chance = random.Random(1)  # noqa: S311 - a simulation must be the same on every run
 
-    def frames(self, now: float) -> Iterator[tuple[str, Frame]]:
+    def frames(self, now: float) -> Iterator[tuple[str, CanFrame]]:
         """Yield (bus, frame) for what is said at ``now``."""
         if self._imu_frames and "imu" not in self.faults:
             values = self._imu()
             for bus, number, encoder in self._imu_frames:
-                yield bus, Frame(number, encoder.encode(values))
+                yield bus, CanFrame(number, encoder.encode(values))
         if now >= self._next_battery and "bms" not in self.faults:
             self._next_battery = now + _BATTERY_EVERY
             percent = self.faults.get("battery", _PERCENT)
             for bus, number, encoder in self._battery_frames:
                 told = {"percent": percent, "voltage": self.voltage, "current": 3.0}
-                yield bus, Frame(number, encoder.encode(told))
+                yield bus, CanFrame(number, encoder.encode(told))
 
     def _imu(self) -> dict[str, float]:
         """Return the IMU's values by the names that frame maps use."""
@@ -76,6 +76,6 @@ class Sensors:
         }
 
 
-def _encoders(sensor: Sensor | None) -> list[tuple[str, int, Encoder]]:
+def _encoders(sensor: Sensor | None) -> list[tuple[str, int, FrameEncoder]]:
     """Return bus, identifier and encoder of each frame of a sensor."""
-    return [(sensor.bus, frame.id, Encoder(frame)) for frame in sensor.frames] if sensor else []
+    return [(sensor.bus, frame.id, FrameEncoder(frame)) for frame in sensor.frames] if sensor else []

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from fleet import Quaternion
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.machine import Ask
-from fleet_quadruped.robot.description import Description, load_description
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.robot.description import DogDescription, load_description
 from fleet_quadruped.robot.parts import Pose
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
@@ -43,7 +43,7 @@ def drop(world: MujocoWorld, turn: Quaternion, seconds: float = 1.0) -> None:
     world.measure()
 
 
-def tries_needed(dog: Description, turn: Quaternion, most: int = 3) -> int | None:
+def tries_needed(dog: DogDescription, turn: Quaternion, most: int = 3) -> int | None:
     """Return how many rolls bring a dropped dog to stand; None when ``most`` do not.
 
     By the controller itself over its simulated drives: with its monitor, its limits, and legs that collide.
@@ -52,7 +52,7 @@ def tries_needed(dog: Description, turn: Quaternion, most: int = 3) -> int | Non
     drop(world, turn)
     rig = Rig(dog, world)
     rig.go(_HEARD)
-    if rig.ask(Ask.RECOVER):
+    if rig.ask(BodyRequest.RECOVER):
         return None
     body = rig.controller.body
     while rig.mode in _ON_THE_WAY and body.tries <= most:
@@ -60,19 +60,19 @@ def tries_needed(dog: Description, turn: Quaternion, most: int = 3) -> int | Non
     return body.tries if rig.mode is Mode.STANDING else None
 
 
-def with_roll(dog: Description, near: Pose, far: Pose) -> Description:
+def with_roll(dog: DogDescription, near: Pose, far: Pose) -> DogDescription:
     """Return the dog with these roll poses."""
     return dog.model_copy(update={"poses": dog.poses.model_copy(update={"roll_near": near, "roll_far": far})})
 
 
-def _random_pose(dog: Description, chance: random.Random) -> Pose:
+def _random_pose(dog: DogDescription, chance: random.Random) -> Pose:
     margin = dog.safety.margin
     ranges = (dog.actuators[part].limits for part in ("abad", "hip", "knee"))
     angles = [round(chance.uniform(low + margin, high - margin), 3) for low, high in ranges]
     return Pose(abad=angles[0], hip=angles[1], knee=angles[2])
 
 
-def search(dog: Description, rounds: int, seed: int = 1) -> tuple[Pose, Pose, int]:
+def search(dog: DogDescription, rounds: int, seed: int = 1) -> tuple[Pose, Pose, int]:
     """Return the best roll poses of ``rounds`` tries and how many of the trial orientations they master."""
     chance = random.Random(seed)  # noqa: S311 - the search must be the same on every run
     trials = [quaternion_from_euler(roll, 0.0, 0.0) for roll in (math.pi, 1.6, -1.6, 2.5, -2.6)]
@@ -89,7 +89,7 @@ def search(dog: Description, rounds: int, seed: int = 1) -> tuple[Pose, Pose, in
     return best
 
 
-def _score(dog: Description, trials: Sequence[Quaternion], enough: int) -> int:
+def _score(dog: DogDescription, trials: Sequence[Quaternion], enough: int) -> int:
     """Count the orientations that are mastered, giving up when the best so far cannot be beaten."""
     mastered = 0
     for number, turn in enumerate(trials):

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterable, Sequence
 
 from fleet.sim.faults import BadWire
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 
 _HEAD = struct.Struct("<I")
 
@@ -22,16 +22,16 @@ class BadBuses:
         self._in = {bus: BadWire(self.faults, chance) for bus in names}
         self._out = {bus: BadWire(self.faults, chance) for bus in names}
 
-    def to_dog(self, bus: str, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+    def to_dog(self, bus: str, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
         """Return what arrives at the dog now."""
         return self._carried(self._in[bus], frames, now)
 
-    def from_dog(self, bus: str, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+    def from_dog(self, bus: str, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
         """Return what arrives from the dog now."""
         return self._carried(self._out[bus], frames, now)
 
-    def _carried(self, wire: BadWire, frames: Sequence[Frame], now: float) -> Sequence[Frame]:
+    def _carried(self, wire: BadWire, frames: Sequence[CanFrame], now: float) -> Sequence[CanFrame]:
         if not self.faults:
             return frames
         raw = wire.carry([_HEAD.pack(frame.id) + frame.data for frame in frames], now)
-        return [Frame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]
+        return [CanFrame(_HEAD.unpack_from(data)[0], data[_HEAD.size :]) for data in raw]

@@ -12,9 +12,9 @@ from typing import Protocol
 
 from fleet import Quaternion, Vector3, quaternion_from_yaw
 from fleet_quadruped.body.legs import Point
+from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.body.odometry import body_twist
-from fleet_quadruped.body.sense import Imu
-from fleet_quadruped.robot.description import Description, leg_angles
+from fleet_quadruped.robot.description import DogDescription, leg_angles
 
 GRAVITY = 9.81  # m/s2
 _LAG = 0.01  # s: how far a joint is behind its target
@@ -63,7 +63,7 @@ class World(Protocol):
 class KinematicWorld:
     """Joints that follow their targets with a lag; feet that do not slip."""
 
-    def __init__(self, dog: Description) -> None:
+    def __init__(self, dog: DogDescription) -> None:
         self._dog = dog
         self.motors = [Motor(angle=angle, target=angle) for angle in dog.posture(dog.poses.fold)]
         self._x = self._y = self._yaw = 0.0

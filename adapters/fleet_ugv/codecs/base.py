@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
-from fleet import Lines, Unsupported
+from fleet import LineFraming, Unsupported
 from fleet_ugv.model import Event, Motion
 
 
@@ -58,7 +58,7 @@ class LineCodec(Codec):
 
     def __init__(self, longest: int) -> None:
         self.garbage = 0
-        self._cutter = Lines(b"\n", longest).cutter()
+        self._cutter = LineFraming(b"\n", longest).cutter()
 
     def feed(self, data: bytes) -> Sequence[Event]:
         """Take what arrived; return what the whole lines say."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fleet_ugv.codecs.arduino import PID_RATE
 from fleet_ugv.sim.board import SimBoard
-from fleet_ugv.sim.physics import Body
+from fleet_ugv.sim.physics import BaseBody
 
 LONGEST = 32  # bytes of a word that the sketch keeps
 
@@ -12,7 +12,7 @@ LONGEST = 32  # bytes of a word that the sketch keeps
 class ArduinoBoard(SimBoard):
     """A board with two encoders of ``ticks`` a metre."""
 
-    def __init__(self, body: Body, *, ticks: float, seed: int = 1) -> None:
+    def __init__(self, body: BaseBody, *, ticks: float, seed: int = 1) -> None:
         super().__init__(body, timeout=2.0, voltage=0.0, seed=seed)
         self._ticks = ticks
         self._rest = b""

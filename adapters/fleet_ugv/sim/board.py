@@ -7,7 +7,7 @@ from random import Random
 
 from fleet.sim.faults import BadWire, check_fault
 from fleet_ugv.sim.faults import FAULTS
-from fleet_ugv.sim.physics import STEP, Body, Physics
+from fleet_ugv.sim.physics import STEP, BaseBody, Physics
 
 JUNK = b'\x00\xfe~{"T":1001,'
 
@@ -18,7 +18,7 @@ class SimBoard(ABC):
     ``timeout``: of its dead-man, s. ``halted_at``: when that last stopped the wheels.
     """
 
-    def __init__(self, body: Body, *, timeout: float, voltage: float, seed: int = 1) -> None:
+    def __init__(self, body: BaseBody, *, timeout: float, voltage: float, seed: int = 1) -> None:
         self.physics = Physics(body, seed)
         self.timeout = timeout
         self.voltage = voltage

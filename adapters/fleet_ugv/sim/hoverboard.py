@@ -7,7 +7,7 @@ import struct
 
 from fleet_ugv.codecs.hoverboard import START, checksum
 from fleet_ugv.sim.board import SimBoard
-from fleet_ugv.sim.physics import Body
+from fleet_ugv.sim.physics import BaseBody
 
 _DOWN = struct.Struct("<HhhH")
 _UP = struct.Struct("<HhhhhhhH")
@@ -17,7 +17,7 @@ _MARK = struct.pack("<H", START)
 class HoverboardBoard(SimBoard):
     """A mainboard with wheels of ``diameter`` m, in speed mode."""
 
-    def __init__(self, body: Body, *, diameter: float, seed: int = 1) -> None:
+    def __init__(self, body: BaseBody, *, diameter: float, seed: int = 1) -> None:
         super().__init__(body, timeout=0.8, voltage=38.5, seed=seed)
         self._speed_of_rpm = math.pi * diameter / 60
         self._rest = b""

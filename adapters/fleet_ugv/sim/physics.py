@@ -15,7 +15,7 @@ STEP = 0.01  # s of one step
 BUMP = 0.3  # s that a push lasts
 
 
-class Body(msgspec.Struct, frozen=True):
+class BaseBody(msgspec.Struct, frozen=True):
     """What a base is made like.
 
     ``track``: geometric, m; ``widening``: factor of the effective track; ``lag``: s until 63 % of a change;
@@ -35,7 +35,7 @@ class Body(msgspec.Struct, frozen=True):
 class Physics:
     """One base; ``x``, ``y`` (m) and ``yaw`` (rad) are where it truly is."""
 
-    def __init__(self, body: Body, seed: int = 1) -> None:
+    def __init__(self, body: BaseBody, seed: int = 1) -> None:
         self.body = body
         self.x = self.y = self.yaw = 0.0
         self.speeds = [0.0, 0.0]  # of the sides, m/s

@@ -14,7 +14,7 @@ from fleet_ugv.sim.arduino import ArduinoBoard
 from fleet_ugv.sim.board import SimBoard
 from fleet_ugv.sim.faults import FAULTS
 from fleet_ugv.sim.hoverboard import HoverboardBoard
-from fleet_ugv.sim.physics import Body
+from fleet_ugv.sim.physics import BaseBody
 from fleet_ugv.sim.waveshare import WaveshareBoard
 
 SKID = 1.3  # an assumption: how much wider a track that slips in turns seems
@@ -54,21 +54,21 @@ def _waveshare(spec: SimSpec) -> SimBoard:
     """Return one of Waveshare's boards."""
     profile = PROFILES[spec.profile]
     tracked = SKID if spec.profile != "waveshare-rasprover" else 1.15
-    body = Body(profile.track, tracked, fastest=profile.fastest)
+    body = BaseBody(profile.track, tracked, fastest=profile.fastest)
     return WaveshareBoard(body, general=spec.firmware == "general", seed=spec.seed)
 
 
 def _arduino(spec: SimSpec) -> SimBoard:
     """Return a two-wheeled base with encoders."""
     profile = PROFILES[spec.profile]
-    body = Body(profile.track, fastest=profile.fastest)
+    body = BaseBody(profile.track, fastest=profile.fastest)
     return ArduinoBoard(body, ticks=spec.ticks or profile.ticks, seed=spec.seed)
 
 
 def _hoverboard(spec: SimSpec) -> SimBoard:
     """Return a hoverboard."""
     profile = PROFILES[spec.profile]
-    body = Body(profile.track, fastest=profile.fastest * 2)
+    body = BaseBody(profile.track, fastest=profile.fastest * 2)
     return HoverboardBoard(body, diameter=spec.diameter or profile.diameter, seed=spec.seed)
 
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import msgspec
 
-from fleet import Lines
+from fleet import LineFraming
 from fleet_ugv.sim.board import SimBoard
-from fleet_ugv.sim.physics import Body
+from fleet_ugv.sim.physics import BaseBody
 
 LARGEST = 256  # bytes of a command
 DEFAULT_TIMEOUT = 3.0
@@ -29,7 +29,7 @@ _BOOT_TEXT = (
 class WaveshareBoard(SimBoard):
     """The board of a Beast, a Rover or a RaspRover, by its ``body``; ``general``: which firmware."""
 
-    def __init__(self, body: Body, *, general: bool = False, seed: int = 1) -> None:
+    def __init__(self, body: BaseBody, *, general: bool = False, seed: int = 1) -> None:
         self._general = general
         super().__init__(body, timeout=DEFAULT_TIMEOUT, voltage=11.9, seed=seed)
         self.display: dict[int, str] = {}
@@ -42,7 +42,7 @@ class WaveshareBoard(SimBoard):
         self.timeout = DEFAULT_TIMEOUT
         self.physics.wanted = [0.0, 0.0]
         self.physics.ways = [0.0, 0.0]
-        self._cutter = Lines(b"\n", LARGEST).cutter()
+        self._cutter = LineFraming(b"\n", LARGEST).cutter()
         self._booted = now + BOOT
         self._boot_text = _BOOT_TEXT
         self._streams = not self._general

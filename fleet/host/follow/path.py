@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from fleet.host.follow.course import Point
+from fleet.host.follow.legs import Point
 
 CORNER = math.radians(30)  # a sharper turn is driven to its point and not cut
 AT_CORNER = 0.06  # m before a corner's point at which the way after it is looked at

@@ -13,7 +13,7 @@ NEARER = 0.05  # m
 NOT_NEARER_AFTER = 5.0  # s on the way without getting nearer
 
 
-class Stuck:
+class StuckDetector:
     """The watch over one action; ``now`` is monotonic seconds."""
 
     def __init__(self) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from fleet.clock import Clock
-from fleet.host.safety.age import AgeCheck
-from fleet.host.safety.latch import RELEASE, Latch
-from fleet.host.safety.lease import ControlLease
-from fleet.host.safety.let_go import LetGo
-from fleet.host.safety.policy import SourcePolicy
-from fleet.host.safety.speeds import Speeds
+from fleet.host.safety.control_lease import ControlLease
+from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
+from fleet.host.safety.message_age import AgeCheck
+from fleet.host.safety.source_policy import SourcePolicy
+from fleet.host.safety.stick_release import StickReleaseInterlock
+from fleet.host.safety.verb_speeds import VerbSpeeds
 from fleet.model.command import Command, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
@@ -18,7 +18,9 @@ from fleet.wire.stops import STOP_WORDS
 class Admission:
     """The safety rules of one robot together; each method returns a refusal, or None to let it through."""
 
-    def __init__(self, config: AdapterConfig, clock: Clock, latch: Latch, speeds: Speeds) -> None:
+    def __init__(
+        self, config: AdapterConfig, clock: Clock, latch: EmergencyStopLatch, speeds: VerbSpeeds
+    ) -> None:
         self._max_age, self._command_max_age = config.max_age, config.command_max_age
         self._clock = clock
         self._policy = SourcePolicy(config.accepts, simulated=config.simulated)
@@ -28,7 +30,7 @@ class Admission:
         self.speeds = speeds
         self.fault = ""  # the robot's own latched fault, in its words
         self.lease = ControlLease(config.control_lease)
-        self._let_go = LetGo(config.setpoint_lease)
+        self._let_go = StickReleaseInterlock(config.setpoint_lease)
 
     def stopped(self, ask: Command) -> None:
         """Take note of a stop: its asker lets go of the robot, and what he asked before it is late.

@@ -1,11 +1,11 @@
 """An MQTT broker inside the process, for the demo and for tests of what goes wrong; not for production.
 
-It speaks MQTT 5 and 3.1.1, keeps everything in memory, and can be told to misbehave (``Faults``).
+It speaks MQTT 5 and 3.1.1, keeps everything in memory, and can be told to misbehave (``BrokerFaults``).
 """
 
-from fleet.sim.broker.faults import Faults
-from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.faults import BrokerFaults
+from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.server import Broker
 from fleet.sim.broker.thread import BrokerThread
 
-__all__ = ["Broker", "BrokerThread", "Faults", "Limits"]
+__all__ = ["Broker", "BrokerThread", "BrokerFaults", "ClientLimits"]

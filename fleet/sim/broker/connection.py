@@ -7,23 +7,23 @@ import logging
 
 import mqtt5
 
-from fleet.cloud.packets import Decoder, PacketTooLarge, encode
+from fleet.cloud.packets import PacketDecoder, PacketTooLarge, encode
 from fleet.errors import WireError
 from fleet.sim.broker.conversation import ClientError, Conversation
-from fleet.sim.broker.hub import Hub
+from fleet.sim.broker.hub import BrokerCore
 
 logger = logging.getLogger(__name__)
 
 _Reason = mqtt5.DisconnectReasonCode
 
 
-class Connection(asyncio.Protocol):
+class BrokerConnection(asyncio.Protocol):
     """Serves one client; whatever it sends can end only its own connection."""
 
-    def __init__(self, hub: Hub, everyone: set[Connection]) -> None:
+    def __init__(self, hub: BrokerCore, everyone: set[BrokerConnection]) -> None:
         self._hub = hub
         self._everyone = everyone
-        self._decoder = Decoder(None, hub.limits.packet)
+        self._decoder = PacketDecoder(None, hub.limits.packet)
         self._conversation = Conversation(hub, self)
         self._transport: asyncio.Transport | None = None
         self._full = False

@@ -8,8 +8,8 @@ from typing import Any
 import mqtt5
 
 from fleet.cloud.topics import check_filter, check_topic
-from fleet.sim.broker.hub import Hub, Peer
-from fleet.sim.broker.session import Session, Subscription
+from fleet.sim.broker.hub import BrokerCore, BrokerPeer
+from fleet.sim.broker.session import BrokerSession, Subscription
 
 _GRACE = 1.5
 """Keepalives of silence after which a client counts as gone (MQTT 5, section 3.1.2.10)."""
@@ -33,8 +33,8 @@ class Conversation:
     once everything is written. ``patience`` is how many seconds the client may be silent, 0 for ever.
     """
 
-    def __init__(self, hub: Hub, peer: Peer) -> None:
-        self.session: Session | None = None
+    def __init__(self, hub: BrokerCore, peer: BrokerPeer) -> None:
+        self.session: BrokerSession | None = None
         self.over = False
         self.patience = hub.limits.connect_timeout
         self.packet_limit = hub.limits.packet
@@ -42,7 +42,7 @@ class Conversation:
         self._peer = peer
         self._protocol: int | None = None
         self._will: mqtt5.Will | None = None
-        self._handlers: dict[type, Callable[[Any, Session], _Answers]] = {
+        self._handlers: dict[type, Callable[[Any, BrokerSession], _Answers]] = {
             mqtt5.PublishPacket: self._on_publish,
             mqtt5.PubAckPacket: self._on_puback,
             mqtt5.PubRecPacket: self._on_pubrec,
@@ -106,7 +106,7 @@ class Conversation:
             return mqtt5.ConnAckReasonCode.CLIENT_ID_NOT_VALID
         return self._hub.refusal(packet)
 
-    def _on_publish(self, packet: mqtt5.PublishPacket, session: Session) -> _Answers:
+    def _on_publish(self, packet: mqtt5.PublishPacket, session: BrokerSession) -> _Answers:
         """Route a message and acknowledge it."""
         if packet.topic_alias is not None:
             raise ClientError("a topic alias", _Reason.TOPIC_ALIAS_INVALID)
@@ -119,7 +119,9 @@ class Conversation:
         code = mqtt5.PubAckReasonCode(0 if heard else _NOBODY)
         return [mqtt5.PubAckPacket(identifier, reason_code=code)]
 
-    def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int, session: Session) -> _Answers:
+    def _on_publish_twice(
+        self, packet: mqtt5.PublishPacket, identifier: int, session: BrokerSession
+    ) -> _Answers:
         """Take a message of QoS 2; it is routed once, however often it is sent."""
         heard = True
         if identifier not in session.received:
@@ -130,28 +132,28 @@ class Conversation:
         code = mqtt5.PubRecReasonCode(0 if heard else _NOBODY)
         return [mqtt5.PubRecPacket(identifier, reason_code=code)]
 
-    def _on_puback(self, packet: mqtt5.PubAckPacket, session: Session) -> _Answers:
+    def _on_puback(self, packet: mqtt5.PubAckPacket, session: BrokerSession) -> _Answers:
         """Forget a QoS 1 message that the client has."""
         session.forget(packet.packet_id)
         return []
 
-    def _on_pubrec(self, packet: mqtt5.PubRecPacket, session: Session) -> _Answers:
+    def _on_pubrec(self, packet: mqtt5.PubRecPacket, session: BrokerSession) -> _Answers:
         """Release a QoS 2 message that the client has."""
         release = session.on_pubrec(packet)
         return [release] if release else []
 
-    def _on_pubrel(self, packet: mqtt5.PubRelPacket, session: Session) -> _Answers:
+    def _on_pubrel(self, packet: mqtt5.PubRelPacket, session: BrokerSession) -> _Answers:
         """Complete a QoS 2 message of the client."""
         code = mqtt5.PubCompReasonCode(0 if packet.packet_id in session.received else 0x92)
         session.received.discard(packet.packet_id)
         return [mqtt5.PubCompPacket(packet.packet_id, reason_code=code)]
 
-    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, session: Session) -> _Answers:
+    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, session: BrokerSession) -> _Answers:
         """Forget a QoS 2 message that is complete."""
         session.on_pubcomp(packet.packet_id)
         return []
 
-    def _on_subscribe(self, packet: mqtt5.SubscribePacket, session: Session) -> _Answers:
+    def _on_subscribe(self, packet: mqtt5.SubscribePacket, session: BrokerSession) -> _Answers:
         """Add subscriptions; a shared one is refused, and one too many."""
         codes = [
             self._subscribe(Subscription(each, packet.subscription_id), session)
@@ -159,7 +161,7 @@ class Conversation:
         ]
         return [mqtt5.SubAckPacket(packet.packet_id, codes)]
 
-    def _subscribe(self, subscription: Subscription, session: Session) -> mqtt5.SubAckReasonCode:
+    def _subscribe(self, subscription: Subscription, session: BrokerSession) -> mqtt5.SubAckReasonCode:
         """Add one subscription and return the answer."""
         pattern = subscription.options.pattern
         if _is_wrong(check_filter, pattern):
@@ -172,13 +174,13 @@ class Conversation:
         self._hub.subscribe(session, subscription)
         return mqtt5.SubAckReasonCode(int(subscription.options.max_qos))
 
-    def _on_unsubscribe(self, packet: mqtt5.UnsubscribePacket, session: Session) -> _Answers:
+    def _on_unsubscribe(self, packet: mqtt5.UnsubscribePacket, session: BrokerSession) -> _Answers:
         """Remove subscriptions."""
         found = [self._hub.unsubscribe(session, pattern) for pattern in packet.patterns]
         codes = [mqtt5.UnsubAckReasonCode(0 if one else 0x11) for one in found]
         return [mqtt5.UnsubAckPacket(packet.packet_id, codes)]
 
-    def _on_disconnect(self, packet: mqtt5.DisconnectPacket, session: Session) -> _Answers:
+    def _on_disconnect(self, packet: mqtt5.DisconnectPacket, session: BrokerSession) -> _Answers:
         """Let the client go; its will stays unsaid unless it asks for it."""
         if packet.session_expiry_interval and not session.expiry:
             raise ClientError("a session that was to end is to last", _Reason.PROTOCOL_ERROR)

@@ -6,41 +6,41 @@ import mqtt5
 import msgspec
 
 from fleet.cloud.topics import matches
-from fleet.sim.broker.limits import Limits
-from fleet.sim.broker.session import Session, Subscription
+from fleet.sim.broker.limits import ClientLimits
+from fleet.sim.broker.session import BrokerSession, Subscription
 
 _REMEMBERED = 10_000
 """Topics whose matches are remembered."""
 
 
-class Kept(msgspec.Struct, frozen=True):
+class RetainedMessage(msgspec.Struct, frozen=True):
     """A message with the time, on the monotonic clock, at which it is worth nothing any more."""
 
     packet: mqtt5.PublishPacket
     deadline: float | None
 
 
-class Directory:
+class Subscriptions:
     """The broker's tables; no I/O, no clock."""
 
-    def __init__(self, limits: Limits) -> None:
-        self.sessions: dict[str, Session] = {}
+    def __init__(self, limits: ClientLimits) -> None:
+        self.sessions: dict[str, BrokerSession] = {}
         self._limits = limits
         self._retained_bytes = 0
-        self._retained: dict[str, Kept] = {}
-        self._matches: dict[str, list[tuple[Session, list[Subscription]]]] = {}
+        self._retained: dict[str, RetainedMessage] = {}
+        self._matches: dict[str, list[tuple[BrokerSession, list[Subscription]]]] = {}
 
-    def add(self, session: Session) -> None:
+    def add(self, session: BrokerSession) -> None:
         """Add a session, in place of an older one of the same client."""
         self.sessions[session.client_id] = session
         self._matches.clear()
 
-    def remove(self, session: Session) -> None:
+    def remove(self, session: BrokerSession) -> None:
         """Forget a session."""
         self.sessions.pop(session.client_id, None)
         self._matches.clear()
 
-    def subscribe(self, session: Session, subscription: Subscription) -> bool:
+    def subscribe(self, session: BrokerSession, subscription: Subscription) -> bool:
         """Add a subscription or replace the one with the same filter; tell whether it is new."""
         pattern = subscription.options.pattern
         new = pattern not in session.subscriptions
@@ -48,12 +48,12 @@ class Directory:
         self._matches.clear()
         return new
 
-    def unsubscribe(self, session: Session, pattern: str) -> bool:
+    def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
         """Remove a subscription; tell whether there was one."""
         self._matches.clear()
         return session.subscriptions.pop(pattern, None) is not None
 
-    def match(self, topic: str) -> list[tuple[Session, list[Subscription]]]:
+    def match(self, topic: str) -> list[tuple[BrokerSession, list[Subscription]]]:
         """Return the sessions that want a topic, each with its subscriptions that match."""
         if (known := self._matches.get(topic)) is not None:
             return known
@@ -67,7 +67,7 @@ class Directory:
         self._matches[topic] = found
         return found
 
-    def retain(self, kept: Kept) -> None:
+    def retain(self, kept: RetainedMessage) -> None:
         """Keep a message for later; an empty one clears the topic, a full store takes no new topic."""
         topic, size = kept.packet.topic, len(kept.packet.payload)
         if older := self._retained.pop(topic, None):
@@ -77,7 +77,7 @@ class Directory:
             self._retained[topic] = kept
             self._retained_bytes += size
 
-    def retained(self, pattern: str, now: float) -> list[Kept]:
+    def retained(self, pattern: str, now: float) -> list[RetainedMessage]:
         """Return the retained messages that a filter takes and that are still worth something."""
         return [
             kept

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 
-class Faults(msgspec.Struct):
+class BrokerFaults(msgspec.Struct):
     """The faults that are on. ``drop`` and ``duplicate`` are topic filters, ``delay`` is in seconds.
 
     ``drop``: what is published there is acknowledged and forgotten. ``duplicate``: it is delivered twice.

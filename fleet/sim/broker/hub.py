@@ -12,10 +12,10 @@ import mqtt5
 
 from fleet.clock import Clock
 from fleet.cloud.topics import matches
-from fleet.sim.broker.directory import Directory, Kept
-from fleet.sim.broker.faults import Faults
-from fleet.sim.broker.limits import Limits
-from fleet.sim.broker.session import NEVER, Copy, Session, Subscription
+from fleet.sim.broker.directory import RetainedMessage, Subscriptions
+from fleet.sim.broker.faults import BrokerFaults
+from fleet.sim.broker.limits import ClientLimits
+from fleet.sim.broker.session import NEVER, BrokerSession, QueuedCopy, Subscription
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ Check = Callable[[str | None, bytes | None], bool]
 """Tells whether a user name and a password are accepted."""
 
 
-class Peer(Protocol):
+class BrokerPeer(Protocol):
     """The connection of one client, as the hub sees it."""
 
     def flush(self) -> None:
@@ -33,20 +33,26 @@ class Peer(Protocol):
         """End the connection with a reason."""
 
 
-class Hub:
+class BrokerCore:
     """One broker's state. All of it lives on one event loop."""
 
     def __init__(
-        self, clock: Clock, limits: Limits, faults: Faults, check: Check | None, *, tells_unheard: bool = True
+        self,
+        clock: Clock,
+        limits: ClientLimits,
+        faults: BrokerFaults,
+        check: Check | None,
+        *,
+        tells_unheard: bool = True,
     ) -> None:
         self.clock = clock
         self.limits = limits
         self.faults = faults
-        self.peers: dict[str, Peer] = {}
+        self.peers: dict[str, BrokerPeer] = {}
         self._check = check
         self._tells_unheard = tells_unheard
-        self._directory = Directory(limits)
-        self._behind: set[Peer] = set()
+        self._directory = Subscriptions(limits)
+        self._behind: set[BrokerPeer] = set()
         self._wills: dict[str, asyncio.TimerHandle] = {}
 
     def refusal(self, packet: mqtt5.ConnectPacket) -> mqtt5.ConnAckReasonCode | None:
@@ -61,7 +67,7 @@ class Hub:
             return mqtt5.ConnAckReasonCode.QUOTA_EXCEEDED
         return None
 
-    def admit(self, packet: mqtt5.ConnectPacket, peer: Peer) -> tuple[Session, bool]:
+    def admit(self, packet: mqtt5.ConnectPacket, peer: BrokerPeer) -> tuple[BrokerSession, bool]:
         """Let a client in, in place of its older connection; return its session and whether it is old."""
         client_id = packet.client_id or f"auto-{uuid.uuid4().hex}"
         if older := self.peers.get(client_id):
@@ -72,14 +78,14 @@ class Hub:
         session = None if packet.clean_start else self._directory.sessions.get(client_id)
         present = session is not None
         if session is None:
-            session = Session(client_id, self.limits)
+            session = BrokerSession(client_id, self.limits)
             self._directory.add(session)
         session.expiry, session.ends = packet.session_expiry_interval, None
         session.window = min(packet.receive_max, self.limits.receive)
         self.peers[client_id] = peer
         return session, present
 
-    def leave(self, session: Session, will: mqtt5.Will | None) -> None:
+    def leave(self, session: BrokerSession, will: mqtt5.Will | None) -> None:
         """Note that a client is gone; its will, if any is left, is published now or after its delay."""
         self._behind.discard(self.peers.pop(session.client_id))
         session.ends = None if session.expiry == NEVER else self.clock.monotonic() + session.expiry
@@ -98,12 +104,12 @@ class Hub:
             if session.ends is not None and session.ends <= now:
                 self._directory.remove(session)
 
-    def publish(self, packet: mqtt5.PublishPacket, publisher: Session) -> bool:
+    def publish(self, packet: mqtt5.PublishPacket, publisher: BrokerSession) -> bool:
         """Route a message; tell whether anybody gets it, or True where that is not to be told."""
         if self.faults.drop and matches(self.faults.drop, packet.topic):
             return True
         lifetime = packet.message_expiry_interval
-        kept = Kept(packet, None if lifetime is None else self.clock.monotonic() + lifetime)
+        kept = RetainedMessage(packet, None if lifetime is None else self.clock.monotonic() + lifetime)
         if packet.retain:
             self._directory.retain(kept)
         receivers = [
@@ -117,7 +123,7 @@ class Hub:
             self._deliver_all(kept, receivers)
         return bool(receivers) or not self._tells_unheard
 
-    def subscribe(self, session: Session, subscription: Subscription) -> None:
+    def subscribe(self, session: BrokerSession, subscription: Subscription) -> None:
         """Add a subscription and queue the retained messages it asks for."""
         options = subscription.options
         new = self._directory.subscribe(session, subscription)
@@ -127,7 +133,7 @@ class Hub:
         for kept in self._directory.retained(options.pattern, self.clock.monotonic()):
             self._offer(session, _copy(kept, [subscription], retain=True))
 
-    def unsubscribe(self, session: Session, pattern: str) -> bool:
+    def unsubscribe(self, session: BrokerSession, pattern: str) -> bool:
         """Remove a subscription; tell whether there was one."""
         return self._directory.unsubscribe(session, pattern)
 
@@ -141,7 +147,9 @@ class Hub:
         self.expire()
         return len(self._directory.sessions) >= self.limits.sessions
 
-    def _deliver_all(self, kept: Kept, receivers: list[tuple[Session, list[Subscription]]]) -> None:
+    def _deliver_all(
+        self, kept: RetainedMessage, receivers: list[tuple[BrokerSession, list[Subscription]]]
+    ) -> None:
         """Deliver one message to everybody who wants it."""
         times = 2 if self.faults.duplicate and matches(self.faults.duplicate, kept.packet.topic) else 1
         for session, wanted in receivers:
@@ -149,7 +157,7 @@ class Hub:
             for _ in range(times):
                 self._offer(session, _copy(kept, wanted, retain=kept.packet.retain and as_published))
 
-    def _offer(self, session: Session, copy: Copy) -> None:
+    def _offer(self, session: BrokerSession, copy: QueuedCopy) -> None:
         """Queue a message for a client; one that is away forgets its oldest when there is no room."""
         peer = self.peers.get(session.client_id)
         if peer:
@@ -157,7 +165,7 @@ class Hub:
         elif copy.qos:
             session.offer_at_any_cost(copy)
 
-    def _offer_to(self, peer: Peer, session: Session, copy: Copy) -> None:
+    def _offer_to(self, peer: BrokerPeer, session: BrokerSession, copy: QueuedCopy) -> None:
         """Queue a message for a client that is there, and expel it when it is too slow.
 
         What one turn of the loop brings is written at once.
@@ -178,7 +186,7 @@ class Hub:
         for peer in behind:
             peer.flush()
 
-    def _publish_will(self, will: mqtt5.Will, session: Session) -> None:
+    def _publish_will(self, will: mqtt5.Will, session: BrokerSession) -> None:
         """Publish a client's last message."""
         self._wills.pop(session.client_id, None)
         packet = mqtt5.PublishPacket(
@@ -197,10 +205,10 @@ class Hub:
         self.publish(packet, session)
 
 
-def _copy(kept: Kept, wanted: list[Subscription], *, retain: bool) -> Copy:
+def _copy(kept: RetainedMessage, wanted: list[Subscription], *, retain: bool) -> QueuedCopy:
     """Return one client's copy: the best QoS that it subscribed to and that was published."""
     best = max(int(one.options.max_qos) for one in wanted)
-    return Copy(
+    return QueuedCopy(
         packet=kept.packet,
         qos=min(best, int(kept.packet.qos)),
         retain=retain,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 
-class Limits(msgspec.Struct, frozen=True):
+class ClientLimits(msgspec.Struct, frozen=True):
     """Bounds, in bytes, messages and seconds.
 
     ``packet``: the largest packet taken. ``queue`` and ``queue_bytes``: what waits for one client before it

@@ -9,10 +9,10 @@ from typing import Self
 import mqtt5
 
 from fleet.clock import Clock, SystemClock
-from fleet.sim.broker.connection import Connection
-from fleet.sim.broker.faults import Faults
-from fleet.sim.broker.hub import Check, Hub
-from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.connection import BrokerConnection
+from fleet.sim.broker.faults import BrokerFaults
+from fleet.sim.broker.hub import BrokerCore, Check
+from fleet.sim.broker.limits import ClientLimits
 
 _TICK = 0.1
 """Seconds between two looks at the clock."""
@@ -30,27 +30,27 @@ class Broker:
         self,
         host: str = "127.0.0.1",
         port: int = 0,
-        faults: Faults | None = None,
+        faults: BrokerFaults | None = None,
         *,
-        limits: Limits | None = None,
+        limits: ClientLimits | None = None,
         check: Check | None = None,
         clock: Clock | None = None,
         tells_unheard: bool = True,
     ) -> None:
         self.host = host
         self.port = port
-        self.faults = faults or Faults()
-        self._hub = Hub(
-            clock or SystemClock(), limits or Limits(), self.faults, check, tells_unheard=tells_unheard
+        self.faults = faults or BrokerFaults()
+        self._hub = BrokerCore(
+            clock or SystemClock(), limits or ClientLimits(), self.faults, check, tells_unheard=tells_unheard
         )
-        self._connections: set[Connection] = set()
+        self._connections: set[BrokerConnection] = set()
         self._server: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(
-            lambda: Connection(self._hub, self._connections), self.host, self.port
+            lambda: BrokerConnection(self._hub, self._connections), self.host, self.port
         )
         self.port = self._server.sockets[0].getsockname()[1]
         self._ticking = asyncio.create_task(self._tick())

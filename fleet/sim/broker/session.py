@@ -8,7 +8,7 @@ from collections import deque
 import mqtt5
 import msgspec
 
-from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.limits import ClientLimits
 
 NEVER = 0xFFFF_FFFF
 """The session expiry of a session that stays."""
@@ -21,7 +21,7 @@ class Subscription(msgspec.Struct, frozen=True):
     identifier: int | None = None
 
 
-class Copy(msgspec.Struct):
+class QueuedCopy(msgspec.Struct):
     """One message on its way to one client; ``deadline`` is monotonic seconds."""
 
     packet: mqtt5.PublishPacket
@@ -31,10 +31,10 @@ class Copy(msgspec.Struct):
     deadline: float | None
 
 
-class Session:
+class BrokerSession:
     """The state that outlives a connection (MQTT 5, section 4.1); no I/O, no clock."""
 
-    def __init__(self, client_id: str, limits: Limits) -> None:
+    def __init__(self, client_id: str, limits: ClientLimits) -> None:
         self.client_id = client_id
         self.subscriptions: dict[str, Subscription] = {}
         self.received: set[int] = set()
@@ -44,12 +44,12 @@ class Session:
         self._limits = limits
         self._waiting = 0
         self._last_id = 0
-        self._queue: deque[Copy] = deque()
-        self._held: deque[Copy] = deque()
-        self._sent: dict[int, Copy] = {}
+        self._queue: deque[QueuedCopy] = deque()
+        self._held: deque[QueuedCopy] = deque()
+        self._sent: dict[int, QueuedCopy] = {}
         self._released: dict[int, None] = {}
 
-    def offer(self, copy: Copy) -> bool:
+    def offer(self, copy: QueuedCopy) -> bool:
         """Queue a message; tell whether there was room."""
         size = len(copy.packet.payload)
         if (
@@ -61,7 +61,7 @@ class Session:
         self._waiting += size
         return True
 
-    def offer_at_any_cost(self, copy: Copy) -> None:
+    def offer_at_any_cost(self, copy: QueuedCopy) -> None:
         """Queue a message, forgetting those that have waited longest when there is no room."""
         while not self.offer(copy) and (oldest := self._held or self._queue):
             self._take(oldest)
@@ -106,13 +106,13 @@ class Session:
         """Forget a QoS 2 message that is complete."""
         self._released.pop(identifier, None)
 
-    def _take(self, queue: deque[Copy]) -> Copy:
+    def _take(self, queue: deque[QueuedCopy]) -> QueuedCopy:
         """Take the message that has waited longest."""
         copy = queue.popleft()
         self._waiting -= len(copy.packet.payload)
         return copy
 
-    def _send(self, copy: Copy, packets: list[mqtt5.Packet], now: float) -> None:
+    def _send(self, copy: QueuedCopy, packets: list[mqtt5.Packet], now: float) -> None:
         """Add a message to the packets, unless it has expired."""
         if copy.deadline is not None and copy.deadline <= now:
             return
@@ -133,7 +133,9 @@ class Session:
                 return self._last_id
 
 
-def _packet(copy: Copy, identifier: int | None, now: float, *, again: bool = False) -> mqtt5.PublishPacket:
+def _packet(
+    copy: QueuedCopy, identifier: int | None, now: float, *, again: bool = False
+) -> mqtt5.PublishPacket:
     """Return PUBLISH for one client: the properties as published, the expiry less the time it waited."""
     source = copy.packet
     return mqtt5.PublishPacket(

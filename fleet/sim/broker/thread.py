@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from fleet.event_loop import BackgroundLoop
+from fleet.runtime.event_loop import BackgroundLoop
 from fleet.sim.broker.server import Broker
 
 T = TypeVar("T")

@@ -18,8 +18,8 @@ from pymavlink.dialects.v20 import all as mav
 from fleet import GeoOrigin
 from fleet.testing.clock import ManualClock
 from fleet.wire.databus import encode_report
-from fleet_mavlink import codec, hub, reports
-from fleet_mavlink.hub import Hub
+from fleet_mavlink import codec, link_hub, reports
+from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.messages import CommandAck
 
 BUFFERS = int(os.environ.get("FLEET_BUFFERS", "150"))
@@ -58,12 +58,12 @@ def loud(monkeypatch):
     def fail(*_):
         raise AssertionError("it raised") from sys.exc_info()[1]
 
-    monkeypatch.setattr(hub._LOG, "exception", fail)
+    monkeypatch.setattr(link_hub._LOG, "exception", fail)
 
 
 def heard_of(*pieces):
     """Return a hub that heard pieces, and the vehicle 1 on it, which had beaten before."""
-    it = Hub(Wire(), ManualClock(), 245, 191)
+    it = LinkHub(Wire(), ManualClock(), 245, 191)
     it.claim = it.vehicle(1)  # kept for as long as the hub
     vehicle = it.claim.__enter__()
     end = mav.MAVLink(None, srcSystem=1, srcComponent=1)

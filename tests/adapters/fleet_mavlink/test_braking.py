@@ -20,9 +20,9 @@ from fleet.model.report import (
 )
 from fleet_mavlink.braking import Brakes
 from fleet_mavlink.commander import Commander, Superseded, Timing
+from fleet_mavlink.constants import Cmd, Result, type_name
 from fleet_mavlink.flavours import kind_of
 from fleet_mavlink.messages import CommandAck, ExtendedSysState, GlobalPositionInt, Heartbeat
-from fleet_mavlink.words import Cmd, Result, type_name
 
 HOLD, GUIDED = 4, 15
 ARDUPILOT, PX4, OTHER = 3, 12, 17

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mav
 
 from fleet_mavlink import messages, payload_messages, transfer_messages
-from fleet_mavlink.codec import Packer, Parser, Way, pack
+from fleet_mavlink.codec import FrameSettings, Packer, Parser, pack
 from fleet_mavlink.messages import Attitude, CommandInt, CommandLong, Heartbeat, SetPositionTargetLocalNed
 
 GREETING = b"\n\nInit ArduCopter V4.6.3 (92b0cd78)\n\nFree RAM: 131072\nInit Gyro***"
@@ -167,12 +167,12 @@ def test_a_place_survives_the_wire(x, y):
 @pytest.mark.parametrize("kind", OUTGOING)
 def test_every_outgoing_message_is_framed_in_version_1_where_that_has_it(kind):
     values = values_of(kind)
-    (message,) = mav.MAVLink(None).parse_buffer(pack(kind(**values), 245, 191, 7, Way(version=1)))
+    (message,) = mav.MAVLink(None).parse_buffer(pack(kind(**values), 245, 191, 7, FrameSettings(version=1)))
     assert message.get_msgbuf()[0] == (0xFE if kind.message_id < 256 else 0xFD)
     assert (message.get_msgId(), message.get_srcSystem(), message.get_seq()) == (kind.message_id, 245, 7)
 
 
 def test_a_message_that_version_1_does_not_have_is_said_in_version_2():
     key = payload_messages.SetupSigning(1, 1, tuple(range(32)), 5)
-    (message,) = mav.MAVLink(None).parse_buffer(pack(key, 245, 191, 0, Way(version=1)))
+    (message,) = mav.MAVLink(None).parse_buffer(pack(key, 245, 191, 0, FrameSettings(version=1)))
     assert list(message.secret_key) == list(range(32))

@@ -6,9 +6,9 @@ import pytest
 
 from fleet import GeoPoint, NotReady, Refused, TimedOut, Unsupported
 from fleet_mavlink.commander import NEVER_SENT, Commander, Timing
-from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusText
+from fleet_mavlink.constants import Cmd, Result
+from fleet_mavlink.messages import CommandAck, CommandInt, CommandLong, StatusTextMessage
 from fleet_mavlink.px4 import Px4
-from fleet_mavlink.words import Cmd, Result
 
 ARM = CommandLong(Cmd.COMPONENT_ARM_DISARM, param1=1.0)
 LOITER, OFFBOARD = 0x03040000, 0x00060000
@@ -113,7 +113,9 @@ def test_an_answer_that_came_before_is_none_to_this_one(talk):
 def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_last(talk, before):
     async def test(it):
         it.later(
-            before, StatusText(2, "Arm: Need Position Estimate"), StatusText(2, "Arm: Gyros inconsistent")
+            before,
+            StatusTextMessage(2, "Arm: Need Position Estimate"),
+            StatusTextMessage(2, "Arm: Gyros inconsistent"),
         )
         it.later(0.01, ack(Result.FAILED))
         with pytest.raises(Refused) as refused:
@@ -127,7 +129,7 @@ def test_a_refusal_is_told_in_the_autopilots_words_whether_they_come_first_or_la
 
 def test_what_was_said_before_the_command_is_no_reason(talk):
     async def test(it):
-        it.told.say(StatusText(2, "PreArm: Old news"))
+        it.told.say(StatusTextMessage(2, "PreArm: Old news"))
         await asyncio.sleep(1)
         it.later(0.01, ack(Result.DENIED))
         with pytest.raises(Refused, match="the autopilot answered DENIED to COMPONENT_ARM_DISARM"):
@@ -138,7 +140,11 @@ def test_what_was_said_before_the_command_is_no_reason(talk):
 
 def test_small_talk_is_no_reason_where_there_is_trouble(talk):
     async def test(it):
-        it.later(0.005, StatusText(6, "EKF3 IMU0 is using GPS"), StatusText(2, "Arm: Throttle too high"))
+        it.later(
+            0.005,
+            StatusTextMessage(6, "EKF3 IMU0 is using GPS"),
+            StatusTextMessage(2, "Arm: Throttle too high"),
+        )
         it.later(0.01, ack(Result.FAILED))
         with pytest.raises(Refused) as refused:
             await it.commander.ask(ARM)
@@ -305,7 +311,7 @@ def test_px4s_second_answer_refuses_a_mode(talk):
     async def test(it):
         it.later(0.003, ack(Result.ACCEPTED, Cmd.DO_SET_MODE))
         it.later(0.012, ack(Result.TEMPORARILY_REJECTED, Cmd.DO_SET_MODE))
-        it.later(0.013, StatusText(2, "Switching to Offboard is currently not available\t"))
+        it.later(0.013, StatusTextMessage(2, "Switching to Offboard is currently not available\t"))
         it.beats_later(0.8)
         with pytest.raises(NotReady, match="Switching to Offboard is currently not available"):
             await it.commander.enter("OFFBOARD", MODE, offboard())
@@ -348,7 +354,7 @@ def test_a_change_of_mode_gives_way_to_something_urgent(talk):
         doing = asyncio.ensure_future(it.commander.enter("OFFBOARD", MODE, offboard()))
         await asyncio.sleep(0.1)
         it.commander.supersede("stop")
-        it.told.say(StatusText(6, "anything"))
+        it.told.say(StatusTextMessage(6, "anything"))
         with pytest.raises(Refused, match="superseded: stop"):
             await doing
 

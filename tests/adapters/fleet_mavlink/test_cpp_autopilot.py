@@ -12,9 +12,9 @@ from fleet.model.health import Level
 from fleet.testing.robot import RecordingRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
+from fleet_mavlink.constants import Cmd, Frame
 from fleet_mavlink.mission_messages import MissionItemInt
-from fleet_mavlink.plans import Kind
-from fleet_mavlink.words import Cmd, Frame
+from fleet_mavlink.plans import PlanType
 
 AUTOPILOT = Path(__file__).with_name("cpp_autopilot.py")
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
@@ -60,9 +60,9 @@ async def test_fail_safes_arming_and_plans_work_with_an_autopilot_that_is_not_ou
     await adapter.disarm()
     assert not adapter._session.vehicle.state.armed
     plans = adapter._session.plans
-    await plans.upload(Kind.MISSION, ITEMS)
-    kept = await plans.download(Kind.MISSION)
+    await plans.upload(PlanType.MISSION, ITEMS)
+    kept = await plans.download(PlanType.MISSION)
     assert [(item.x, item.z, item.command) for item in kept] == [
         (item.x, item.z, item.command) for item in ITEMS
     ]
-    await plans.clear(Kind.MISSION)
+    await plans.clear(PlanType.MISSION)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.model.report import LogReport
-from fleet_mavlink.event_keeper import cache
 from fleet_mavlink.event_messages import Event
-from fleet_mavlink.events import Dictionary
+from fleet_mavlink.event_metadata import cache
+from fleet_mavlink.events import EventDictionary
 from fleet_mavlink.sim.event_list import DISENGAGED, PACKED
 from fleet_mavlink.texts import Sentence
 
@@ -29,7 +29,7 @@ def packed(components):
 def listing(message, *types, group="default", enums=None):
     event = {"name": "it", "message": message, "arguments": [{"name": "", "type": each} for each in types]}
     component = {"namespace": "px4", "enums": enums or {}, "event_groups": {group: {"events": {"7": event}}}}
-    return Dictionary(packed({"1": component}))
+    return EventDictionary(packed({"1": component}))
 
 
 def event(*data, level=0x44, number=7):
@@ -37,7 +37,7 @@ def event(*data, level=0x44, number=7):
 
 
 def test_recorded_events_are_read(recording, decoded):
-    dictionary = Dictionary(PACKED)
+    dictionary = EventDictionary(PACKED)
     assert said_by(dictionary, recording("px4_gps_loss"), decoded) == [
         "Failsafe activated: Autopilot disengaged, switching to Descend"
     ]
@@ -77,12 +77,12 @@ def test_what_is_not_for_people_is_not_said():
 @pytest.mark.parametrize("data", [b"", b"no", packed([]), packed({"x": {}}), lzma.compress(b"[]")])
 def test_a_file_that_is_no_list_is_refused(data):
     with pytest.raises(ValueError, match="no list of events"):
-        Dictionary(data)
+        EventDictionary(data)
 
 
 @given(st.integers(0, 255), st.lists(st.integers(0, 255), min_size=40, max_size=40))
 def test_no_argument_breaks_it(level, data):
-    Dictionary(PACKED).say(Event(1 << 24 | DISENGAGED, 1, level, tuple(data)))
+    EventDictionary(PACKED).say(Event(1 << 24 | DISENGAGED, 1, level, tuple(data)))
 
 
 def test_the_list_is_read_from_the_vehicle_once_and_kept_by_its_checksum(fly, sky):

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from fleet import GeoPoint, Vector3, Velocity
 from fleet_mavlink.ardupilot import ArduCopter
+from fleet_mavlink.constants import Cmd
 from fleet_mavlink.flavour import arm_command, setpoint
 from fleet_mavlink.flavours import flavour_of
 from fleet_mavlink.messages import CommandInt, CommandLong, Heartbeat, SetPositionTargetGlobalInt
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import VehicleState
-from fleet_mavlink.words import Cmd
 
 ARDUPILOT, PX4 = ArduCopter(), Px4()
 PLACE = GeoPoint(47.3977421, -8.5455941, 503.0)

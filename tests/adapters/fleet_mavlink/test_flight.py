@@ -8,7 +8,7 @@ from fleet import Goal, GoTo, NotReady, Refused, Vector3, Velocity
 from fleet.errors import CommandError
 from fleet.model.health import Level
 from fleet.model.report import FlightStateReport
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.constants import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}

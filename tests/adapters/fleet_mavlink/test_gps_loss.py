@@ -10,8 +10,8 @@ from fleet.errors import CommandError
 from fleet.model.health import Level
 from fleet.model.report import GpsReport, PoseReport, TelemetryReport
 from fleet.testing.clock import ManualClock
-from fleet_mavlink.causes import FailsafeCause, cause, position_troubles
-from fleet_mavlink.hub import Hub
+from fleet_mavlink.failsafe_causes import FailsafeCause, cause, position_troubles
+from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.texts import Sentence
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
@@ -27,7 +27,7 @@ class Silent:
 def causes_of(records):
     """Return (seconds, cause or troubles) of a recording, each when it is new."""
     clock, found = ManualClock(monotonic=0.0), []
-    hub, failsafe = Hub(Silent(), clock, 255, 190), FailsafeCause()
+    hub, failsafe = LinkHub(Silent(), clock, 255, 190), FailsafeCause()
     with contextlib.ExitStack() as claims:
         vehicle = claims.enter_context(hub.vehicle(1))
         began, looked = None, 0.0

@@ -9,11 +9,11 @@ import pytest
 from fleet import FlyMission, GeoOrigin, GeoPoint, NotReady, Refused, TimedOut, Vector3
 from fleet.model.geodesy import geo_from_world
 from fleet.model.navigation import Constraints, PlanItem
+from fleet_mavlink.constants import Cmd
 from fleet_mavlink.mission import plan_of
-from fleet_mavlink.plans import Kind
+from fleet_mavlink.plans import PlanType
 from fleet_mavlink.sim.ardupilot_modes import MODES as ARDUPILOT_MODES
 from fleet_mavlink.sim.px4_modes import MODES as PX4_MODES
-from fleet_mavlink.words import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
@@ -291,9 +291,9 @@ def test_a_transfer_over_a_lossy_link_arrives_whole(fly, sky, flavour, loss):
             items = tuple(PlanItem("waypoint", at(0, 10 + each)) for each in range(12))
             plans = it.adapter._session.plans
             plan = plan_of(mission(*items), it.adapter._session.flight.flavour, at(0, 0, 488.0), 5.0)
-            await plans.upload(Kind.MISSION, plan.items)
+            await plans.upload(PlanType.MISSION, plan.items)
             it.sim.set_fault("loss", None)
-            kept = await plans.download(Kind.MISSION)
+            kept = await plans.download(PlanType.MISSION)
             assert [item.x for item in kept[-12:]] == [item.x for item in plan.items[-12:]]
 
     fly(main())
@@ -305,7 +305,7 @@ def test_a_vehicle_that_says_nothing_ends_the_transfer(fly, sky):
             await it.met()
             it.radio = False
             with pytest.raises((TimedOut, NotReady)):
-                await it.adapter._session.plans.download(Kind.MISSION)
+                await it.adapter._session.plans.download(PlanType.MISSION)
             assert it.asked(Cmd.MISSION_START) == []
 
     fly(main())

@@ -19,7 +19,7 @@ from fleet import (
 )
 from fleet.errors import CommandError
 from fleet.model.report import PoseReport
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.constants import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HOLD = {"ardupilot": "BRAKE", "px4": "LOITER"}

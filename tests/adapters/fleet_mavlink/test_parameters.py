@@ -19,24 +19,24 @@ REAL, WHOLE = (
 INT32, REAL32, INT8 = 6, 9, 2
 
 
-def carried(value, kind, *, bytewise):
+def sensors(value, kind, *, bytewise):
     bits = encode("X", value, kind, bytewise=bytewise)
     return decode(ParamValue("X", bits, kind, 1, 0), bytewise=bytewise).value
 
 
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integer_survives_as_its_bits(value):
-    assert carried(value, INT32, bytewise=True) == value
+    assert sensors(value, INT32, bytewise=True) == value
 
 
 @given(st.integers(-(2**24), 2**24))
 def test_an_integer_of_24_bits_survives_as_a_number(value):
-    assert carried(value, INT32, bytewise=False) == value
+    assert sensors(value, INT32, bytewise=False) == value
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False), st.booleans())
 def test_a_real_number_survives_either_way(value, bytewise):
-    assert carried(value, REAL32, bytewise=bytewise) == value
+    assert sensors(value, REAL32, bytewise=bytewise) == value
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from fleet import Fault, NotReady, Refused, Unsupported
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.constants import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 GIMBAL = {"accessories": ("gimbal",)}
@@ -32,7 +32,7 @@ def test_a_turn_takes_the_time_it_is_given(fly, sky, flavour):
     async def main():
         async with sky(flavour, **GIMBAL) as it:
             await it.met()
-            await it.until(lambda: it.state.carried.aim is not None)
+            await it.until(lambda: it.state.sensors.aim is not None)
             began = it.now
             await it.do("gimbal_rotate", pitch=-40.0, duration=4.0)
             assert it.now - began == pytest.approx(4.0, abs=1.0)

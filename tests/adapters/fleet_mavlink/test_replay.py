@@ -10,7 +10,7 @@ import itertools
 import pytest
 
 from fleet.testing.clock import ManualClock
-from fleet_mavlink.hub import Hub
+from fleet_mavlink.link_hub import LinkHub
 from fleet_mavlink.messages import CommandAck
 
 PX4_TRIALS = (
@@ -72,7 +72,7 @@ class Replay:
 
     def __init__(self, systems, component=190):
         self.clock = ManualClock(monotonic=0.0)
-        self.hub = Hub(Silent(), self.clock, 255, component)
+        self.hub = LinkHub(Silent(), self.clock, 255, component)
         self._claims = contextlib.ExitStack()
         self.vehicles = {system: self._claims.enter_context(self.hub.vehicle(system)) for system in systems}
         self.modes = {system: [] for system in systems}

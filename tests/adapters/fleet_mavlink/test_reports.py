@@ -13,12 +13,12 @@ from fleet.model.geodesy import geo_from_world
 from fleet.wire.reports import sender, to_mqtt
 from fleet_mavlink import reports
 from fleet_mavlink.codec import Parser
+from fleet_mavlink.constants import Landed
 from fleet_mavlink.frames import origin_of, pose_of
 from fleet_mavlink.messages import Heartbeat
 from fleet_mavlink.px4 import Px4
 from fleet_mavlink.state import Angles, Battery, Fix, VehicleState, reduce
 from fleet_mavlink.texts import Sentence
-from fleet_mavlink.words import Landed
 
 HOME = GeoOrigin(47.397742, 8.545594, 488.0)
 PX4 = Px4()

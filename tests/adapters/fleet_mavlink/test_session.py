@@ -16,7 +16,7 @@ from fleet.model.report import (
     PoseReport,
     TelemetryReport,
 )
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.constants import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 ELSEWHERE = ("10.9.9.9", 14550)

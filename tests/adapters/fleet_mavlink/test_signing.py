@@ -7,10 +7,10 @@ from pymavlink.dialects.v20 import all as mav
 
 from fleet import Refused, Unsupported
 from fleet.model.health import Level
-from fleet_mavlink.codec import Parser, Way, pack
+from fleet_mavlink.authentication import FALSE, UNSIGNED
+from fleet_mavlink.codec import FrameSettings, Parser, pack
 from fleet_mavlink.messages import CommandLong
 from fleet_mavlink.signing import Signer, key_of
-from fleet_mavlink.trust import FALSE, UNSIGNED
 
 KEY = key_of("correct horse")
 NOW = 1_800_000_000.0
@@ -41,7 +41,7 @@ def signed(frame):
 def test_a_foreign_implementation_accepts_what_we_sign(foreign):
     end, signer = foreign(), Signer(KEY, lambda: NOW)
     for sequence in range(3):
-        frame = pack(CommandLong(400, 1), 245, 191, sequence, Way(signer=signer))
+        frame = pack(CommandLong(400, 1), 245, 191, sequence, FrameSettings(signer=signer))
         (message,) = end.parse_buffer(frame)
         assert message.get_type() == "COMMAND_LONG"
     assert end.signing.goodsig_count == 3

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet_mavlink.constants import Landed
 from fleet_mavlink.messages import (
     Attitude,
     BatteryStatus,
@@ -18,7 +19,6 @@ from fleet_mavlink.messages import (
     SystemTime,
 )
 from fleet_mavlink.state import VehicleState, reduce
-from fleet_mavlink.words import Landed
 
 BEAT = Heartbeat(2, 12, 0x80, 0x03040000, 4)
 POSITION = GlobalPositionInt(5000, 473_977_420, 85_455_940, 498_000, 10_000, 100, -200, 50, 9000)

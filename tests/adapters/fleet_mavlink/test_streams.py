@@ -5,9 +5,9 @@ import asyncio
 import pytest
 
 from fleet_mavlink.commander import Commander, Timing
+from fleet_mavlink.constants import Cmd, Result
 from fleet_mavlink.messages import Attitude, CommandAck, CommandLong, RequestDataStream
 from fleet_mavlink.streams import Streams, wanted_rates
-from fleet_mavlink.words import Cmd, Result
 
 
 class Vehicle:

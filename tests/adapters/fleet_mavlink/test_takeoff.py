@@ -6,7 +6,7 @@ import contextlib
 import pytest
 
 from fleet import Goal, GoTo, NotReady, Refused, Vector3
-from fleet_mavlink.words import Cmd
+from fleet_mavlink.constants import Cmd
 
 both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 HEIGHTS = [2.0, 3.0, 5.0, 12.0]

@@ -1,41 +1,41 @@
 """Sentences of the autopilot, whole again."""
 
-from fleet_mavlink.messages import StatusText
+from fleet_mavlink.messages import StatusTextMessage
 from fleet_mavlink.texts import Joiner
 
 FULL = "Arming denied: Resolve system health failures firs"
 
 
 def test_a_short_sentence_comes_at_once():
-    (said,) = Joiner().feed(StatusText(2, "PreArm: Need Position Estimate"), 5.0)
+    (said,) = Joiner().feed(StatusTextMessage(2, "PreArm: Need Position Estimate"), 5.0)
     assert (said.text, said.severity, said.at) == ("PreArm: Need Position Estimate", 2, 5.0)
 
 
 def test_pieces_become_one_sentence_without_the_tab_at_its_end():
     joiner = Joiner()
-    assert joiner.feed(StatusText(2, FULL, 3, 0), 1.0) == []
-    (said,) = joiner.feed(StatusText(2, "t\t", 3, 1), 1.1)
+    assert joiner.feed(StatusTextMessage(2, FULL, 3, 0), 1.0) == []
+    (said,) = joiner.feed(StatusTextMessage(2, "t\t", 3, 1), 1.1)
     assert said.text == "Arming denied: Resolve system health failures first"
 
 
 def test_pieces_may_come_out_of_order():
     joiner = Joiner()
-    assert joiner.feed(StatusText(2, "t\t", 3, 1), 1.0) == []
-    assert [said.text for said in joiner.feed(StatusText(2, FULL, 3, 0), 1.1)] == [FULL + "t"]
+    assert joiner.feed(StatusTextMessage(2, "t\t", 3, 1), 1.0) == []
+    assert [said.text for said in joiner.feed(StatusTextMessage(2, FULL, 3, 0), 1.1)] == [FULL + "t"]
 
 
 def test_pieces_of_two_sentences_are_kept_apart():
     joiner = Joiner()
-    joiner.feed(StatusText(2, "a" * 50, 1, 0), 1.0)
-    joiner.feed(StatusText(4, "b" * 50, 2, 0), 1.0)
-    assert [said.text for said in joiner.feed(StatusText(4, "!", 2, 1), 1.0)] == ["b" * 50 + "!"]
-    assert [said.text for said in joiner.feed(StatusText(2, "?", 1, 1), 1.0)] == ["a" * 50 + "?"]
+    joiner.feed(StatusTextMessage(2, "a" * 50, 1, 0), 1.0)
+    joiner.feed(StatusTextMessage(4, "b" * 50, 2, 0), 1.0)
+    assert [said.text for said in joiner.feed(StatusTextMessage(4, "!", 2, 1), 1.0)] == ["b" * 50 + "!"]
+    assert [said.text for said in joiner.feed(StatusTextMessage(2, "?", 1, 1), 1.0)] == ["a" * 50 + "?"]
 
 
 def test_a_piece_that_never_comes_is_waited_for_one_second_and_marked():
     joiner = Joiner()
-    joiner.feed(StatusText(2, FULL, 3, 0), 1.0)
-    joiner.feed(StatusText(2, "end", 3, 2), 1.0)
+    joiner.feed(StatusTextMessage(2, FULL, 3, 0), 1.0)
+    joiner.feed(StatusTextMessage(2, "end", 3, 2), 1.0)
     assert joiner.late(1.9) == []
     assert [said.text for said in joiner.late(2.1)] == [FULL + "[...]end"]
     assert joiner.late(9.0) == []
@@ -43,16 +43,18 @@ def test_a_piece_that_never_comes_is_waited_for_one_second_and_marked():
 
 def test_a_sentence_that_fills_its_last_piece_ends_after_a_second():
     joiner = Joiner()
-    assert joiner.feed(StatusText(6, "x" * 50, 9, 0), 1.0) == []
+    assert joiner.feed(StatusTextMessage(6, "x" * 50, 9, 0), 1.0) == []
     assert [said.text for said in joiner.late(2.5)] == ["x" * 50]
 
 
 def test_unfinished_sentences_do_not_pile_up():
     joiner = Joiner()
-    let_go = [said for key in range(1, 100) for said in joiner.feed(StatusText(6, "y" * 50, key, 0), 1.0)]
+    let_go = [
+        said for key in range(1, 100) for said in joiner.feed(StatusTextMessage(6, "y" * 50, key, 0), 1.0)
+    ]
     assert len(let_go) >= 90
     assert len(joiner.late(9.0)) == 99 - len(let_go)
 
 
 def test_silence_is_no_sentence():
-    assert Joiner().feed(StatusText(6, " \t"), 1.0) == []
+    assert Joiner().feed(StatusTextMessage(6, " \t"), 1.0) == []

@@ -6,7 +6,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.testing.robot import RecordingRobot
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
-from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 from fleet_quadruped.sim.rig import Rig
 
@@ -41,7 +41,7 @@ def stopped_alone():
         if rig.dog.drive.protocol == "mit":
             return all(motor.kp == 0 for motor in rig.sim.world.motors)
         held = all(motor.kp > 0 for motor in rig.sim.world.motors)
-        return held and {drive.state for drive in rig.sim.drives} == {State.QUICK_STOP}
+        return held and {drive.state for drive in rig.sim.drives} == {DriveState.QUICK_STOP}
 
     return judge
 

@@ -3,11 +3,11 @@ import pytest
 
 from fleet.errors import ConfigError, LinkRefused
 from fleet.testing.clock import ManualClock
+from fleet_quadruped.bench_tools import BenchSession, offsets, problems, scan
 from fleet_quadruped.cli import can
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.sim.lockstep import lockstep
-from fleet_quadruped.workbench import Workbench, offsets, problems, scan
 
 
 class Ticking(ManualClock):
@@ -25,7 +25,7 @@ class Ticking(ManualClock):
 @pytest.fixture
 def on_bench(any_dog):
     sim, buses = lockstep(any_dog)
-    return sim, buses, Workbench(any_dog, buses, Ticking())
+    return sim, buses, BenchSession(any_dog, buses, Ticking())
 
 
 def run(*arguments):

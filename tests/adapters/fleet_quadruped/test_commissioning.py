@@ -5,7 +5,7 @@ import pytest
 from fleet import Quaternion
 from fleet.model.geometry import quaternion_from_euler
 from fleet_quadruped.body.probing import leaning, leans
-from fleet_quadruped.commissioning import Look, at_rest, problems
+from fleet_quadruped.commissioning import Observation, at_rest, problems
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sign
 
@@ -13,7 +13,7 @@ from fleet_quadruped.sim.planted import as_built, checked, with_offset, with_sig
 def seen(dog):
     """Return what is seen of a dog that moves as it is told, exactly."""
     return [
-        Look(leaning(dog, lean), quaternion_from_euler(lean.roll, lean.pitch, lean.yaw))
+        Observation(leaning(dog, lean), quaternion_from_euler(lean.roll, lean.pitch, lean.yaw))
         for lean in leans(dog)
     ]
 
@@ -53,7 +53,9 @@ def test_the_joint_and_its_offset_are_told(dog, joint):
 def test_lying_folded_a_joint_far_from_the_fold_is_told(dog, joint):
     fold = dog.posture(dog.poses.fold)
     assert at_rest(dog, fold) == []
-    assert at_rest(dog, shifted(Look(fold, Quaternion()), joint, 1.0).angles)[0].startswith(JOINTS[joint])
+    assert at_rest(dog, shifted(Observation(fold, Quaternion()), joint, 1.0).angles)[0].startswith(
+        JOINTS[joint]
+    )
 
 
 def test_a_check_that_ends_before_anything_is_seen_says_why(dog):

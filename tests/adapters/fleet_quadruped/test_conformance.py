@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fleet.errors import LinkLost
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode
@@ -41,7 +41,7 @@ def test_nothing_moves_before_it_is_asked_to_stand_up(rig):
 def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
     rig.go(0.1)
     before = angles(rig)
-    rig.ask(Ask.STAND)
+    rig.ask(BodyRequest.STAND)
     while rig.mode is Mode.ENABLING:
         rig.cycle()
     assert powers(rig) == {Power.ENABLED}
@@ -53,7 +53,7 @@ def test_enabling_holds_the_place_and_is_seen_on_all_drives(rig):
 def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
     rig.go(0.1)
     begun = rig.sim.time
-    rig.ask(Ask.STAND)
+    rig.ask(BodyRequest.STAND)
     while rig.mode is Mode.ENABLING:
         rig.cycle()
     assert rig.sim.time - begun < 0.1
@@ -61,7 +61,7 @@ def test_twelve_drives_are_enabled_within_a_tenth_of_a_second(rig):
 
 def test_a_drive_that_does_not_come_up_disables_all_others(rig):
     rig.go(0.1)
-    rig.ask(Ask.STAND)
+    rig.ask(BodyRequest.STAND)
     rig.sim.fault("mute", RL_HIP)
     rig.go(4.0)
     assert rig.mode is Mode.OFF
@@ -74,7 +74,7 @@ def test_it_stands_walks_and_sits_down(standing):
     assert standing.mode is Mode.WALKING
     standing.go(2.0)
     assert standing.mode is Mode.STANDING
-    assert standing.ask(Ask.SIT) == ""
+    assert standing.ask(BodyRequest.SIT) == ""
     standing.go(3.0)
     assert standing.mode is Mode.OFF
     assert powers(standing) == {Power.DISABLED}
@@ -84,7 +84,7 @@ def test_it_stands_walks_and_sits_down(standing):
 def test_sitting_down_and_standing_up_can_be_repeated(rig):
     for _ in range(2):
         rig.stand()
-        rig.ask(Ask.SIT)
+        rig.ask(BodyRequest.SIT)
         rig.go(3.0)
         assert rig.mode is Mode.OFF
 
@@ -113,14 +113,14 @@ def test_a_damped_dog_goes_off_and_needs_a_new_command(standing):
 def test_an_emergency_stop_that_comes_with_a_command_to_stand_up_wins(rig):
     rig.go(0.1)
     rig.emergency()
-    assert rig.ask(Ask.STAND) == ""
+    assert rig.ask(BodyRequest.STAND) == ""
     rig.go(3.0)
     assert (rig.mode, rig.fault) == (Mode.OFF, "emergency stop")
 
 
-@pytest.mark.parametrize("ask", [Ask.STAND, Ask.SIT, Ask.RECOVER])
+@pytest.mark.parametrize("ask", [BodyRequest.STAND, BodyRequest.SIT, BodyRequest.RECOVER])
 def test_an_emergency_stop_works_while_it_rises_and_sits(rig, ask):
-    if ask is Ask.SIT:
+    if ask is BodyRequest.SIT:
         rig.stand()
     rig.go(0.1)
     rig.ask(ask)
@@ -137,8 +137,8 @@ def test_a_failed_drive_damps_all_and_stays_latched_until_a_reset(standing):
     assert standing.mode is Mode.DAMPED
     assert standing.fault.startswith("RL_hip: over-current")
     standing.go(3.0)
-    assert "reset_faults" in standing.ask(Ask.STAND)
-    assert standing.ask(Ask.RESET) == ""
+    assert "reset_faults" in standing.ask(BodyRequest.STAND)
+    assert standing.ask(BodyRequest.RESET) == ""
     standing.go(0.1)
     standing.stand()
 
@@ -207,7 +207,7 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
     rig = Rig(wrong, real=any_dog)
     rig.go(0.1)
     before = angles(rig)
-    rig.ask(Ask.STAND)
+    rig.ask(BodyRequest.STAND)
     rig.go(1.0)
     assert rig.mode in {Mode.DAMPED, Mode.OFF}
     assert rig.fault.startswith("RL_knee: is at")
@@ -218,7 +218,7 @@ def test_a_mirrored_sign_is_found_before_anything_moves(any_dog):
 FAULTS = ["loss", "delay", "duplicate", "jump", "overcurrent", "mute"]
 anything = st.floats(width=32)  # not-a-number and the infinite ones, too
 asks = st.one_of(
-    st.tuples(st.just("ask"), st.sampled_from(Ask), anything),
+    st.tuples(st.just("ask"), st.sampled_from(BodyRequest), anything),
     st.tuples(st.just("go"), st.floats(0.02, 0.6), st.tuples(*[st.floats(-5, 5) | anything] * 3)),
     st.tuples(st.just("stop"), st.none(), st.none()),
     st.tuples(st.just("fault"), st.sampled_from(FAULTS), st.none()),
@@ -291,4 +291,4 @@ class Written:
 def test_what_is_no_number_moves_nothing(standing, value):
     standing.go(1.0, Twist(value, value, value))
     assert standing.mode is Mode.STANDING
-    assert standing.ask(Ask.HEIGHT, value) == f"{value} is no height"
+    assert standing.ask(BodyRequest.HEIGHT, value) == f"{value} is no height"

@@ -11,8 +11,8 @@ import pytest
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS
@@ -109,13 +109,13 @@ def test_what_was_stopped_hard_is_damped_everywhere_then_off_and_told_as_a_fault
     health = health_of(rig.state(), 100)
     assert health.level.word == "fault"
     assert health.cause == f"{rig.fault}; look at the dog, then send reset_faults"
-    assert rig.fault in rig.ask(Ask.STAND)
+    assert rig.fault in rig.ask(BodyRequest.STAND)
 
 
 def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
     rig = Rig(any_dog)
     rig.go(0.1)
-    assert rig.ask(Ask.RECOVER) == ""
+    assert rig.ask(BodyRequest.RECOVER) == ""
     rig.go(0.3)
     rig.sim.fault("imu")
     rig.go(0.2)
@@ -126,9 +126,9 @@ def test_a_dog_whose_imu_falls_silent_while_it_recovers_lets_go(any_dog):
 def test_a_dog_that_is_told_to_sit_while_it_recovers_gives_way_where_it_lies(any_dog):
     rig = Rig(any_dog)
     rig.go(0.1)
-    assert rig.ask(Ask.RECOVER) == ""
+    assert rig.ask(BodyRequest.RECOVER) == ""
     rig.go(0.3)
-    assert (rig.mode, rig.ask(Ask.SIT)) == (Mode.RECOVERING, "")
+    assert (rig.mode, rig.ask(BodyRequest.SIT)) == (Mode.RECOVERING, "")
     rig.go(0.1)
     assert rig.mode is Mode.SETTLING
     rig.go(1.0)
@@ -170,7 +170,7 @@ def test_two_drives_with_one_id_are_told_and_never_enabled(any_dog):
     rig.go(0.2)
     told = r"RL_hip: two (drives|motors) answer as id 8 on bus a: give each its own"
     assert re.match(told, health_of(rig.state(), 100).cause)
-    assert re.match(told, rig.ask(Ask.STAND))
+    assert re.match(told, rig.ask(BodyRequest.STAND))
     assert rig.mode is Mode.OFF
 
 
@@ -180,8 +180,8 @@ def test_a_fault_of_a_resting_dog_is_told_and_reset_by_command_only(any_dog, fau
     rig.sim.fault(fault, RL_HIP)
     rig.go(1.5)
     assert rig.state().fault.startswith("RL_hip: ")
-    assert "send reset_faults" in rig.ask(Ask.STAND)
-    rig.ask(Ask.RESET)
+    assert "send reset_faults" in rig.ask(BodyRequest.STAND)
+    rig.ask(BodyRequest.RESET)
     rig.go(0.1)
     assert rig.state().fault == ""
     rig.stand()
@@ -191,7 +191,7 @@ def test_a_dog_with_an_empty_battery_does_not_stand_up(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("battery", 5.0)
     rig.go(2.0)
-    assert rig.ask(Ask.STAND) == "battery: 5 %, it sits down at 10 %"
+    assert rig.ask(BodyRequest.STAND) == "battery: 5 %, it sits down at 10 %"
 
 
 def test_a_drive_that_misses_its_first_enabling_is_told_again(any_dog):
@@ -254,7 +254,10 @@ def test_a_dog_whose_imu_is_upside_down_does_not_stand_up(any_dog):
     rig = Rig(any_dog)
     rig.sim.fault("upside")
     rig.go(0.1)
-    assert rig.ask(Ask.STAND) == "it is not upright; send recovery_stand, or check how its IMU is mounted"
+    assert (
+        rig.ask(BodyRequest.STAND)
+        == "it is not upright; send recovery_stand, or check how its IMU is mounted"
+    )
     assert rig.mode is Mode.OFF
 
 
@@ -286,7 +289,7 @@ def test_a_storm_of_emergencies_is_one_fault_with_the_first_cause(dog):
     rig = walking(dog)
     rig.sim.fault("overcurrent", RL_HIP)
     for code in range(0x1000, 0x1000 + 2000):
-        rig.buses["a"].arrive(Frame(0x080 + 3, code.to_bytes(2, "little") + bytes([0x21]) + bytes(5)))
+        rig.buses["a"].arrive(CanFrame(0x080 + 3, code.to_bytes(2, "little") + bytes([0x21]) + bytes(5)))
     rig.go(0.02, Twist(0.4))
     assert rig.mode is Mode.DAMPED
     first = rig.fault
@@ -328,7 +331,7 @@ def test_a_drive_that_restarts_in_motion_is_configured_again_after_the_reset(any
     rig.sim.fault("reboot", RL_HIP)
     rig.go(3.0)
     assert rig.mode is Mode.OFF
-    assert rig.ask(Ask.RESET) == ""
+    assert rig.ask(BodyRequest.RESET) == ""
     with pytest.raises(LinkLost, match="RL_hip: id 8"):
         rig.go(0.1)
 
@@ -346,7 +349,7 @@ def test_a_bus_that_is_unplugged_and_back_finds_a_dog_that_goes_off_and_stays_so
     rig.go(2.5, Twist(0.4))
     assert rig.mode is Mode.OFF
     assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
-    rig.ask(Ask.RESET)
+    rig.ask(BodyRequest.RESET)
     rig.go(0.1)
     rig.stand()
 
@@ -411,7 +414,7 @@ def test_a_fault_is_reset_by_a_rising_edge_and_never_unasked(dog):
     rig.sim.fault("overcurrent", RL_HIP)
     rig.go(3.0)
     assert set(control_words(rig)) == {0x00}
-    rig.ask(Ask.RESET)
+    rig.ask(BodyRequest.RESET)
     rig.go(0.02)
     assert control_words(rig)[-4:] == [0x00, 0x80, 0x00, 0x00]
 

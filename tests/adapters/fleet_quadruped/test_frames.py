@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from fleet_quadruped.frames import Decoder, FieldMap, FrameMap, encode
+from fleet_quadruped.frames import FieldMap, FrameDecoder, FrameMap, encode
 
 BATTERY = FrameMap(
     id=0x361,
@@ -18,23 +18,23 @@ BATTERY = FrameMap(
 
 
 def test_a_frame_is_read_by_its_map():
-    found = Decoder([BATTERY]).decode(0x361, bytes.fromhex("50129EF6FF"))
+    found = FrameDecoder([BATTERY]).decode(0x361, bytes.fromhex("50129EF6FF"))
     assert found == pytest.approx({"percent": 80, "voltage": 47.66, "current": -1.0})
 
 
 def test_an_invalid_value_is_left_out():
-    assert "percent" not in Decoder([BATTERY]).decode(0x361, bytes.fromhex("FF129EF6FF"))
+    assert "percent" not in FrameDecoder([BATTERY]).decode(0x361, bytes.fromhex("FF129EF6FF"))
 
 
 def test_a_short_frame_and_a_strange_one_say_nothing():
-    decoder = Decoder([BATTERY])
+    decoder = FrameDecoder([BATTERY])
     assert decoder.decode(0x361, b"\x50\x12") is None
     assert decoder.decode(0x362, bytes(8)) is None
 
 
 def test_a_float_that_is_no_number_is_left_out():
     frame = FrameMap(id=1, fields={"x": FieldMap(at=0, type="f32")})
-    assert Decoder([frame]).decode(1, b"\x00\x00\xc0\x7f") == {}
+    assert FrameDecoder([frame]).decode(1, b"\x00\x00\xc0\x7f") == {}
 
 
 def test_two_values_on_one_byte_are_refused():
@@ -44,7 +44,7 @@ def test_two_values_on_one_byte_are_refused():
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_what_does_not_fit_is_clamped_and_never_wrapped(voltage):
-    found = Decoder([BATTERY]).decode(0x361, encode(BATTERY, {"voltage": voltage}))
+    found = FrameDecoder([BATTERY]).decode(0x361, encode(BATTERY, {"voltage": voltage}))
     assert found["voltage"] == pytest.approx(max(0.0, min(655.35, voltage)), abs=0.006)
 
 

@@ -3,19 +3,19 @@
 import pytest
 
 from fleet.errors import LinkLost, LinkRefused
+from fleet_quadruped.bench_tools import BenchSession
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Order
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.cia402.drive import Cia402Drives
-from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
-from fleet_quadruped.workbench import Workbench
 
 RL_HIP = JOINTS.index("RL_hip") + 1
 GENTLE = 0.5  # m/s of its drop
@@ -56,14 +56,14 @@ def upright(dog, request):
 
 def test_a_controller_that_is_started_again_lets_a_held_dog_down_gently(upright):
     upright.pass_time(1.0)  # the controller is dead
-    assert upright.states() == {State.QUICK_STOP}
+    assert upright.states() == {DriveState.QUICK_STOP}
     assert upright.height > 0.2
     upright.reconnect()
     upright.go(0.2)
     assert upright.mode is Mode.DAMPED
     upright.go(2.5)
     assert upright.mode is Mode.OFF
-    assert upright.states() == {State.SWITCH_ON_DISABLED}
+    assert upright.states() == {DriveState.SWITCH_ON_DISABLED}
     assert upright.height < 0.15
     assert upright.drop < GENTLE
     upright.stand()
@@ -84,7 +84,7 @@ def test_a_held_dog_is_told_and_its_joints_are_led_from_where_they_are(upright):
 def test_a_controller_that_is_started_again_at_once_finds_drives_that_are_still_enabled(upright):
     upright.reconnect()
     upright.go(3.0)
-    assert upright.states() == {State.SWITCH_ON_DISABLED}
+    assert upright.states() == {DriveState.SWITCH_ON_DISABLED}
     assert upright.drop < GENTLE
 
 
@@ -111,7 +111,7 @@ def test_a_cable_that_is_cut_and_mended_does_not_drop_it(dog, seconds, simple):
         rig.reconnect()
     rig.go(3.5)
     assert rig.mode is Mode.OFF
-    assert rig.states() == {State.SWITCH_ON_DISABLED}
+    assert rig.states() == {DriveState.SWITCH_ON_DISABLED}
     assert rig.drop < GENTLE
 
 
@@ -128,10 +128,10 @@ def test_a_drive_that_does_not_go_on_keeps_the_dog_held_until_a_person_holds_it(
         "RL_hip: its drive does not go on from its quick stop: it is held and cannot be lowered; "
         "hold the dog: reset_faults lets go"
     )
-    assert "it is damped" in rig.ask(Ask.STAND)
-    assert rig.ask(Ask.RESET) == ""
+    assert "it is damped" in rig.ask(BodyRequest.STAND)
+    assert rig.ask(BodyRequest.RESET) == ""
     rig.go(0.5)
-    assert rig.states() == {State.SWITCH_ON_DISABLED}
+    assert rig.states() == {DriveState.SWITCH_ON_DISABLED}
 
 
 def test_a_leg_that_fails_in_mid_trot_does_not_let_the_others_fall(dog):
@@ -192,8 +192,8 @@ def test_a_tool_that_looks_at_a_held_dog_refuses_and_drops_nothing(dog, monkeypa
     bench = Bench(rig)
     monkeypatch.setattr(Cia402Drives, "configure", lambda _self: None)  # it is configured already
     with pytest.raises(LinkRefused, match="the drives hold the dog, and it would fall: let it down"):
-        Workbench(dog, bench.buses, bench)
-    assert rig.states() == {State.QUICK_STOP}
+        BenchSession(dog, bench.buses, bench)
+    assert rig.states() == {DriveState.QUICK_STOP}
     assert rig.height > 0.2
 
 
@@ -220,7 +220,7 @@ class Leave:
         self._rig = rig
 
     def order(self):
-        return Order(leave=True, alive=self._rig.sim.time, errand=self._rig.order.errand)
+        return Order(leave=True, alive=self._rig.sim.time, activity=self._rig.order.activity)
 
     def put(self, state):
         """Nobody reads it."""
@@ -246,14 +246,14 @@ def test_who_leaves_has_seen_every_drive_without_torque(any_dog, monkeypatch, lo
     told = rig.controller.drives.feedback(rig.sim.time)
     assert {Power.DISABLED, Power.FAULT} >= set(told.powers)
     if any_dog.drive.protocol == "cia402":
-        assert {State.SWITCH_ON_DISABLED, State.FAULT} >= {drive.state for drive in rig.sim.drives}
+        assert {DriveState.SWITCH_ON_DISABLED, DriveState.FAULT} >= {drive.state for drive in rig.sim.drives}
     assert all(motor.kp == motor.kd == 0 for motor in rig.sim.world.motors)
 
 
 def test_a_drive_that_keeps_its_torque_is_told(dog):
     rig = Rig(dog)
     rig.stand()
-    rig.ask(Ask.SIT)
+    rig.ask(BodyRequest.SIT)
     while rig.mode is not Mode.SETTLING:
         rig.cycle()
     drive = rig.sim.drives[RL_HIP - 1]

@@ -13,7 +13,7 @@ from fleet.testing.clock import ManualClock
 from fleet_quadruped.cli import can
 from fleet_quadruped.drives.cia402.frames import RPDO1
 from fleet_quadruped.drives.cia402.setup import MAX_TORQUE
-from fleet_quadruped.jog import SPEED, Jog, Jogger, Pressed, Stopped, ramp, verdict
+from fleet_quadruped.jog import SPEED, Jog, Jogger, JogStopped, Pressed, ramp, verdict
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.lockstep import SimBus, lockstep
@@ -83,7 +83,7 @@ def test_it_never_pushes_harder_than_it_may(any_dog):
 
 def test_a_key_stops_it_at_once(wall):
     wall.pressed_at = 0.02
-    with pytest.raises(Stopped):
+    with pytest.raises(JogStopped):
         wall.jogger.move()
     assert abs(wall.motor.angle - wall.start) < 0.03
     assert wall.off()
@@ -161,7 +161,7 @@ def test_a_signal_ends_it_in_order_and_the_next_one_does_not_cut_the_braking_sho
     looked, braked = wall.jogger._cycle, wall.jogger._bench.drives.quick_stop
     wall.jogger._cycle = lambda act: (wall.pressed(), looked(act))[1]
     wall.jogger._bench.drives.quick_stop = lambda: (os.kill(os.getpid(), number), braked())
-    with pressed.watching(), pytest.raises(Stopped):
+    with pressed.watching(), pytest.raises(JogStopped):
         wall.jogger.move()
     assert wall.off()
     assert signal.getsignal(number) is before

@@ -5,13 +5,13 @@ import math
 import pytest
 
 from fleet import Pose, Quaternion, Vector3
-from fleet.host.follow.control import Pace
-from fleet.host.follow.course import legs_of
-from fleet.host.follow.follower import TOLERANCE, Follower
+from fleet.host.follow.leg_follower import TOLERANCE, LegFollower
+from fleet.host.follow.legs import legs_of
+from fleet.host.follow.motion_laws import MotionLimits
 from fleet.model.navigation import FollowPath, Goal, GoTo, RelativeMove
 from fleet_quadruped import QuadrupedAdapter
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
 
@@ -26,10 +26,10 @@ def pose_of(rig):
 def lead(rig, task, within=60.0):
     """Lead a standing dog through a task as the host does; return its pose at the end."""
     limits, now = QuadrupedAdapter.limits, rig.sim.time
-    follower = Follower(
+    follower = LegFollower(
         legs_of(task, pose_of(rig), None),
         pose_of(rig),
-        Pace(limits.speed, limits.yaw_rate * 0.9),
+        MotionLimits(limits.speed, limits.yaw_rate * 0.9),
         tolerance=TOLERANCE,
         holonomic=QuadrupedAdapter.holonomic,
         now=now,
@@ -73,7 +73,7 @@ def test_a_relative_move_goes_sideways_without_turning(dog_on_its_feet):
 def test_a_controller_that_begins_anew_on_a_dog_that_has_turned_leads_it_to_its_goal(dog_on_its_feet):
     rig = dog_on_its_feet
     rig.go(2.5, Twist(turn=0.8))
-    rig.ask(Ask.SIT)
+    rig.ask(BodyRequest.SIT)
     rig.go(4.0)
     rig.reconnect()
     rig.stand()

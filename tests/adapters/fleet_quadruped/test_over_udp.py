@@ -16,7 +16,7 @@ import pytest
 
 from fleet import Fault, LinkLost, NotReady, TimedOut, Vector3, Velocity
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
-from fleet_quadruped.drives.cia402.states import State, state_of
+from fleet_quadruped.drives.cia402.states import DriveState, state_of
 
 pytestmark = pytest.mark.xdist_group("real time")
 TRIES = 3
@@ -72,15 +72,15 @@ async def _walk_and_kill(running, bus):
         await robot.until(lambda: adapter._state.x > 0.1 or run.done() or adapter._state.mode == "damped")
         if run.done() or adapter._state.mode == "damped":
             raise Fault(adapter._state.fault)
-        assert states(bus) == {State.ENABLED}
+        assert states(bus) == {DriveState.ENABLED}
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
             await run
-        assert _stopped(bus) == {State.QUICK_STOP}
+        assert _stopped(bus) == {DriveState.QUICK_STOP}
     async with running(link=None, buses={"a": bus}) as (adapter, robot, _):
         await robot.until(lambda: adapter._state.mode == "damped")
         await robot.until(lambda: adapter._state.mode == "off")
-    assert states(bus) == {State.SWITCH_ON_DISABLED}
+    assert states(bus) == {DriveState.SWITCH_ON_DISABLED}
 
 
 async def test_whoever_leaves_a_standing_dog_leaves_drives_without_torque(running):
@@ -89,7 +89,7 @@ async def test_whoever_leaves_a_standing_dog_leaves_drives_without_torque(runnin
             async with running(link=None, buses={"a": bus}) as (adapter, _, _):
                 async for _ in adapter.stand_up():
                     pass
-            assert states(bus) == {State.SWITCH_ON_DISABLED}
+            assert states(bus) == {DriveState.SWITCH_ON_DISABLED}
             return
     pytest.fail("it never stood up")
 
@@ -98,7 +98,7 @@ def _stopped(url):
     """Ask the drives until none is enabled any more, for 10 s at most; return their states."""
     deadline = time.monotonic() + 10.0
     seen = states(url)
-    while State.ENABLED in seen and time.monotonic() < deadline:
+    while DriveState.ENABLED in seen and time.monotonic() < deadline:
         seen = states(url)
     return seen
 

@@ -9,7 +9,7 @@ from fleet.errors import LinkLost
 from fleet.model.report import ImuReport, JointReport
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.height import height_of
-from fleet_quadruped.reports import Motion
+from fleet_quadruped.reports import MotionReports
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.sim.mujoco_world import MujocoWorld
 from fleet_quadruped.sim.rig import Rig
@@ -23,7 +23,7 @@ class Reported(Rig):
 
     def __init__(self, dog, world=None):
         super().__init__(dog, world)
-        self.motion = Motion(1.0)
+        self.motion = MotionReports(1.0)
         self.told = {JointReport: [], PoseReport: [], ImuReport: []}
         self.watch = self.note
 

@@ -5,7 +5,7 @@ import uuid
 import pytest
 
 from fleet import Level, NotReady, PoseReport, Refused, Unsupported, Vector3, Velocity, open_link
-from fleet.host.make import capabilities, make_adapter, perform
+from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
 from fleet.model.report import BatteryReport, JointReport, MetricsReport, PhotoReport
@@ -23,7 +23,7 @@ class Bench:
         self.board = board
         self.machine = machine
         self.robot = RecordingRobot()
-        self.adapter = make_adapter(UgvAdapter, config)
+        self.adapter = create_adapter(UgvAdapter, config)
         self.run = asyncio.create_task(self.adapter.run(self.robot))
         self._heard = 0
 
@@ -64,7 +64,7 @@ class Bench:
         return b"".join(heard)
 
     async def do(self, name, **data):
-        await perform(self.adapter, capabilities(UgvAdapter).commands[name], Command(name, data))
+        await start_command(self.adapter, capabilities(UgvAdapter).commands[name], Command(name, data))
 
     async def end(self):
         self.run.cancel()

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from fleet import Level, LinkLost
 from fleet.errors import WireError
-from fleet.host.asks import Decoder
-from fleet.host.desk import Desk
-from fleet.host.journal import RobotJournal
-from fleet.host.make import capabilities, make_adapter
-from fleet.host.ticket import Ticket
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.decode import RequestDecoder
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import capabilities, create_adapter
+from fleet.host.robot.controller import RobotController
 from fleet.link.memory import MemoryRobot
-from fleet.model.command import Setpoint, Way
+from fleet.model.command import Setpoint, Transport
 from fleet.testing.robot import RecordingRobot
 from fleet.wire.commands import VERBS
 from fleet.wire.stops import STOP_WORDS
@@ -67,9 +67,9 @@ class Bench:
         self.config, self.machine = config, machine
         self.board = board_of(SimSpec(config.profile))
         self.robot = RecordingRobot()
-        self.adapter = make_adapter(UgvAdapter, config)
+        self.adapter = create_adapter(UgvAdapter, config)
         can = capabilities(UgvAdapter)
-        self.desk = Desk(
+        self.desk = RobotController(
             config,
             can,
             publish=lambda _: None,
@@ -79,7 +79,7 @@ class Bench:
             clock=self.robot.clock,
         )
         self.limits = config.limits.over(can.limits)
-        self.decoder = Decoder(config, self.desk.speeds.of, planar=True)
+        self.decoder = RequestDecoder(config, self.desk.speeds.of, planar=True)
         self.may_move_until = 0.0
         self.asked = []
         self.heard = 0
@@ -126,10 +126,10 @@ class Bench:
         message = {"source_type": "tele", "command": name, "data": data}
         answers = []
         try:
-            ask = self.decoder.decode("command", json.dumps(message).encode(), way=Way.CLOUD)
+            ask = self.decoder.decode("command", json.dumps(message).encode(), way=Transport.CLOUD)
         except WireError:
             return
-        self.desk.receive(ask, Ticket(name, answers.append))
+        self.desk.receive(ask, Receipt(name, answers.append))
         if name in STOP_WORDS:
             self.may_move_until = self.now
         if isinstance(ask, Setpoint) and answers[0].ok:

@@ -6,13 +6,13 @@ import random
 import pytest
 
 from fleet import Pose, Vector3, quaternion_from_yaw
-from fleet.host.follow.control import Pace
-from fleet.host.follow.course import Leg
-from fleet.host.follow.follower import TOLERANCE, Follower
+from fleet.host.follow.leg_follower import TOLERANCE, LegFollower
+from fleet.host.follow.legs import Leg
+from fleet.host.follow.motion_laws import MotionLimits
 from fleet.model.geometry import wrap_angle
 from fleet_ugv.kinematics import Differential
 from fleet_ugv.model import Feedback
-from fleet_ugv.odometry import Odometry, Scale
+from fleet_ugv.odometry import Scale, WheelOdometry
 from fleet_ugv.profiles import PROFILES
 from fleet_ugv.sim.spec import SimSpec, board_of
 
@@ -29,8 +29,8 @@ class Drive:
         self.codec = kind.codec(type("Setting", (), CODEC_SETTING))
         self.kinematics = Differential(kind.track, kind.fastest)
         wrap = kind.counter / kind.ticks if kind.counter else None
-        self.odometry = Odometry(Scale(kind.track, wrap=wrap), kind.fastest)
-        self.pace = Pace(kind.limits.speed, kind.limits.yaw_rate * 0.9)
+        self.odometry = WheelOdometry(Scale(kind.track, wrap=wrap), kind.fastest)
+        self.pace = MotionLimits(kind.limits.speed, kind.limits.yaw_rate * 0.9)
         self.now = 0.0
         self.fastest = 0.0
         self.sideways = 0.0
@@ -51,8 +51,8 @@ class Drive:
 
     def go(self, *legs, speed=None, within=300.0, tolerance=TOLERANCE):
         """Lead it along legs; returns the follower, done."""
-        pace = Pace(speed or self.pace.speed, self.pace.yaw_rate)
-        follower = Follower(legs, self.pose, pace, tolerance=tolerance, holonomic=False, now=self.now)
+        pace = MotionLimits(speed or self.pace.speed, self.pace.yaw_rate)
+        follower = LegFollower(legs, self.pose, pace, tolerance=tolerance, holonomic=False, now=self.now)
         end, before, percent = self.now + within, 0.0, 0.0
         while not follower.done:
             assert self.now < end, (follower.phase, self.pose, legs)
@@ -131,7 +131,7 @@ def test_a_corner_is_driven_to_and_not_cut():
     drive = Drive()
     nearest = math.inf
     pace = drive.pace
-    follower = Follower(
+    follower = LegFollower(
         [Leg(((1.0, 0.0), (1.0, 1.0)))], drive.pose, pace, tolerance=0.1, holonomic=False, now=drive.now
     )
     while not follower.done:
@@ -152,7 +152,7 @@ def test_a_stalled_base_is_blocked_in_3_to_5_seconds_stands_and_goes_on_when_it_
     drive = Drive()
     drive.board.set_fault("stall", 1.0)
     leg = Leg(((2.0, 0.0),))
-    follower = Follower([leg], drive.pose, drive.pace, tolerance=0.1, holonomic=False, now=drive.now)
+    follower = LegFollower([leg], drive.pose, drive.pace, tolerance=0.1, holonomic=False, now=drive.now)
     began = drive.now
     while not follower.progress().blocked:
         drive.tell(drive.codec.motion(drive.kinematics.inverse(follower.step(drive.pose, drive.now))))
@@ -176,7 +176,7 @@ def test_a_base_that_stays_blocked_is_given_up():
 @pytest.mark.parametrize("fault", [("bump", 1.0), ("slip", 0.3), ("bump", 2.5)])
 def test_a_push_or_slip_on_the_way_is_made_good(fault):
     drive = Drive()
-    follower = Follower(
+    follower = LegFollower(
         [Leg(((2.0, 0.0),), 0.0)], drive.pose, drive.pace, tolerance=0.1, holonomic=False, now=drive.now
     )
     began, pushed = drive.now, False
@@ -193,8 +193,13 @@ def test_a_push_or_slip_on_the_way_is_made_good(fault):
 def test_a_holonomic_robot_goes_sideways_and_turns_on_its_way():
     x, y, yaw, now = 0.0, 0.0, 0.0, 0.0
     pose = Pose()
-    follower = Follower(
-        [Leg(((0.0, 2.0),), math.pi / 2)], pose, Pace(0.5, 1.0), tolerance=0.1, holonomic=True, now=now
+    follower = LegFollower(
+        [Leg(((0.0, 2.0),), math.pi / 2)],
+        pose,
+        MotionLimits(0.5, 1.0),
+        tolerance=0.1,
+        holonomic=True,
+        now=now,
     )
     first = None
     while not follower.done:

@@ -9,7 +9,7 @@ import uuid
 import pytest
 
 from fleet import Level, LinkLost, LinkRefused, PoseReport, Vector3, Velocity, open_link
-from fleet.host.make import make_adapter
+from fleet.host.robot.adapter_factory import create_adapter
 from fleet.testing.robot import RecordingRobot
 from fleet_ugv import UgvAdapter
 from fleet_ugv.sim.server import Bases
@@ -21,7 +21,7 @@ DRIVER = """
 import asyncio, sys
 from fleet import Vector3, Velocity
 from fleet.errors import NotReady
-from fleet.host.make import make_adapter
+from fleet.host.robot.adapter_factory import make_adapter
 from fleet.testing.robot import RecordingRobot
 from fleet_ugv import UgvAdapter, UgvConfig
 
@@ -58,7 +58,7 @@ async def serve(make_config):
 
     def start(profile, url):
         robot = RecordingRobot()
-        adapter = make_adapter(UgvAdapter, make_config(profile, url, twin=str(uuid.uuid4())))
+        adapter = create_adapter(UgvAdapter, make_config(profile, url, twin=str(uuid.uuid4())))
         run = asyncio.create_task(adapter.run(robot))
         tasks.extend([run, asyncio.create_task(turn(robot, run))])
         return robot, adapter, run

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet import Level
-from fleet_ugv.readiness import Phase, Readiness
+from fleet_ugv.readiness import BoardPhase, Readiness
 
 
 def make(*, confirms=True, guarded=True):
@@ -16,19 +16,19 @@ def test_a_board_that_answers_is_set_up_and_ready_when_it_confirms():
     assert board.heard(1.0, restarted=False)
     assert board.refusal
     board.confirmed()
-    assert (board.phase, board.refusal, board.health.level) == (Phase.READY, "", Level.OK)
+    assert (board.phase, board.refusal, board.health.level) == (BoardPhase.READY, "", Level.OK)
 
 
 def test_a_board_whose_dead_man_is_fixed_is_ready_at_once():
     board = make(confirms=False)
     assert board.heard(1.0, restarted=False)
-    assert board.phase is Phase.READY
+    assert board.phase is BoardPhase.READY
 
 
 def test_a_board_without_a_dead_man_is_never_more_than_unguarded():
     board = make(confirms=False, guarded=False)
     board.heard(1.0, restarted=False)
-    assert board.phase is Phase.UNGUARDED
+    assert board.phase is BoardPhase.UNGUARDED
     assert board.health.level is Level.DEGRADED
 
 
@@ -38,16 +38,16 @@ def test_a_board_that_does_not_confirm_is_asked_three_times_and_then_driven_slow
         now = turn * 0.1
         asked += board.heard(now, restarted=False) or board.look(now)
     assert asked == 3
-    assert board.phase is Phase.UNGUARDED
+    assert board.phase is BoardPhase.UNGUARDED
     board.confirmed()
-    assert board.phase is Phase.READY
+    assert board.phase is BoardPhase.READY
 
 
 def test_silence_is_amber_within_a_second_and_red_within_three():
     board = make(confirms=False)
     board.heard(1.0, restarted=False)
     board.look(2.0)
-    assert (board.phase, board.health.level) == (Phase.QUIET, Level.DEGRADED)
+    assert (board.phase, board.health.level) == (BoardPhase.QUIET, Level.DEGRADED)
     assert not board.lost(3.0)
     assert board.lost(4.0)
 
@@ -78,8 +78,8 @@ def test_whatever_happens_it_is_never_driven_while_silent_or_before_its_setup(ev
             assert now - last <= 1.0
 
 
-@pytest.mark.parametrize("phase", Phase)
+@pytest.mark.parametrize("phase", BoardPhase)
 def test_every_phase_has_a_health(phase):
     board = make()
     board.phase = phase
-    assert (board.health.level is Level.OK) == (phase is Phase.READY)
+    assert (board.health.level is Level.OK) == (phase is BoardPhase.READY)

@@ -9,8 +9,9 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from fleet.testing.clock import ManualClock
 from fleet_mavlink.hub import Hub
+
+from fleet.testing.clock import ManualClock
 
 HERE = Path(__file__).parent
 STATION = (255, 190)  # who made the recordings

@@ -3,7 +3,7 @@ from functools import partial
 
 import pytest
 
-from fleet.model.command import Asked, Reply, Way
+from fleet.model.command import Reply, Request, Transport
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import PoseReport
 from fleet.testing.clock import ManualClock
@@ -32,14 +32,14 @@ class FakePort:
         self.once = False
 
     def read(self, kind, payload, *, way, request_id="", waits=False, unread=""):
-        assert way is Way.CLOUD
+        assert way is Transport.CLOUD
         if self.raises is not None:
             raise self.raises
         if b"emergency_stop" in payload or unread:
             self.emergencies.append(payload)
         self.unread.append(unread)
         stops = bool(unread) or b'"stop"' in payload or b'"emergency_stop"' in payload
-        return Asked(partial(self.take, (kind, payload, request_id)), stops, self.once)
+        return Request(partial(self.take, (kind, payload, request_id)), stops, self.once)
 
     def take(self, what, answer):
         self.received.append(what)

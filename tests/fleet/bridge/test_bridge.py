@@ -7,7 +7,7 @@ import paho.mqtt.publish
 import pytest
 from cyberwave.mqtt import CyberwaveMQTTClient
 
-from fleet.bridge.bridge import Bridge, Rules
+from fleet.bridge.bridge import Bridge, BridgeRules
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
@@ -17,7 +17,7 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import wait_until
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import of_a_twin, rulebook
-from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, Traffic
+from fleet.wire.rules import INWARD, NOT_OF_A_TWIN, TrafficClass
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 OTHER = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
@@ -77,7 +77,7 @@ def make_bridge(background_loop, topics, ports):
             topics,
             ports,
             edge=edge,
-            rules=rules or Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            rules=rules or BridgeRules(dict.fromkeys(ports, of_a_twin(rulebook()))),
             put=lambda key, _sample: put.append(key),
             alive=lambda _name: True,
             claimed=lambda twin, holder: claims.append((twin, holder)),
@@ -193,8 +193,8 @@ def test_the_end_of_an_edge_closes_no_stream_of_a_program_beside_it(bridge, list
 def test_only_what_asks_something_of_our_twins_is_subscribed(broker, make_bridge, topics, ports):
     bridge = make_bridge(broker.port)
     (mine,) = broker.call(lambda: list(broker.broker._hub._directory.sessions.values()))
-    rules = [rule for rule in INWARD.values() if rule.leaf not in NOT_OF_A_TWIN]
-    wanted = {topics.twin(twin, rule.leaf): rule.qos for twin in ports for rule in rules}
+    rules = [rule for rule in INWARD.values() if rule.suffix not in NOT_OF_A_TWIN]
+    wanted = {topics.twin(twin, rule.suffix): rule.qos for twin in ports for rule in rules}
     given = {pattern: one.options for pattern, one in mine.subscriptions.items()}
     assert {pattern: int(options.max_qos) for pattern, options in given.items()} == wanted
     assert all(options.no_local for options in given.values())
@@ -224,7 +224,7 @@ def test_a_request_of_the_sdk_gets_its_answer(bridge, port, rex):
 def test_a_legacy_status_does_not_come_back_as_a_command(bridge, listener, rex):
     rex.answers = lambda *_: Reply("land", ReplyStatus.ACCEPTED)
     listener.client.publish(
-        f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, traffic=Traffic.REPLY
+        f"{T}command", b'{"command": "land", "source_type": "tele"}', qos=1, traffic=TrafficClass.REPLY
     )
     wait_until("command and status are heard", lambda: len(listener.heard) >= 1)
     bridge.beat({})  # comes after the status on the same connection
@@ -251,7 +251,7 @@ def test_an_edge_that_vanishes_is_told_by_its_will_and_taken_back_when_it_is_the
 def test_an_answer_does_not_wait_for_the_wheel(bridge, listener, rex):
     answered = threading.Event()
     rex.answers = lambda *_: answered.set() or Reply("land", ReplyStatus.REJECTED, "stale")
-    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, traffic=Traffic.REPLY)
+    listener.client.publish(f"{T}command", b'{"command": "land"}', qos=1, traffic=TrafficClass.REPLY)
     assert answered.wait(60)
     wait_until("the status is heard", lambda: [m for _, m in listener.heard if m.get("reason") == "stale"])
 
@@ -292,7 +292,9 @@ def heartbeat(edge, uptime, session="them"):
 
 def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener):
     for _ in range(2):
-        listener.client.publish(f"{T}edge_health", heartbeat("yard-0", 5000.0), qos=1, traffic=Traffic.REPLY)
+        listener.client.publish(
+            f"{T}edge_health", heartbeat("yard-0", 5000.0), qos=1, traffic=TrafficClass.REPLY
+        )
     wait_until("the claim is noted", lambda: bridge.claims)
     assert bridge.claims == [(TWIN, "yard-0")]
     bridge.hold(TWIN, "yard-0")
@@ -305,7 +307,7 @@ def test_a_twin_of_an_edge_that_was_there_before_is_left_to_it(bridge, listener)
 
 def test_of_two_bridges_for_one_twin_only_the_later_gives_way(broker, make_bridge):
     first = make_bridge(broker.port)
-    first._rivals._began -= 60.0
+    first._conflicts._began -= 60.0
     first.voice._began -= 60.0
     second = make_bridge(broker.port, edge="yard-2")
     for _ in range(2):
@@ -318,7 +320,7 @@ def test_of_two_bridges_for_one_twin_only_the_later_gives_way(broker, make_bridg
 
 def test_an_offer_reaches_the_local_program_and_its_answer_the_cloud(bridge, listener):
     offer = json.dumps({"type": "offer", "target": "edge", "sdp": "v=0"}).encode()
-    listener.client.publish(f"{T}webrtc-offer", offer, qos=1, traffic=Traffic.REPLY)
+    listener.client.publish(f"{T}webrtc-offer", offer, qos=1, traffic=TrafficClass.REPLY)
     wait_until("it is on the bus", lambda: bridge.put == [f"cw/{TWIN}/data/cloud/webrtc_offer"])
     answer = {"type": "answer", "target": "backend", "sdp": "v=0", "ts": 5.0, "session_id": "c_front"}
     bridge.uplink.arrived(f"cw/{TWIN}/data/webrtc_answer", json.dumps(answer).encode())

@@ -1,10 +1,10 @@
 from fleet.bridge.counters import LATENCY_BUCKETS, ClassCounts, Latencies
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 
 def test_each_class_is_counted_on_its_own():
     counts = ClassCounts()
-    for traffic in (Traffic.EVENT, Traffic.EVENT, Traffic.STREAM):
+    for traffic in (TrafficClass.EVENT, TrafficClass.EVENT, TrafficClass.STREAM):
         counts.add(traffic)
     assert counts.by_class() == {"reply": 0, "status": 0, "event": 2, "latest": 0, "stream": 1}
     assert (counts.total, counts.durable) == (3, 2)

@@ -3,12 +3,12 @@ import logging
 
 import pytest
 
-from fleet.bridge.answers import SAME_REFUSAL_EVERY
+from fleet.bridge.command_replies import SAME_REFUSAL_EVERY
 from fleet.bridge.downlink import DENIED_AFTER, TURN, Downlink
-from fleet.cloud.values import Message
+from fleet.cloud.values import CloudMessage
 from fleet.errors import WireError
 from fleet.model.command import Reply, ReplyStatus
-from fleet.tally import Tally
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.samples import json_payload
 
@@ -30,7 +30,7 @@ class Bench:
         self.put = []
         self.own = []
         book = rulebook("lan", [Changes(inward={"workflow-run:status": Change(on=True)})])
-        handle = lambda topic, message: self.own.append((topic.leaf, message.payload))  # noqa: E731
+        handle = lambda topic, message: self.own.append((topic.suffix, message.payload))  # noqa: E731
         self.downlink = Downlink(
             topics,
             ports,
@@ -40,7 +40,7 @@ class Bench:
             send=self._send,
             put=lambda key, sample: self.put.append((key, json.loads(json_payload(sample)))),
             own={"edge_health": handle, "ping:request": handle, "pong:response": self._refuse},
-            refusals=Tally(logging.getLogger("fleet.bridge"), clock),
+            refusals=RateLimitedCounter(logging.getLogger("fleet.bridge"), clock),
             clock=clock,
         )
 
@@ -74,11 +74,11 @@ def accepting(rex):
 
 def command(name, topic=f"{T}/command", **properties):
     payload = json.dumps({"command": name, "source_type": "tele"}).encode()
-    return Message(topic, payload, 1, **properties)
+    return CloudMessage(topic, payload, 1, **properties)
 
 
 @pytest.mark.parametrize(
-    ("leaf", "kind"),
+    ("suffix", "kind"),
     [
         ("command", "command"),
         ("navigate/command", "navigate"),
@@ -86,15 +86,17 @@ def command(name, topic=f"{T}/command", **properties):
         ("mission/command", "mission"),
     ],
 )
-def test_each_topic_reaches_the_robot_as_its_kind(bench, rex, leaf, kind):
-    bench.arrive(Message(f"{T}/{leaf}", b"{}"))
+def test_each_topic_reaches_the_robot_as_its_kind(bench, rex, suffix, kind):
+    bench.arrive(CloudMessage(f"{T}/{suffix}", b"{}"))
     assert rex.received == [(kind, b"{}", "")]
 
 
 def test_what_several_reads_bring_is_taken_in_order(bench, rex):
     for start in (0, 2):
-        bench.downlink.arrived([Message(f"{T}/command", str(n).encode()) for n in range(start, start + 2)])
-    bench.arrive(Message(f"{T}/command", b"4"))
+        bench.downlink.arrived(
+            [CloudMessage(f"{T}/command", str(n).encode()) for n in range(start, start + 2)]
+        )
+    bench.arrive(CloudMessage(f"{T}/command", b"4"))
     assert [payload for _, payload, _ in rex.received] == [b"0", b"1", b"2", b"3", b"4"]
 
 
@@ -145,7 +147,7 @@ def test_video_that_is_refused_says_why_on_its_status_topic(bench, rex):
     ],
 )
 def test_what_is_not_for_a_robot_of_ours_is_left_alone(bench, ports, topic):
-    bench.arrive(Message(topic, b'{"command": "emergency_stop"}'))
+    bench.arrive(CloudMessage(topic, b'{"command": "emergency_stop"}'))
     assert all(not port.received and not port.emergencies for port in ports.values())
     assert bench.sent == []
 
@@ -158,7 +160,7 @@ def test_a_retained_command_is_refused(bench, rex, caplog):
 
 
 def test_what_we_said_ourselves_is_not_asked_of_us(bench, rex):
-    bench.arrive(Message(f"{T}/command", b'{"command": "land", "session_id": "fleet_us"}'))
+    bench.arrive(CloudMessage(f"{T}/command", b'{"command": "land", "session_id": "fleet_us"}'))
     assert rex.received == []
     assert bench.downlink.refusals.counts() == {"own session": 1}
 
@@ -176,7 +178,7 @@ def test_what_we_said_ourselves_is_not_asked_of_us(bench, rex):
 def test_a_copy_of_our_own_telemetry_keeps_no_command_from_the_robot_and_our_own_session_no_stop(
     bench, rex, payload
 ):
-    bench.arrive(Message(f"{T}/command", payload))
+    bench.arrive(CloudMessage(f"{T}/command", payload))
     assert [received for _, received, _ in rex.received] == [payload]
 
 
@@ -202,7 +204,7 @@ def test_of_a_damaged_packet_only_a_stop_is_obeyed(bench, rex):
 
 
 def test_of_a_packet_that_is_too_large_the_topic_alone_counts(bench, rex):
-    bench.arrive(Message(f"{T}/command", b"", flaw="a packet of 40000000 bytes"))
+    bench.arrive(CloudMessage(f"{T}/command", b"", flaw="a packet of 40000000 bytes"))
     assert rex.unread == ["a packet of 40000000 bytes"]
     assert len(rex.received) == 1
 
@@ -293,8 +295,8 @@ def test_how_a_command_ended_that_was_accepted_is_told_to_all_who_hear_of_the_tw
 def test_only_what_ends_by_no_status_of_its_own_is_followed_to_its_end(bench, rex):
     waited = {}
     rex.read = lambda kind, _payload, *, waits, **_: waited.__setitem__(kind, waits)
-    for leaf in ("command", "navigate/command", "motion/command", "mission/command"):
-        bench.arrive(Message(f"{T}/{leaf}", b"{}"))
+    for suffix in ("command", "navigate/command", "motion/command", "mission/command"):
+        bench.arrive(CloudMessage(f"{T}/{suffix}", b"{}"))
     assert waited == {"command": True, "navigate": False, "motion": False, "mission": False}
 
 
@@ -398,13 +400,13 @@ def test_a_robot_that_fails_to_take_a_message_does_not_keep_the_next_one_waiting
 
 
 def test_a_message_beyond_the_size_of_its_topic_is_not_read(bench, rex):
-    bench.arrive(Message(f"{T}/command", b"x" * (32 * 1024 * 1024), response_topic=INBOX))
+    bench.arrive(CloudMessage(f"{T}/command", b"x" * (32 * 1024 * 1024), response_topic=INBOX))
     assert rex.unread == ["33554432 bytes are more than the 1048576 that are read"]
 
 
 def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
     rex.answers = lambda *_: Reply("joint_targets", ReplyStatus.REJECTED, "rex has no 'joint_targets'")
-    bench.arrive(*[Message(f"cyberwave/joint/{TWIN}/update", b'{"positions": {"a": 1}}')] * 40)
+    bench.arrive(*[CloudMessage(f"cyberwave/joint/{TWIN}/update", b'{"positions": {"a": 1}}')] * 40)
     assert [kind for kind, _, _ in rex.received] == ["joints"] * 40
     ((topic, reply, _),) = bench.sent
     assert (topic, reply["command"], reply["ok"]) == (f"{T}/command", "joint_targets", False)
@@ -413,7 +415,7 @@ def test_joint_targets_reach_the_robot_and_their_refusal_is_told(bench, rex):
 def test_a_mission_reaches_the_robot_whose_reports_tell_its_status(bench, rex):
     rex.answers = lambda *_: Reply("mission", ReplyStatus.REJECTED, "it flies no missions")
     payload = b'{"command": "start", "mission_execution_uuid": "m1", "steps": []}'
-    bench.arrive(Message(f"{T}/mission/command", payload))
+    bench.arrive(CloudMessage(f"{T}/mission/command", payload))
     assert bench.downlink.received == {"mission": 1}
     assert bench.sent == []
 
@@ -441,38 +443,40 @@ RELAYED = [
 ]
 
 
-@pytest.mark.parametrize(("leaf", "message", "channel"), RELAYED)
-def test_what_is_for_a_local_program_is_put_on_the_bus_as_it_is(bench, leaf, message, channel):
-    bench.arrive(Message(f"{T}/{leaf}", json.dumps(message).encode()))
+@pytest.mark.parametrize(("suffix", "message", "channel"), RELAYED)
+def test_what_is_for_a_local_program_is_put_on_the_bus_as_it_is(bench, suffix, message, channel):
+    bench.arrive(CloudMessage(f"{T}/{suffix}", json.dumps(message).encode()))
     assert bench.put == [(f"cw/{TWIN}/data/{channel}", message)]
 
 
-@pytest.mark.parametrize(("leaf", "message", "channel"), RELAYED)
+@pytest.mark.parametrize(("suffix", "message", "channel"), RELAYED)
 @pytest.mark.parametrize(
     "payload", [b"", b"[]", b"\xff", b'{"a": NaN}', b'{"a": 1, "a": 2}', b"[" * 5000, b'{"type": 5}']
 )
-def test_what_cannot_be_read_never_reaches_the_bus(bench, leaf, message, channel, payload):
-    if (leaf, payload) == ("commands/sync_workflows", b'{"type": 5}'):
+def test_what_cannot_be_read_never_reaches_the_bus(bench, suffix, message, channel, payload):
+    if (suffix, payload) == ("commands/sync_workflows", b'{"type": 5}'):
         return
-    bench.arrive(Message(f"{T}/{leaf}", payload))
+    bench.arrive(CloudMessage(f"{T}/{suffix}", payload))
     assert bench.put == []
     assert bench.downlink.refusals.counts() == {"unreadable": 1}
 
 
 def test_a_flood_is_thinned_and_counted(bench, clock):
     for _ in range(100):
-        bench.arrive(Message(f"{T}/alert", b'{"name": "x"}'))
+        bench.arrive(CloudMessage(f"{T}/alert", b'{"name": "x"}'))
     assert len(bench.put) == 20
     assert bench.downlink.refusals.counts() == {"too often": 80}
     clock.advance(0.5)
-    bench.arrive(*[Message(f"{T}/alert", b'{"name": "x"}')] * 20)
+    bench.arrive(*[CloudMessage(f"{T}/alert", b'{"name": "x"}')] * 20)
     assert len(bench.put) == 30
 
 
 def test_the_editor_s_changes_go_to_the_bus_and_the_state_of_others_does_not(bench):
     edit = b'{"source_type": "edit", "position": {"x": 1, "y": 2, "z": 3}}'
-    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"sim")), Message(f"{T}/position", edit))
-    bench.arrive(Message(f"{T}/position", edit.replace(b"edit", b"tele")))
+    bench.arrive(
+        CloudMessage(f"{T}/position", edit.replace(b"edit", b"sim")), CloudMessage(f"{T}/position", edit)
+    )
+    bench.arrive(CloudMessage(f"{T}/position", edit.replace(b"edit", b"tele")))
     ((key, sample),) = bench.put
     assert key == f"cw/{TWIN}/data/cloud/position"
     assert sample["position"] == {"x": 1, "y": 2, "z": 3}
@@ -480,12 +484,12 @@ def test_the_editor_s_changes_go_to_the_bus_and_the_state_of_others_does_not(ben
 
 
 def test_updates_of_an_environment_and_of_runs_have_their_own_keys(bench):
-    bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_added", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/environment/{PLACE}/twin_removed", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/environment/{PLACE}/telemetry-status", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/environment/{PLACE}/9lives", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/environment/{STRANGER}/twin_added", b'{"data": {}}'))
-    bench.arrive(Message(f"cyberwave/workflow-run/{RUN}/status", b'{"status": "running"}'))
+    bench.arrive(CloudMessage(f"cyberwave/environment/{PLACE}/twin_added", b'{"data": {}}'))
+    bench.arrive(CloudMessage(f"cyberwave/environment/{PLACE}/twin_removed", b'{"data": {}}'))
+    bench.arrive(CloudMessage(f"cyberwave/environment/{PLACE}/telemetry-status", b'{"data": {}}'))
+    bench.arrive(CloudMessage(f"cyberwave/environment/{PLACE}/9lives", b'{"data": {}}'))
+    bench.arrive(CloudMessage(f"cyberwave/environment/{STRANGER}/twin_added", b'{"data": {}}'))
+    bench.arrive(CloudMessage(f"cyberwave/workflow-run/{RUN}/status", b'{"status": "running"}'))
     assert [key for key, _ in bench.put] == [
         f"cw/{PLACE}/data/cloud/twin_added",
         f"cw/{PLACE}/data/cloud/twin_removed",
@@ -496,15 +500,15 @@ def test_updates_of_an_environment_and_of_runs_have_their_own_keys(bench):
 
 
 def test_what_the_bridge_does_itself_is_handed_to_it_and_its_refusals_are_counted(bench):
-    bench.arrive(Message(f"cyberwave/ping/{TWIN}/request", b"p"), Message(f"{T}/edge_health", b"h"))
-    bench.arrive(Message(f"cyberwave/pong/{TWIN}/response", b"x"))
+    bench.arrive(CloudMessage(f"cyberwave/ping/{TWIN}/request", b"p"), CloudMessage(f"{T}/edge_health", b"h"))
+    bench.arrive(CloudMessage(f"cyberwave/pong/{TWIN}/response", b"x"))
     assert bench.own == [("ping:request", b"p"), ("edge_health", b"h")]
     assert bench.downlink.refusals.counts() == {"unreadable": 1}
 
 
 def test_large_messages_wait_within_a_bound_and_stops_beyond_it(bench, accepting, monkeypatch):
     monkeypatch.setattr("fleet.bridge.downlink.MOST_BYTES", 1000)
-    large = Message(f"{T}/command", b'{"command": "' + b"x" * 600)
+    large = CloudMessage(f"{T}/command", b'{"command": "' + b"x" * 600)
     bench.downlink.arrived([large] * 9 + [command("stop")])
     bench.downlink.take()
     assert bench.downlink.refusals.counts()["too many"] == 7
@@ -557,14 +561,14 @@ def test_a_reason_is_told_once_a_minute_however_often_it_comes(bench, caplog, cl
 
 def test_our_own_offer_that_comes_back_is_not_taken_for_one_to_us(bench):
     ours = {**OFFER, "target": "backend"}
-    bench.arrive(Message(f"{T}/webrtc-offer", json.dumps(ours).encode()))
+    bench.arrive(CloudMessage(f"{T}/webrtc-offer", json.dumps(ours).encode()))
     assert bench.put == []
     assert bench.downlink.refusals.counts() == {}
 
 
 def test_what_is_for_us_crosses_though_it_names_the_backend_as_its_sender(bench):
     answer = {**OFFER, "type": "answer", "target": "edge", "sender": "backend"}
-    bench.arrive(Message(f"{T}/webrtc-answer", json.dumps(answer).encode()))
+    bench.arrive(CloudMessage(f"{T}/webrtc-answer", json.dumps(answer).encode()))
     assert [key for key, _ in bench.put] == [f"cw/{TWIN}/data/cloud/webrtc_answer"]
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fleet.bridge.bridge import Bridge, Rules
+from fleet.bridge.bridge import Bridge, BridgeRules
 from fleet.clock import SystemClock
 from fleet.cloud.client import CloudClient
 from fleet.cloud.values import CloudSettings, CloudState
@@ -61,7 +61,7 @@ def make_bridge(background_loop, broker, topics, ports):
             topics,
             ports,
             edge="yard-1",
-            rules=Rules(dict.fromkeys(ports, of_a_twin(rulebook()))),
+            rules=BridgeRules(dict.fromkeys(ports, of_a_twin(rulebook()))),
             put=lambda _key, _sample: None,
             claimed=lambda _twin, _holder: None,
             alive=lambda _name: True,
@@ -89,7 +89,7 @@ def tell_statuses(bridge, first, end):
 
 
 def actions(heard):
-    return [message["action_id"] for leaf, message in list(heard) if leaf == "navigate/status"]
+    return [message["action_id"] for suffix, message in list(heard) if suffix == "navigate/status"]
 
 
 def test_after_an_outage_the_newest_state_comes_first_and_then_every_status_in_order(
@@ -109,8 +109,8 @@ def test_after_an_outage_the_newest_state_comes_first_and_then_every_status_in_o
     broker.broker.faults.refuse = None
     wait_until("all are heard", lambda: len(actions(heard)) == 60)
     assert actions(heard) == [f"a{number}" for number in range(60)]
-    after = [(leaf, message) for leaf, message in heard[before:] if leaf != "telemetry"]
-    leaves = [leaf for leaf, _ in after]
+    after = [(suffix, message) for suffix, message in heard[before:] if suffix != "telemetry"]
+    leaves = [suffix for suffix, _ in after]
     assert {"position", "rotation"} == set(leaves[:2])
     assert leaves.count("position") <= 2
     assert dict(after[:2])["position"]["position"]["x"] == 49.0
@@ -167,7 +167,7 @@ def test_what_was_lost_is_told_on_the_twins_telemetry(broker, heard, make_bridge
     in_or_out(bridge, connected=True)
     for _ in range(2):
         bridge.beat({})
-    wait_until("the gap is told", lambda: [m for leaf, m in heard if m.get("type") == "gap"])
-    (gap,) = [message for leaf, message in heard if message.get("type") == "gap"]
+    wait_until("the gap is told", lambda: [m for suffix, m in heard if m.get("type") == "gap"])
+    (gap,) = [message for suffix, message in heard if message.get("type") == "gap"]
     assert (gap["leaf"], gap["reason"], gap["lost"]) == ("navigate/status", "room", 50)
     assert bridge.client.stats.dropped == 50

@@ -5,8 +5,8 @@ from functools import partial
 
 import pytest
 
-from fleet.bridge.bridge import Bridge, Rules
-from fleet.cloud.values import CloudSettings, Message
+from fleet.bridge.bridge import Bridge, BridgeRules
+from fleet.cloud.values import CloudMessage, CloudSettings
 from fleet.model.command import Reply, ReplyStatus
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
@@ -30,7 +30,16 @@ from fleet.model.report import (
 )
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, REPLY_INBOX, RULES, Form, Taker, rule_of
+from fleet.wire.rules import (
+    CHANNEL_LEAVES,
+    ENVIRONMENT,
+    INWARD,
+    REPLY_INBOX,
+    RULES,
+    Recipient,
+    TopicForm,
+    rule_of,
+)
 from fleet.wire.topics import Topics
 from fleet.wire.video import VIDEO_TYPES
 
@@ -105,7 +114,7 @@ class World:
             self.topics,
             {TWIN: port},
             edge="yard-1",
-            rules=Rules({TWIN: of_a_twin(book)}, {PLACE: of_an_environment(book)}, of_any_run(book)),
+            rules=BridgeRules({TWIN: of_a_twin(book)}, {PLACE: of_an_environment(book)}, of_any_run(book)),
             put=lambda key, _sample: self.put.append(key),
             alive=lambda _name: True,
             claimed=lambda *claim: self.claims.append(claim),
@@ -120,13 +129,13 @@ class World:
 
     def _publish(self, topic, payload, **properties):
         json.loads(payload)
-        self.published.append((self.topics.parse(topic).leaf, properties.get("qos", 0)))
+        self.published.append((self.topics.parse(topic).suffix, properties.get("qos", 0)))
         return True
 
-    def hear(self, leaf, message, **properties):
-        uuid = PLACE if leaf == ENVIRONMENT else TWIN
-        topic = self.topics.twin(uuid, leaf.replace("+", "twin_added"))
-        self.bridge.downlink.arrived([Message(topic, json.dumps(message).encode(), **properties)])
+    def hear(self, suffix, message, **properties):
+        uuid = PLACE if suffix == ENVIRONMENT else TWIN
+        topic = self.topics.twin(uuid, suffix.replace("+", "twin_added"))
+        self.bridge.downlink.arrived([CloudMessage(topic, json.dumps(message).encode(), **properties)])
         self.bridge.downlink.take()
 
     def tell(self, channel, sample):
@@ -156,7 +165,7 @@ def test_every_channel_of_the_table_becomes_its_topics_at_their_qos(world):
         carried.setdefault(channel.partition("/")[0], []).extend(world.published[before:])
     assert carried.keys() == CHANNEL_LEAVES.keys()
     for channel, leaves in CHANNEL_LEAVES.items():
-        wanted = [(leaf.replace("+", "update"), RULES[leaves[0]].qos) for leaf in leaves]
+        wanted = [(suffix.replace("+", "update"), RULES[leaves[0]].qos) for suffix in leaves]
         assert carried[channel] == wanted
     assert world.bridge.refusals.counts() == {}
 
@@ -172,29 +181,30 @@ def test_what_the_edge_says_itself_is_what_the_table_says(world, rex):
         rex.answers = lambda *_, name=name: Reply(name, ReplyStatus.ACCEPTED, done=True)
         world.hear("command", {"type": name})
     said = {
-        "command/+/response" if leaf == "command/a/response" else leaf: qos for leaf, qos in world.published
+        "command/+/response" if suffix == "command/a/response" else suffix: qos
+        for suffix, qos in world.published
     }
-    assert said == {rule.leaf: rule.qos for rule in RULES.values() if rule.form is Form.SAID}
+    assert said == {rule.suffix: rule.qos for rule in RULES.values() if rule.form is TopicForm.SAID}
     assert REPLY_INBOX in said
-    assert all(rule_of(leaf) for leaf, _ in world.published)
+    assert all(rule_of(suffix) for suffix, _ in world.published)
 
 
-@pytest.mark.parametrize("rule", INWARD.values(), ids=lambda rule: rule.leaf)
+@pytest.mark.parametrize("rule", INWARD.values(), ids=lambda rule: rule.suffix)
 def test_every_topic_from_the_cloud_goes_where_the_table_says(world, rex, rule):
-    world.hear(rule.leaf, MESSAGES[rule.leaf])
-    world.hear(rule.leaf, MESSAGES[rule.leaf])
+    world.hear(rule.suffix, MESSAGES[rule.suffix])
+    world.hear(rule.suffix, MESSAGES[rule.suffix])
     asked = [kind for kind, _, _ in rex.received]
     assert asked == ([rule.taker.value] * 2 if rule.taker.asks else [])
-    assert bool(world.put) == (rule.taker is Taker.RELAY)
+    assert bool(world.put) == (rule.taker is Recipient.RELAY)
     assert world.bridge.downlink.received == {rule.taker.value: 2}
     assert world.bridge.refusals.counts() == {}
-    assert bool(world.claims) == (rule.leaf == "edge_health")
+    assert bool(world.claims) == (rule.suffix == "edge_health")
 
 
-@pytest.mark.parametrize("leaf", INWARD)
-def test_a_retained_message_of_any_topic_does_nothing_but_stop(world, rex, leaf):
+@pytest.mark.parametrize("suffix", INWARD)
+def test_a_retained_message_of_any_topic_does_nothing_but_stop(world, rex, suffix):
     goal = {"command": "goto", "position": [1, 2, 3]}
-    world.hear(leaf, goal if leaf == "navigate/command" else MESSAGES[leaf], retain=True)
+    world.hear(suffix, goal if suffix == "navigate/command" else MESSAGES[suffix], retain=True)
     assert (rex.received, rex.emergencies, world.put, world.published, world.claims) == ([], [], [], [], [])
     assert world.bridge.refusals.counts() == {"retained": 1}
 
@@ -202,8 +212,8 @@ def test_a_retained_message_of_any_topic_does_nothing_but_stop(world, rex, leaf)
 def test_the_subscriptions_are_those_of_the_table(world):
     wanted = {
         world.topics.filter(
-            rule.leaf,
-            PLACE if rule.leaf == ENVIRONMENT else None if rule.leaf.startswith("workflow") else TWIN,
+            rule.suffix,
+            PLACE if rule.suffix == ENVIRONMENT else None if rule.suffix.startswith("workflow") else TWIN,
         ): rule.qos
         for rule in INWARD.values()
     }
@@ -218,7 +228,7 @@ def test_a_parked_robot_repeats_at_1_hz_and_nothing_said_once_is_repeated(world,
         clock.advance(0.02)
         for _ in world.bridge.turn():
             pass
-    times = {leaf: [one for one, _ in world.published].count(leaf) for leaf, _ in world.published}
-    repeated = {leaf for leaf, rule in RULES.items() if rule.repeat}
+    times = {suffix: [one for one, _ in world.published].count(suffix) for suffix, _ in world.published}
+    repeated = {suffix for suffix, rule in RULES.items() if rule.repeat}
     assert times.keys() <= repeated
-    assert all(times[leaf] >= 10 for leaf in ("position", "rotation", "joint:update", "scale"))
+    assert all(times[suffix] >= 10 for suffix in ("position", "rotation", "joint:update", "scale"))

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.bridge.slot import MOST_PARTS, SLACK, TwinInfo
+from fleet.bridge.outbound_channel import MOST_PARTS, SLACK, TwinInfo
 from fleet.bridge.uplink import STRANGERS, Uplink
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
@@ -31,12 +31,12 @@ from fleet.model.report import (
     ScaleReport,
     TelemetryReport,
 )
-from fleet.tally import Tally
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import Change, Changes, Channel, of_a_twin, of_an_environment, rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, KIB, RULES, Traffic
+from fleet.wire.rules import CHANNEL_LEAVES, KIB, RULES, TrafficClass
 from fleet.wire.topics import Topics
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
@@ -71,7 +71,7 @@ class Bench:
             alive=lambda name: self.alive and name == "rex",
             waiting=lambda: self.queued_bytes,
             full=lambda: self.full,
-            refusals=Tally(logging.getLogger("fleet.bridge"), self.clock),
+            refusals=RateLimitedCounter(logging.getLogger("fleet.bridge"), self.clock),
             clock=self.clock,
         )
 
@@ -103,8 +103,8 @@ class Bench:
         for _ in range(round(seconds / TICK)):
             self.turn()
 
-    def of(self, leaf):
-        return [(when, message) for when, sent, message, _ in self.sent if sent == leaf]
+    def of(self, suffix):
+        return [(when, message) for when, sent, message, _ in self.sent if sent == suffix]
 
 
 def a_pose(x):
@@ -140,7 +140,7 @@ def bench():
 def test_a_pose_becomes_two_topics_in_the_cloud_s_form(bench, pose):
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()
-    assert [(leaf, qos) for _, leaf, _, qos in bench.sent] == [("position", 0), ("rotation", 0)]
+    assert [(suffix, qos) for _, suffix, _, qos in bench.sent] == [("position", 0), ("rotation", 0)]
     message = bench.sent[0][2]
     assert message["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
     assert (message["source_type"], message["session_id"]) == ("edge", "us")
@@ -167,9 +167,9 @@ def test_a_state_of_our_own_robot_crosses_at_once_if_it_is_due_and_else_in_a_tur
 def test_events_of_our_own_robot_cross_at_once_and_its_pictures_in_a_turn(bench):
     bench.cross({STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0)})
     bench.cross({f"cw/{TWIN}/data/depth": DepthReport(2.0, bytes(2), 1, 1, "uint16")})
-    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
+    assert [suffix for _, suffix, _, _ in bench.sent] == ["navigate/status"]
     bench.turn()
-    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status", "depth"]
+    assert [suffix for _, suffix, _, _ in bench.sent] == ["navigate/status", "depth"]
 
 
 @pytest.mark.parametrize("key", [f"cw/{OTHER}/data/position", f"cw/{TWIN}/data/unheard_of", "cw/x"])
@@ -193,7 +193,7 @@ def test_what_is_wrong_with_one_report_keeps_none_beside_it_from_crossing(bench,
         bench.turn(0.2)
     assert [message["position"]["x"] for _, message in bench.of("position")] == [0.0, 1.0, 2.0]
     assert (len(bench.of("rotation")), len(bench.of("scale"))) == (3, 2)  # a scale goes twice a second
-    assert {leaf for _, leaf, _, _ in bench.sent} == {"position", "rotation", "scale"}
+    assert {suffix for _, suffix, _, _ in bench.sent} == {"position", "rotation", "scale"}
     assert bench.uplink.sent.total == len(bench.sent)
     assert bench.uplink.refusals.counts()[reason] >= 2
 
@@ -208,7 +208,7 @@ def test_an_event_at_which_the_bridge_fails_takes_no_state_beside_it_along(bench
     bench.uplink._open_way = fail  # of a topic that has not been opened yet
     wrong = {STATUS: NavigationReport(1.0, "a", ActionState.RUNNING, 1.0)}
     bench.cross({POSITION: a_pose(1.0)} | wrong | {SCALE: ScaleReport(1.0, ONES)})
-    assert sorted(leaf for _, leaf, _, _ in bench.sent) == ["position", "rotation", "scale"]
+    assert sorted(suffix for _, suffix, _, _ in bench.sent) == ["position", "rotation", "scale"]
     assert bench.uplink.refusals.counts()["failed"] == 1
 
 
@@ -277,7 +277,7 @@ def test_a_pose_that_came_too_early_crosses_when_its_time_is_there(bench, pose):
 
 @pytest.mark.parametrize(("channel", "leaves"), CHANNEL_LEAVES.items())
 def test_the_leaves_of_one_channel_have_one_rule(channel, leaves):
-    rules = {(RULES[leaf].traffic, RULES[leaf].max_rate, RULES[leaf].repeat) for leaf in leaves}
+    rules = {(RULES[suffix].traffic, RULES[suffix].max_rate, RULES[suffix].repeat) for suffix in leaves}
     assert len(rules) == 1
 
 
@@ -311,7 +311,7 @@ def test_events_keep_their_order_and_are_all_sent(bench):
 def test_an_event_does_not_wait_for_a_turn_and_state_does(bench, pose):
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.uplink.arrived(STATUS, status("a"))
-    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
+    assert [suffix for _, suffix, _, _ in bench.sent] == ["navigate/status"]
 
 
 def test_a_flood_of_log_lines_is_thinned_and_told_now_and_then(bench, caplog):
@@ -483,8 +483,8 @@ def test_no_sequence_of_arrivals_is_above_the_rate_or_loses_the_newest(arrivals)
         bench.run(turns * TICK)
     bench.run(1.5)
     for kind, number in newest.items():
-        _, leaf, rate = from_kind[kind]
-        told = bench.of(leaf)
+        _, suffix, rate = from_kind[kind]
+        told = bench.of(suffix)
         assert told[-1][1]["timestamp"] == number
         stamps = [message["timestamp"] for _, message in told]
         assert stamps == sorted(stamps), "an older value after a newer one"
@@ -566,7 +566,7 @@ def test_of_periodic_telemetry_the_newest_of_each_part_crosses(bench):
         say(bench, "telemetry", {"type": "camera_sync_frame", "frame_index": number})
         bench.turn(0.05)
     bench.run(1.0)
-    told = [(message, qos) for _, leaf, message, qos in bench.sent if leaf == "telemetry"]
+    told = [(message, qos) for _, suffix, message, qos in bench.sent if suffix == "telemetry"]
     motors = [[m["n"] for m, _ in told if m.get("motor_id") == motor] for motor in (1, 2)]
     assert [each[-1] for each in motors] == [39, 39]
     assert all(4 <= len(each) <= 7 for each in motors), "2 Hz"
@@ -613,7 +613,7 @@ def test_a_new_connection_hears_at_once_how_everything_is(bench, pose):
     bench.turn()
     before = len(bench.sent)
     bench.uplink.say_newest()
-    assert sorted(leaf for _, leaf, _, _ in bench.sent[before:]) == ["position", "rotation"]
+    assert sorted(suffix for _, suffix, _, _ in bench.sent[before:]) == ["position", "rotation"]
     bench.alive = False
     bench.uplink.say_newest()
     assert len(bench.sent) == before + 2
@@ -651,7 +651,7 @@ def test_streams_are_dropped_while_the_way_is_full_and_state_is_not(bench, pose)
     bench.uplink.arrived(f"cw/{TWIN}/data/depth", encode_report(DepthReport(2.0, b"\0\0", 1, 1, "uint16"), 0))
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()
-    assert {leaf for _, leaf, _, _ in bench.sent} == {"position", "rotation"}
+    assert {suffix for _, suffix, _, _ in bench.sent} == {"position", "rotation"}
     assert bench.uplink.dropped.by_class() == dict.fromkeys(("reply", "status", "event", "latest"), 0) | {
         "stream": 1
     }
@@ -679,7 +679,7 @@ def test_while_the_network_takes_nothing_events_are_still_kept_and_streams_dropp
     bench.turn()
     bench.full = False
     bench.turn()
-    assert [leaf for _, leaf, _, _ in bench.sent] == ["navigate/status"]
+    assert [suffix for _, suffix, _, _ in bench.sent] == ["navigate/status"]
     assert bench.uplink.dropped.by_class()["stream"] == 1
 
 
@@ -715,7 +715,7 @@ def test_what_is_larger_than_its_rule_is_refused_and_counted(bench, caplog):
 
 
 @pytest.mark.parametrize(
-    ("channel", "leaf", "fields", "qos"),
+    ("channel", "suffix", "fields", "qos"),
     [
         ("webrtc_offer", "webrtc-offer", {"type": "offer", "target": "backend", "sdp": "v=0"}, 2),
         ("webrtc_candidate", "webrtc-candidate", {"type": "candidate", "target": "x", "candidate": {}}, 1),
@@ -724,11 +724,11 @@ def test_what_is_larger_than_its_rule_is_refused_and_counted(bench, caplog):
         ("model_output", "model_output", {"label": "cat"}, 0),
     ],
 )
-def test_documents_cross_with_their_own_fields_and_a_stamp(bench, channel, leaf, fields, qos):
+def test_documents_cross_with_their_own_fields_and_a_stamp(bench, channel, suffix, fields, qos):
     bench.uplink.arrived(f"cw/{TWIN}/data/{channel}", json.dumps({**fields, "ts": 5.0}).encode())
     bench.turn()
     ((_, sent, message, given),) = bench.sent
-    assert (sent, given) == (leaf, qos)
+    assert (sent, given) == (suffix, qos)
     assert fields.items() <= message.items()
     assert message["timestamp"] == 5.0
 
@@ -778,14 +778,14 @@ def test_the_older_joints_topic_is_sent_when_it_is_asked_for():
         bench._publish = lambda topic, *_, topics=topics: topics.add(topic)
         bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", joints())
         bench.turn()
-        assert topics == {Topics("").twin(TWIN, leaf) for leaf in leaves}
+        assert topics == {Topics("").twin(TWIN, suffix) for suffix in leaves}
 
 
 def test_a_topic_that_is_off_does_not_cross_and_its_sibling_does(pose):
     bench = Bench(rulebook("lan", [Changes({"rotation": Change(on=False)})]))
     bench.uplink.arrived(POSITION, pose(1.0))
     bench.turn()
-    assert [leaf for _, leaf, _, _ in bench.sent] == ["position"]
+    assert [suffix for _, suffix, _, _ in bench.sent] == ["position"]
 
 
 @pytest.mark.parametrize(("profile", "most"), [("lan", 20), ("lte", 5), ("satellite", 1.5)])
@@ -808,7 +808,7 @@ def test_an_event_of_a_worker_crosses_in_the_clouds_form_and_what_is_for_the_his
 
 
 def test_an_event_that_is_made_latest_is_conflated():
-    change = Change(traffic=Traffic.LATEST, rate=1.0)
+    change = Change(traffic=TrafficClass.LATEST, rate=1.0)
     bench = Bench(rulebook("lan", [Changes({"event": change})]))
     for number in range(5):
         sample = json.dumps({"event_type": "x", "ts": number}).encode()
@@ -818,11 +818,13 @@ def test_an_event_that_is_made_latest_is_conflated():
 
 
 def test_an_unknown_channel_crosses_by_an_explicit_rule():
-    bench = Bench(rulebook("lan", (), {"thermal": Channel("sensors/thermal", Traffic.LATEST, 1.0, 0.0, 100)}))
+    bench = Bench(
+        rulebook("lan", (), {"thermal": Channel("sensors/thermal", TrafficClass.LATEST, 1.0, 0.0, 100)})
+    )
     bench.uplink.arrived(f"cw/{TWIN}/data/thermal", b'{"ts": 1, "celsius": 40}')
     bench.uplink.arrived(f"cw/{TWIN}/data/thermal/left", b'{"ts": 1, "celsius": 41}')
     bench.turn()
-    assert {(leaf, message["celsius"]) for _, leaf, message, _ in bench.sent} == {
+    assert {(suffix, message["celsius"]) for _, suffix, message, _ in bench.sent} == {
         ("sensors/thermal", 40),
         ("sensors/thermal/left", 41),
     }
@@ -853,7 +855,7 @@ FORGED = EventReport(
     4.0,
     EventKind.EMERGENCY_STOP,
     "forged",
-    asker=Asker(Way.LOCAL, "anna", proven=True),
+    asker=Requester(Transport.LOCAL, "anna", proven=True),
     command="emergency_stop",
 )
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from fleet.bus.session import open_edge
+from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
 from fleet.testing.waiting import DEADLINE
 
 EDGE = """
 import json, sys
 from pathlib import Path
-from fleet.bus.session import open_edge
+from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
 given = json.loads(sys.argv[2])
 for name in ("listen", "connect"):
@@ -31,7 +31,7 @@ bus.close()
 SLOW_READER = """
 import sys, threading
 from pathlib import Path
-from fleet.bus.session import join
+from fleet.bus.bus import join
 from fleet.bus.settings import BusSettings
 bus = join(BusSettings("yard"), Path(sys.argv[1]))
 def read(key, payload):
@@ -111,9 +111,9 @@ def spawn_slow_reader(spawn):
 def sees():
     """Wait until a lane sees a token."""
 
-    def sees(lane, key):
+    def sees(bus_session, key):
         seen = threading.Event()
-        lane.watch_tokens(key, lambda _key, alive: alive and seen.set())
+        bus_session.watch_tokens(key, lambda _key, alive: alive and seen.set())
         assert seen.wait(DEADLINE), f"{key} was not seen"
 
     return sees

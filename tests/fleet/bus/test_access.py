@@ -11,9 +11,9 @@ from cyberwave.data.config import get_backend
 
 from fleet.bus import keys
 from fleet.bus.access import Access, access_control
-from fleet.bus.lane import Lane
-from fleet.bus.session import join, open_edge
+from fleet.bus.bus import join, open_edge
 from fleet.bus.settings import BusSettings, BusTls, zenoh_settings
+from fleet.bus.zenoh_session import ZenohSession
 from fleet.config.certificates import Identity, issue_pair, make_authority
 from fleet.errors import BusError
 from fleet.testing.waiting import wait_until
@@ -141,34 +141,34 @@ def may(table, name):
 
 
 def test_each_identity_is_heard_only_where_it_has_something_to_say(yard, intruder):
-    name, lane = intruder
+    name, bus_session = intruder
     heard = queue.Queue()
     for each in (yard.reports, yard.control):
         each.subscribe("**", lambda key, _payload: heard.put(key))
 
     def put():
         for key in PUT:
-            lane.put(key, b"x")
+            bus_session.put(key, b"x")
 
     wait_until("what may be heard is", lambda: put() or may(PUT, name) <= set(heard.queue))
     put()
-    round_trip(yard, lane)
+    round_trip(yard, bus_session)
     assert set(heard.queue) - {BARRIER} == may(PUT, name)
 
 
 def test_each_identity_shows_only_tokens_of_its_own(yard, intruder):
-    name, lane = intruder
+    name, bus_session = intruder
     seen = queue.Queue()
     yard.control.watch_tokens("**", lambda key, alive: seen.put(key) if alive else None)
     for key in TOKEN:
-        lane.token(key)
+        bus_session.token(key)
     wait_until("those that may be seen are", lambda: may(TOKEN, name) <= set(seen.queue))
-    round_trip(yard, lane)
+    round_trip(yard, bus_session)
     assert set(seen.queue) == may(TOKEN, name)
 
 
 def test_each_identity_asks_only_what_it_may(yard, intruder):
-    name, lane = intruder
+    name, bus_session = intruder
     asked = queue.Queue()
 
     def answer(question):
@@ -181,22 +181,22 @@ def test_each_identity_asks_only_what_it_may(yard, intruder):
             (yard.control if key.startswith("fleet") else yard.reports).answer(key, answer)
     wait_until(
         "those that may be asked answer",
-        lambda: all(list(lane.ask(key, b"", timeout=1.0)) for key in may(ASK, name)),
+        lambda: all(list(bus_session.ask(key, b"", timeout=1.0)) for key in may(ASK, name)),
     )
     for key in set(ASK) - may(ASK, name):
-        assert list(lane.ask(key, b"", timeout=0.3)) == []
+        assert list(bus_session.ask(key, b"", timeout=0.3)) == []
     assert set(asked.queue) == may(ASK, name)
 
 
 def test_each_identity_answers_only_for_itself(yard, intruder):
-    name, lane = intruder
+    name, bus_session = intruder
 
     def answer(question):
         question.reply(b"forged")
         question.close()
 
     for key in ANSWER:
-        lane.answer(key, answer)
+        bus_session.answer(key, answer)
     wait_until(
         "those that may answer do",
         lambda: all(list(yard.control.ask(key, b"", timeout=1.0)) for key in may(ANSWER, name)),
@@ -205,11 +205,11 @@ def test_each_identity_answers_only_for_itself(yard, intruder):
         assert list(yard.control.ask(key, b"", timeout=0.3)) == []
 
 
-def round_trip(yard, lane):
+def round_trip(yard, bus_session):
     """Wait until all that an identity has sent before has come, or was refused."""
     heard = queue.Queue()
     yard.control.subscribe(BARRIER, lambda *sample: heard.put(sample))
-    wait_until("a stop comes", lambda: lane.put(BARRIER, b"") or not heard.empty())
+    wait_until("a stop comes", lambda: bus_session.put(BARRIER, b"") or not heard.empty())
 
 
 def test_what_somebody_must_not_say_is_not_heard_by_others_over_the_edge_either(yard, joined):
@@ -266,16 +266,16 @@ def test_every_key_of_the_fleet_is_given_to_somebody_or_kept():
 
 
 def test_who_comes_by_the_socket_may_do_everything(yard, opened, directory):
-    lane = opened(join(BusSettings("yard"), directory)).reports
+    bus_session = opened(join(BusSettings("yard"), directory)).reports
     heard = queue.Queue()
     yard.control.subscribe("fleet/yard/holders", lambda *sample: heard.put(sample))
-    wait_until("it is heard", lambda: lane.put("fleet/yard/holders", b"x") or not heard.empty())
+    wait_until("it is heard", lambda: bus_session.put("fleet/yard/holders", b"x") or not heard.empty())
 
 
 def test_an_edge_that_joins_as_a_peer_is_held_to_the_same_rules(yard, opened, certificates, there):
     settings = BusSettings("barn", connect=(there,), tls=certificates("barn"))
     peer = zenoh_settings(settings, mode="peer", listen=(), connect=(there,))
-    barn = opened(Lane({**peer, "transport/link/protocols": ["tls"]}))  # as on another computer
+    barn = opened(ZenohSession({**peer, "transport/link/protocols": ["tls"]}))  # as on another computer
     heard = queue.Queue()
     yard.control.subscribe("fleet/**", lambda key, _payload: heard.put(key))
     wait_until("it is heard", lambda: barn.put("fleet/barn/health", b"") or not heard.empty())

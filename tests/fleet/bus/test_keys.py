@@ -1,7 +1,7 @@
 import pytest
 
 from fleet.bus import keys
-from fleet.bus.lane import keys_meet
+from fleet.bus.zenoh_session import keys_intersect
 
 
 @pytest.mark.parametrize(
@@ -15,13 +15,13 @@ from fleet.bus.lane import keys_meet
     ],
 )
 def test_a_star_addresses_many(one, many):
-    assert keys_meet(one, many)
+    assert keys_intersect(one, many)
 
 
 def test_the_tokens_of_edges_and_robots_are_told_apart():
-    assert not keys_meet(keys.edge("*"), keys.robot("yard", "rex"))
-    assert not keys_meet(keys.worker("yard", "arm"), keys.robot("*", "*"))
+    assert not keys_intersect(keys.edge("*"), keys.robot("yard", "rex"))
+    assert not keys_intersect(keys.worker("yard", "arm"), keys.robot("*", "*"))
 
 
 def test_a_heartbeat_is_no_token():
-    assert not keys_meet(keys.heartbeat("yard", "arm"), keys.worker("yard", "*"))
+    assert not keys_intersect(keys.heartbeat("yard", "arm"), keys.worker("yard", "*"))

@@ -7,9 +7,9 @@ import pytest
 from cyberwave.data import DataBus
 from cyberwave.data.config import get_backend
 
-from fleet.bus.session import open_edge
+from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
-from fleet.host.outbox import Outbox
+from fleet.host.robot.report_queue import ReportQueue
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import PoseReport
 from fleet.testing.waiting import DEADLINE, wait_until
@@ -43,7 +43,7 @@ def edge(directory, opened, places):
 
 @pytest.fixture
 def outbox(edge):
-    return Outbox(edge.reports)
+    return ReportQueue(edge.reports)
 
 
 @pytest.fixture(params=["client on the socket", "peer on the socket", "peer on loopback"])

@@ -20,7 +20,7 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.bus.session import open_edge
+from fleet.bus.bus import open_edge
 from fleet.bus.settings import BusSettings
 from fleet.cli.main import main
 from fleet.model.state import EdgeState, RobotState
@@ -119,7 +119,7 @@ class PlayedEdge:
         for name, fields in robots.items():
             self.also_speaks(name, **fields)
         health = EdgeState(edge, "1.0", 0.0, 5.0, groups=groups)
-        self._control.answer(keys.health(edge), self._teller(msgspec.json.encode(health)))
+        self._control.answer(keys.health(edge), self._event_reporter(msgspec.json.encode(health)))
         self._control.answer(keys.stop(edge), self._stopped)
         self._control.token(keys.edge(edge))
 
@@ -133,11 +133,11 @@ class PlayedEdge:
             ended = {"emergency_stop": True, "last_command": "emergency_stop", "last_outcome": "done"}
             return msgspec.json.encode(msgspec.structs.replace(state, **ended) if known else state)
 
-        self._control.answer(keys.state(self.edge, name), self._teller(told))
+        self._control.answer(keys.state(self.edge, name), self._event_reporter(told))
 
     def garbles(self, name):
         """Answer for a robot with what is no state."""
-        self._control.answer(keys.state(self.edge, name), self._teller(b"garbage"))
+        self._control.answer(keys.state(self.edge, name), self._event_reporter(b"garbage"))
 
     def sees(self, other):
         """Wait until another edge is seen."""
@@ -189,7 +189,7 @@ class PlayedEdge:
             self._control.answer(keys.command(self.edge, name), answer)
         return asked
 
-    def _teller(self, answer):
+    def _event_reporter(self, answer):
         def tell(question):
             if not self._silent:
                 question.reply(answer() if callable(answer) else answer)
@@ -229,7 +229,7 @@ def play_edge(runtime):
 def spawn_edge(runtime):
     """Start a process whose bus is that of an edge, and that answers nothing."""
     script = (
-        "import sys; from pathlib import Path; from fleet.bus.session import open_edge; "
+        "import sys; from pathlib import Path; from fleet.bus.bus import open_edge; "
         "from fleet.bus.settings import BusSettings; "
         "bus = open_edge(BusSettings(sys.argv[2]), Path(sys.argv[1])); "
         "print('up', flush=True); sys.stdin.read()"

@@ -4,12 +4,12 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from fleet.bus.session import join, open_edge
+from fleet.bus.bus import join, open_edge
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.clock import SystemClock
 from fleet.config.certificates import issue_pair, make_authority, read_identity
 from fleet.errors import BusError
-from fleet.host.expiry import Expiry
+from fleet.host.edge.certificate_expiry import CertificateExpiry
 
 TLS = "bus: {listen: ['tls/127.0.0.1:0'], access: {}, tls: {root_ca: certs/ca.pem, "
 TLS += "cert: certs/yard-1.pem, key: certs/yard-1.key}}\n"
@@ -145,7 +145,7 @@ def test_the_end_of_a_certificate_is_told_thirty_days_ahead(fleet, site, place, 
 
 def test_a_certificate_that_cannot_be_read_is_told(tmp_path):
     (tmp_path / "ca.pem").write_text("nothing")
-    expiry = Expiry([tmp_path / "ca.pem", tmp_path / "none.pem"], SystemClock())
+    expiry = CertificateExpiry([tmp_path / "ca.pem", tmp_path / "none.pem"], SystemClock())
     assert expiry.problem == (
         "ca.pem is no certificate that can be read; none.pem is no certificate that can be read"
     )

@@ -7,14 +7,14 @@ import pytest
 
 from fleet.bus import keys
 from fleet.cli.completion import SHELLS
-from fleet.model.description import CommandDescription, Description
+from fleet.model.description import CommandDescription, RobotDescription
 
 
 @pytest.fixture
 def complete(place, play_edge):
     """Complete a line as bash would, with an edge that runs."""
     edge = play_edge("yard-1", robots={"kestrel": {}, "rex": {}}, groups={"kites": ["kestrel"]})
-    found = Description("kestrel", "toy", (CommandDescription("takeoff"), CommandDescription("land")))
+    found = RobotDescription("kestrel", "toy", (CommandDescription("takeoff"), CommandDescription("land")))
 
     def tell(question):
         question.reply(msgspec.json.encode(found))

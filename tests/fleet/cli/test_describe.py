@@ -2,13 +2,13 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.model.description import CommandDescription, Description, ParameterDescription
+from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
 
 HEIGHT = ParameterDescription("altitude", "number", least=1, most=120, unit="m", required=True)
 TAKEOFF = CommandDescription(
     "takeoff", "Climb and hold.", (HEIGHT,), moves=True, timeout=60.0, refusal="emergency stop is set"
 )
-FOUND = Description(
+FOUND = RobotDescription(
     "kestrel",
     "mavlink",
     (TAKEOFF, CommandDescription("land", safe=True, moves=True)),

@@ -8,18 +8,18 @@ import msgspec
 import pytest
 
 from fleet.bus import keys
-from fleet.cli.asker import asker
+from fleet.cli.local_user import local_user
 from fleet.clock import SystemClock
+from fleet.history.event_filter import EventFilter
 from fleet.history.record import Record
 from fleet.history.store import History
-from fleet.history.wanted import Wanted
-from fleet.host.stop_cause import cause_in
-from fleet.model.command import Reply, ReplyStatus, Way
-from fleet.model.event import Asker, EventKind, EventReport
+from fleet.host.requests.stop_cause import cause_in
+from fleet.model.command import Reply, ReplyStatus, Transport
+from fleet.model.event import EventKind, EventReport, Requester
 
 NOW = time.time()
-ANNA = Asker(Way.CLOUD, "anna", "tele")
-ROOT = Asker(Way.LOCAL, "root", proven=True)
+ANNA = Requester(Transport.CLOUD, "anna", "tele")
+ROOT = Requester(Transport.LOCAL, "root", proven=True)
 DATED = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[+-]\d\d:\d\d")
 TOLD = [
     Record(NOW - 7200, "rex", EventKind.COMMAND, "takeoff accepted", asker=ANNA, command="takeoff"),
@@ -43,7 +43,7 @@ def yard(play_edge):
     played.questions = []
 
     def answer(question):
-        wanted = msgspec.json.decode(question.payload, type=Wanted)
+        wanted = msgspec.json.decode(question.payload, type=EventFilter)
         played.questions.append(wanted)
         question.reply(msgspec.json.encode([record for record in TOLD if wanted.has(record)]))
         question.close()
@@ -111,7 +111,7 @@ def test_a_release_shows_who_stopped_it_when_and_why_before(fleet, yard):
     )
     assert "release_emergency_stop" in second
     message = json.loads(asked[0].payload)
-    assert (message["command"], message["session_id"]) == ("release_emergency_stop", asker())
+    assert (message["command"], message["session_id"]) == ("release_emergency_stop", local_user())
 
 
 def test_a_release_of_all_releases_who_is_stopped(fleet, yard):
@@ -137,16 +137,16 @@ def test_a_stop_says_who_asks_and_why(fleet, yard, monkeypatch):
     yard._control.answer(keys.stop("*"), lambda question: (heard.append(question), question.close()))
     assert fleet("stop", "rex", "--reason", "fire in the hall").code == 0
     cause = cause_in(heard[0].parameters)
-    assert (cause.asker.name, cause.reason, cause.asker.proven) == (asker(), "fire in the hall", False)
+    assert (cause.asker.name, cause.reason, cause.asker.proven) == (local_user(), "fire in the hall", False)
     assert cause.request
 
 
 def test_every_command_says_who_asks(fleet, yard):
     asked = yard.answers("rex", Reply("takeoff", ReplyStatus.ACCEPTED))
     fleet("send", "rex", "takeoff")
-    assert json.loads(asked[0].payload)["session_id"] == asker()
+    assert json.loads(asked[0].payload)["session_id"] == local_user()
 
 
 def test_who_became_root_is_told_with_the_name_from_before():
-    assert asker({"SUDO_USER": "anna", "USER": "root"}).startswith("anna@")
-    assert asker({}).startswith("uid-")
+    assert local_user({"SUDO_USER": "anna", "USER": "root"}).startswith("anna@")
+    assert local_user({}).startswith("uid-")

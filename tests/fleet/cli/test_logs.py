@@ -14,9 +14,9 @@ import time
 
 import pytest
 
-from fleet.host.log_file import LogFile
-from fleet.host.log_lines import AsJson
-from fleet.host.log_place import show_log
+from fleet.host.logs.folders import show_log
+from fleet.host.logs.line_format import JsonFormatter
+from fleet.host.logs.rotating_file import RotatingLogFile
 from fleet.testing.waiting import DEADLINE, wait_until
 
 NOW = time.time()
@@ -29,7 +29,7 @@ def kept(tmp_path, monkeypatch, runtime):
     folder = tmp_path / "state" / "fleet" / "yard-1" / "log"
 
     def log(message, name="fleet.host", ago=0.0, process="main", **options):
-        file = LogFile(folder / f"{process}.jsonl", AsJson(), **options)
+        file = RotatingLogFile(folder / f"{process}.jsonl", JsonFormatter(), **options)
         line = logging.LogRecord(name, logging.WARNING, "x.py", 1, message, (), None)
         line.created = NOW - ago
         file.handle(line)
@@ -81,7 +81,7 @@ def test_without_a_log_that_is_told(fleet, kept):
 
 def test_a_log_in_a_place_of_its_own_is_found_while_its_edge_runs(fleet, kept, tmp_path, runtime):
     other = tmp_path / "elsewhere" / "log"
-    LogFile(other / "main.jsonl", AsJson()).close()
+    RotatingLogFile(other / "main.jsonl", JsonFormatter()).close()
     other.mkdir(parents=True)
     (other / "main.jsonl").write_bytes(b"")
     show_log("barn", other, runtime)

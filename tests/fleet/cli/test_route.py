@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.cli.route import Route, read_route, route_of
+from fleet.cli.route import Waypoints, read_route, route_of
 from fleet.errors import Refused
 
 LINE = {"type": "LineString", "coordinates": [[8.5, 47.1, 20], [8.6, 47.2, 25]]}
@@ -23,9 +23,9 @@ def features(shapes):
 
 
 def test_numbers_are_one_place_and_groups_of_them_are_several():
-    assert route_of(["1", "-2"]) == Route(((1.0, -2.0),))
-    assert route_of(["1", "2", "3"]) == Route(((1.0, 2.0, 3.0),))
-    assert route_of(["1,2", "-3,4,5"]) == Route(((1.0, 2.0), (-3.0, 4.0, 5.0)))
+    assert route_of(["1", "-2"]) == Waypoints(((1.0, -2.0),))
+    assert route_of(["1", "2", "3"]) == Waypoints(((1.0, 2.0, 3.0),))
+    assert route_of(["1,2", "-3,4,5"]) == Waypoints(((1.0, 2.0), (-3.0, 4.0, 5.0)))
 
 
 @pytest.mark.parametrize(
@@ -47,9 +47,9 @@ def test_what_is_no_place_is_refused_with_where_it_stands(words, why):
 @pytest.mark.parametrize(
     ("text", "route"),
     [
-        ("1,2\n\n3, 4\n", Route(((1.0, 2.0), (3.0, 4.0)))),
-        ("x,y,z\n1,2,3\n", Route(((1.0, 2.0, 3.0),))),
-        ("\ufeffLatitude,Longitude,Altitude\n47.1,8.5,20\n47.2,8.6,25\n", Route(ON_EARTH, geo=True)),
+        ("1,2\n\n3, 4\n", Waypoints(((1.0, 2.0), (3.0, 4.0)))),
+        ("x,y,z\n1,2,3\n", Waypoints(((1.0, 2.0, 3.0),))),
+        ("\ufeffLatitude,Longitude,Altitude\n47.1,8.5,20\n47.2,8.6,25\n", Waypoints(ON_EARTH, geo=True)),
     ],
 )
 def test_csv_is_metres_unless_its_heading_says_earth(tmp_path, text, route):
@@ -70,7 +70,7 @@ def test_csv_is_metres_unless_its_heading_says_earth(tmp_path, text, route):
 def test_geojson_has_longitude_first(tmp_path, document):
     file = tmp_path / "round.geojson"
     file.write_text(json.dumps(document))
-    assert read_route(file) == Route(ON_EARTH, geo=True)
+    assert read_route(file) == Waypoints(ON_EARTH, geo=True)
 
 
 @pytest.mark.parametrize(

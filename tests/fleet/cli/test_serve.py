@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from fleet.cli.output import ExitCode
-from fleet.cli.serve import TOGETHER, Ending
+from fleet.cli.serve import TOGETHER, ServeEnd
 from fleet.testing.clock import ManualClock
 
 
@@ -13,7 +13,7 @@ from fleet.testing.clock import ManualClock
 def asked():
     """Return what takes a signal, its clock, and the exit codes with which it left at once."""
     left, clock, ended = [], ManualClock(), asyncio.Event()
-    return Ending(ended, clock.monotonic, left.append), clock, left, ended
+    return ServeEnd(ended, clock.monotonic, left.append), clock, left, ended
 
 
 async def test_the_first_signal_ends_in_order_and_is_told_once(asked, capsys):

@@ -10,7 +10,7 @@ from fleet.clock import SystemClock
 from fleet.spool.message import Outgoing
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.waiting import wait_until
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def filled(state):
     spool = Spool(SpoolSettings(folder=state), SystemClock())
     spool.put(Outgoing("T/telemetry", b'{"type": "connected"}', 1))
     spool.put(Outgoing("T/telemetry", b"\xff", 1))
-    spool.put(Outgoing("T/navigate/status", b"{}", 1, Traffic.STATUS))
+    spool.put(Outgoing("T/navigate/status", b"{}", 1, TrafficClass.STATUS))
     spool.close()
     return state
 

@@ -8,12 +8,12 @@ import msgspec
 import pytest
 
 from fleet.bus.settings import BusSettings, runtime_dirs
-from fleet.cli.connect import decoded
+from fleet.cli.edges import decoded
 from fleet.cli.outline import Outline
 from fleet.cli.stop import DONE, UNSEEN, _outcome
 from fleet.errors import BusError
 from fleet.model.state import RobotState
-from fleet.supervisor.messages import Stopped
+from fleet.supervisor.protocol import StopAnswer
 from fleet.testing.waiting import DEADLINE
 
 
@@ -111,7 +111,7 @@ def test_an_edge_that_took_the_stop_from_its_supervisor_is_not_missing(fleet, ya
     def no_way_in(settings, _directory):
         raise BusError("its bus lets nobody in")
 
-    answer = Stopped(edge="yard-1", names=("rex",))
+    answer = StopAnswer(edge="yard-1", names=("rex",))
     monkeypatch.setattr("fleet.cli.stop.join_control", no_way_in)
     monkeypatch.setattr("fleet.cli.stop.stop_all", lambda *_, **__: [answer])
     result = fleet("stop", "rex", "--json")
@@ -226,7 +226,7 @@ def test_the_edges_here_are_stopped_before_the_file_is_opened(fleet, yard, place
 
 @pytest.mark.parametrize("module", ["fleet.cli.main", "fleet.cli.stop"])
 def test_a_stop_waits_for_no_import_of_models_plugins_or_yaml(module):
-    heavy = "{'pydantic', 'yaml', 'rich', 'asyncio', 'fleet.registry', 'fleet.config.load', 'fleet.adapter'}"
+    heavy = "{'pydantic', 'yaml', 'rich', 'asyncio', 'fleet.plugins.registry', 'fleet.config.load', 'fleet.adapter'}"
     script = f"import sys, {module}; print(*sorted({heavy} & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (0, "\n")

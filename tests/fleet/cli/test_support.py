@@ -9,10 +9,10 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.config.masking import Masking
 from fleet.history.store import History
-from fleet.host.log_file import LogFile
-from fleet.host.log_lines import AsJson
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport
+from fleet.host.logs.line_format import JsonFormatter
+from fleet.host.logs.rotating_file import RotatingLogFile
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester
 
 TOKEN, PASSWORD, INLINE = "tok-5f1e9a", 'pa"ss\\wörd-77', "in-line-3141"
 HOOK = "https://hooks.example/T0/B1/xyzzy"
@@ -47,12 +47,12 @@ def site(place, tmp_path, monkeypatch, runtime):
     secrets.write_text(f"broker: {json.dumps(PASSWORD)}\ntoken: {TOKEN}\nunused: '{UNUSED}'\n")
     secrets.chmod(0o600)
     state = tmp_path / "state" / "fleet" / "yard-1"
-    log = LogFile(state / "log" / "main.jsonl", AsJson())
+    log = RotatingLogFile(state / "log" / "main.jsonl", JsonFormatter())
     store = History(state, SystemClock())
     for secret in ALL:
         line = logging.LogRecord("fleet", logging.INFO, "x.py", 1, "%s, %r", (secret, secret), None)
         log.handle(line)
-        asker, text = Asker(Way.CLOUD, "anna"), f"login {secret}"
+        asker, text = Requester(Transport.CLOUD, "anna"), f"login {secret}"
         store.add("rex", EventReport(1.0, EventKind.COMMAND, text, asker=asker, data={"x": secret}))
     log.close()
     store.close()

@@ -5,12 +5,12 @@ import paho.mqtt.publish
 import pytest
 
 from fleet.clock import SystemClock
-from fleet.cloud.packets import Decoder
+from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.values import CloudState, Will
 from fleet.errors import CloudError
 from fleet.spool.spool import Spool, SpoolSettings
 from fleet.testing.waiting import wait_until
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 WITHIN = 20.0  # s
 CONNECTED, DISCONNECTED = CloudState.CONNECTED, CloudState.DISCONNECTED
@@ -76,7 +76,7 @@ def test_an_older_protocol_cannot_tell_that_nobody_hears(any_broker, watched):
 def test_what_we_say_does_not_come_back_to_us(any_broker, watched):
     both = watched(any_broker.port, "both", {"t": 1}).connected()
     both.publish("t", b"mine")
-    both.publish("t", b"mine", qos=1, traffic=Traffic.REPLY)
+    both.publish("t", b"mine", qos=1, traffic=TrafficClass.REPLY)
     wait_until("the broker has it", lambda: both.client.stats.held + both.client.stats.acked)
     paho.mqtt.publish.single("t", "yours", 1, hostname="127.0.0.1", port=any_broker.port)
     assert both.payloads(1) == [b"yours"]
@@ -97,7 +97,7 @@ def test_urgent_messages_overtake_what_waits(any_broker, watched):
     says = watched(any_broker.port, "says")
     for number in range(200):
         says.publish("t", b"%d" % number, qos=1)
-    says.publish("inbox", b"stop", qos=1, traffic=Traffic.REPLY)
+    says.publish("inbox", b"stop", qos=1, traffic=TrafficClass.REPLY)
     says.connected()
     assert hears.payloads(201)[0] == b"stop"
 
@@ -282,7 +282,7 @@ def test_a_broker_that_talks_nonsense_is_told_so_and_left(listener, watched):
         broker.recv(4096)
         broker.sendall(CONNACK + b"\x00\x00")
         edge.reaches(DISCONNECTED, "not an MQTT packet")
-        (goodbye,) = Decoder(5, 100).feed(broker.recv(4096))
+        (goodbye,) = PacketDecoder(5, 100).feed(broker.recv(4096))
     assert goodbye.reason_code == mqtt5.DisconnectReasonCode.MALFORMED_PACKET
 
 
@@ -324,7 +324,7 @@ def test_who_takes_messages_may_break_without_harm(broker, watched, caplog):
     says = watched(broker.port, "says").connected()
     hears.broken = True
     for number in range(2):
-        says.publish("t", b"%d" % number, qos=1, traffic=Traffic.REPLY)
+        says.publish("t", b"%d" % number, qos=1, traffic=TrafficClass.REPLY)
         hears.payloads(number + 1)
     assert "the one who takes messages is broken" in caplog.text
     assert hears.client.stats.connects == 1

@@ -5,8 +5,8 @@ import socket
 import mqtt5
 
 from fleet.cloud.values import CloudState
-from fleet.sim.broker import BrokerThread, Limits
-from fleet.wire.rules import Traffic
+from fleet.sim.broker import BrokerThread, ClientLimits
+from fleet.wire.rules import TrafficClass
 
 WINDOW, RESERVED = 100, 12  # QoS 1 messages under way; those of them that only urgent ones may use
 
@@ -25,7 +25,7 @@ def test_the_window_keeps_room_for_what_is_urgent(broker, watched):
         says.publish("t", payload, qos=1)
     says.client.flush()
     assert hears.payloads(WINDOW - RESERVED + 1)[1:] == numbered(WINDOW - RESERVED)
-    says.publish("inbox", b"stop", qos=1, traffic=Traffic.REPLY)
+    says.publish("inbox", b"stop", qos=1, traffic=TrafficClass.REPLY)
     assert hears.payloads(WINDOW - RESERVED + 2)[-1] == b"stop"
     assert (says.client.stats.inflight, says.client.stats.queued) == (89, 112)
 
@@ -45,7 +45,7 @@ def test_the_reason_that_the_broker_gives_is_told(broker, watched):
 
 
 def test_a_message_that_the_broker_would_not_take_is_refused_alone(watched):
-    with BrokerThread(limits=Limits(packet=1000)) as running:
+    with BrokerThread(limits=ClientLimits(packet=1000)) as running:
         watched(running.port, "hears", {"#": 1}).connected()
         edge = watched(running.port).connected()
         edge.publish("large", bytes(2000), qos=1)

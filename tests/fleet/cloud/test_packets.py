@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fleet.cloud.packets import Decoder, PacketTooLarge, encode
+from fleet.cloud.packets import PacketDecoder, PacketTooLarge, encode
 from fleet.errors import WireError
 
 STREAM = [
@@ -22,7 +22,7 @@ def stream(protocol):
 @pytest.mark.parametrize("protocol", [5, 311])
 @given(cuts=st.lists(st.integers(0, 340), max_size=8))
 def test_packets_come_out_whole_however_the_bytes_are_cut(protocol, cuts):
-    data, decoder, found = stream(protocol), Decoder(protocol, 1000), []
+    data, decoder, found = stream(protocol), PacketDecoder(protocol, 1000), []
     for start, end in zip([0, *sorted(cuts)], [*sorted(cuts), len(data)], strict=True):
         found += decoder.feed(data[start:end])
     assert [type(packet) for packet in found] == [type(packet) for packet in STREAM]
@@ -33,7 +33,7 @@ def test_packets_come_out_whole_however_the_bytes_are_cut(protocol, cuts):
 @given(data=st.binary(max_size=60))
 def test_garbage_is_read_or_refused_and_nothing_else(protocol, data):
     try:
-        list(Decoder(protocol, 1000).feed(data))
+        list(PacketDecoder(protocol, 1000).feed(data))
     except WireError:
         return
 
@@ -45,7 +45,7 @@ def test_damaged_packets_are_read_or_refused_and_nothing_else(data):
     for _ in range(data.draw(st.integers(1, 3))):
         frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
     try:
-        list(Decoder(5, 10_000).feed(bytes(frame)))
+        list(PacketDecoder(5, 10_000).feed(bytes(frame)))
     except WireError:
         return
 
@@ -64,11 +64,11 @@ def test_damaged_packets_are_read_or_refused_and_nothing_else(data):
 )
 def test_malformed_packets_are_refused(data, why):
     with pytest.raises(WireError, match=why):
-        list(Decoder(5, 1000).feed(data))
+        list(PacketDecoder(5, 1000).feed(data))
 
 
 def test_what_came_before_the_malformed_packet_still_counts():
-    packets = Decoder(5, 1000).feed(mqtt5.PingRespPacket().write() + b"\x00\x00")
+    packets = PacketDecoder(5, 1000).feed(mqtt5.PingRespPacket().write() + b"\x00\x00")
     assert isinstance(next(packets), mqtt5.PingRespPacket)
     with pytest.raises(WireError):
         next(packets)
@@ -76,12 +76,12 @@ def test_what_came_before_the_malformed_packet_still_counts():
 
 def test_a_packet_larger_than_agreed_is_refused_before_it_is_all_there():
     with pytest.raises(PacketTooLarge, match="200002"):
-        list(Decoder(5, 1000).feed(b"\x30\xbe\x9a\x0c\x00"))
+        list(PacketDecoder(5, 1000).feed(b"\x30\xbe\x9a\x0c\x00"))
 
 
 @pytest.mark.parametrize("protocol", [5, 311])
 def test_a_broker_learns_the_protocol_from_connect(protocol):
-    decoder = Decoder(None, 1000)
+    decoder = PacketDecoder(None, 1000)
     data = encode(mqtt5.ConnectPacket("a", clean_start=True, keep_alive=5), protocol)
     (packet,) = decoder.feed(data)
     assert (decoder.protocol, packet.client_id, packet.keep_alive) == (protocol, "a", 5)
@@ -92,9 +92,9 @@ def test_a_broker_learns_the_protocol_from_connect(protocol):
 )
 def test_a_broker_refuses_who_does_not_begin_with_a_connect_it_knows(data):
     with pytest.raises(WireError):
-        list(Decoder(None, 1000).feed(data))
+        list(PacketDecoder(None, 1000).feed(data))
 
 
 def test_a_broker_without_mqtt_5_is_understood_when_it_says_so():
-    (packet,) = Decoder(5, 1000).feed(b"\x20\x02\x00\x01")
+    (packet,) = PacketDecoder(5, 1000).feed(b"\x20\x02\x00\x01")
     assert packet.reason_code == mqtt5.ConnAckReasonCode.UNSUPPORTED_PROTOCOL_VERSION

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.cloud.packets import Decoder
-from fleet.cloud.publish import address, publish, publish_light, renewed
+from fleet.cloud.packets import PacketDecoder
+from fleet.cloud.publish import publish, publish_light, publish_route, renewed
 from fleet.spool.message import Outgoing
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0+#"), min_size=1, max_size=40)
@@ -12,7 +12,7 @@ LIMIT = 1 << 20
 
 
 def only(data, protocol):
-    (packet,) = Decoder(protocol, LIMIT).feed(data)
+    (packet,) = PacketDecoder(protocol, LIMIT).feed(data)
     return packet
 
 
@@ -41,14 +41,14 @@ def test_the_codec_reads_what_is_written(protocol, message):
 
 @pytest.mark.parametrize("protocol", [5, 311])
 def test_a_message_of_qos_0_has_no_identifier(protocol):
-    packet = only(publish_light(address("t", None, protocol), b"x"), protocol)
+    packet = only(publish_light(publish_route("t", None, protocol), b"x"), protocol)
     assert (packet.topic, packet.payload, int(packet.qos), packet.packet_id) == ("t", b"x", 0, None)
 
 
 @pytest.mark.parametrize("protocol", [5, 311])
 @given(TEXT, st.binary(max_size=300), st.none() | st.floats(0.001, 1e11), st.floats(0, 0.999))
 def test_the_codec_reads_messages_of_qos_0(protocol, topic, payload, expiry, part):
-    where = address(topic, expiry, protocol)
+    where = publish_route(topic, expiry, protocol)
     waited = 1e9 if expiry is None else expiry * part
     packet = only(renewed(where, publish_light(where, payload), waited), protocol)
     assert (packet.topic, packet.payload, int(packet.qos)) == (topic, payload, 0)
@@ -61,9 +61,9 @@ def test_the_codec_reads_messages_of_qos_0(protocol, topic, payload, expiry, par
 
 @pytest.mark.parametrize("protocol", [5, 311])
 def test_nothing_is_left_of_a_message_of_qos_0_whose_time_has_passed(protocol):
-    where = address("t", 2.0, protocol)
+    where = publish_route("t", 2.0, protocol)
     assert renewed(where, publish_light(where, b"x"), 2.0) is None
-    where = address("t", None, protocol)
+    where = publish_route("t", None, protocol)
     assert renewed(where, publish_light(where, b"x"), 1e9) == publish_light(where, b"x")
 
 
@@ -71,11 +71,11 @@ def test_nothing_is_left_of_a_message_of_qos_0_whose_time_has_passed(protocol):
 def test_the_time_that_is_left_is_told_in_whole_seconds_and_never_as_none(left, seconds):
     message = Outgoing("t", b"", 1, deadline=1000.0 + left)
     assert only(publish(message, 1, 1000.0, 5), 5).message_expiry_interval == seconds
-    assert only(publish_light(address("t", left, 5), b""), 5).message_expiry_interval == seconds
+    assert only(publish_light(publish_route("t", left, 5), b""), 5).message_expiry_interval == seconds
 
 
 def test_what_has_waited_tells_what_is_left_of_its_time():
-    where = address("t", 10.0, 5)
+    where = publish_route("t", 10.0, 5)
     packet = publish_light(where, b"x")
     told = [only(renewed(where, packet, waited), 5) for waited in (0.0, 0.99, 1.01, 9.99)]
     assert [each.message_expiry_interval for each in told] == [10, 10, 9, 1]

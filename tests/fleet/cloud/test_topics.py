@@ -63,7 +63,7 @@ def test_filters_that_overlap_are_refused_by_name(patterns):
 
 def test_ten_thousand_filters_of_many_twins_are_apart():
     leaves = ("command", "navigate/command", "+/extra", "ping")
-    check_apart([f"cyberwave/twin/{twin}/{leaf}" for twin in range(2500) for leaf in leaves])
+    check_apart([f"cyberwave/twin/{twin}/{suffix}" for twin in range(2500) for suffix in leaves])
 
 
 def test_a_shared_subscription_is_refused():

@@ -3,7 +3,7 @@
 import mqtt5
 import pytest
 
-from fleet.cloud.packets import Decoder
+from fleet.cloud.packets import PacketDecoder
 from fleet.cloud.utf8 import has_broken_text
 from fleet.errors import WireError
 
@@ -43,7 +43,7 @@ def test_a_broken_text_is_refused_wherever_it_stands_and_nothing_is_printed(pack
         broken = data[:at] + b"\xff\xfe\xff\xfe" + data[at + 4 :]
         if data[at - 2 : at] == b"\x00\x04" and not is_password(packet, data, at):
             with pytest.raises(WireError, match="a text is not UTF-8"):
-                list(Decoder(5, 1000).feed(broken))
+                list(PacketDecoder(5, 1000).feed(broken))
     assert capfd.readouterr().err == ""
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 
 TOY = """
 from typing import Literal

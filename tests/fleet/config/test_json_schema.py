@@ -1,7 +1,7 @@
 import pytest
 
 from fleet.config.json_schema import DIALECT, json_schema
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 
 OTHER = """
 from collections.abc import Callable

@@ -3,7 +3,7 @@ import pytest
 from fleet.config.load import load, registry_for
 from fleet.config.problems import InvalidConfig
 from fleet.errors import ConfigError
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 
 ROBOT = "{name: a, twin: 6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11, adapter: toy, link: x}"
 

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.config.load import load
 from fleet.config.problems import InvalidConfig
-from fleet.registry import Registry
+from fleet.plugins.registry import Registry
 
 MUTATIONS = 600
 PAIR = re.compile(r"(?P<before>\s*(?:- )?)(?P<key>\w+):(?P<value> .+)?")

@@ -267,7 +267,7 @@ def test_topics_have_rules_for_all_robots_and_for_one(yard):
     cloud, (robot, _) = loaded.config.cloud, loaded.robots[0]
     assert cloud.changes().outward["joint:update"].on is False
     assert robot.changes().outward["pointcloud"].size == 1_000_000
-    assert cloud.channels["thermal"].channel().leaf == "sensors/thermal"
+    assert cloud.channels["thermal"].channel().suffix == "sensors/thermal"
 
 
 @pytest.mark.parametrize(

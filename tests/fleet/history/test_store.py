@@ -10,7 +10,8 @@ import time
 import pytest
 
 from fleet.errors import StateError
-from fleet.history.look import read
+from fleet.history.event_filter import EventFilter, newest
+from fleet.history.reader import read
 from fleet.history.record import LONGEST_DATA, LONGEST_TEXT
 from fleet.history.store import (
     AGAIN_AFTER,
@@ -19,17 +20,16 @@ from fleet.history.store import (
     PRUNE_EVERY,
     VERSION,
     WAITING,
-    Bounds,
     History,
+    HistoryBounds,
 )
-from fleet.history.wanted import Wanted, newest
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport, Severity
-from fleet.spool.place import locked, made
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
+from fleet.spool.state_folder import locked, made
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 
-ANNA = Asker(Way.CLOUD, "anna", "tele")
+ANNA = Requester(Transport.CLOUD, "anna", "tele")
 
 
 @pytest.fixture
@@ -49,20 +49,20 @@ def event(text="takeoff accepted", stamp=1000.0, **fields):
 
 
 def texts(history, **wanted):
-    return [record.text for record in read(history.folder, Wanted(**wanted))]
+    return [record.text for record in read(history.folder, EventFilter(**wanted))]
 
 
 def test_an_event_is_read_as_it_was_written(store):
     said = event(
         severity=Severity.WARNING,
-        asker=Asker(Way.LOCAL, "anna", None, proven=True),
+        asker=Requester(Transport.LOCAL, "anna", None, proven=True),
         command="takeoff",
         request="r1",
         data={"altitude": 5},
     )
     store.add("rex", said)
     store.write()
-    (record,) = read(store.folder, Wanted())
+    (record,) = read(store.folder, EventFilter())
     assert (record.robot, record.stamp, record.kind, record.text) == (
         "rex",
         said.stamp,
@@ -86,7 +86,7 @@ def test_what_is_not_written_yet_is_told_too_and_once(store):
     store.add("rex", event("one", stamp=1.0))
     store.write()
     store.add("rex", event("two", stamp=2.0))
-    both = newest([*read(store.folder, Wanted()), *store.waiting(), *store.waiting()], Wanted())
+    both = newest([*read(store.folder, EventFilter()), *store.waiting(), *store.waiting()], EventFilter())
     assert [record.text for record in both] == ["one", "two"]
 
 
@@ -95,7 +95,7 @@ def test_what_others_send_is_cut_and_never_refused(store):
     store.add("rex", event(data={"d": object()}))
     store.add("rex", event("\udce9 is no text"))
     store.write()
-    long, odd, _ = read(store.folder, Wanted())
+    long, odd, _ = read(store.folder, EventFilter())
     assert (len(long.text), len(json.dumps(long.data)) < LONGEST_DATA) == (LONGEST_TEXT, True)
     assert "left_out" in odd.data
 
@@ -181,11 +181,11 @@ def test_the_files_form_has_a_number(store):
     assert store._database.execute("PRAGMA user_version").fetchone()[0] == VERSION
     store._database.execute("PRAGMA user_version = 99")
     with pytest.raises(StateError, match="form 99"):
-        read(store.folder, Wanted())
+        read(store.folder, EventFilter())
 
 
 def test_events_that_are_too_old_go(tmp_path, clock):
-    store = History(tmp_path, clock, Bounds(age=3600.0))
+    store = History(tmp_path, clock, HistoryBounds(age=3600.0))
     now = clock.time()
     store.add("rex", event("old", stamp=now - 3601))
     for _ in range(NEWEST):
@@ -205,7 +205,7 @@ def test_a_clock_that_jumps_by_years_does_not_empty_the_history(store, clock):
 
 def test_the_file_stays_within_its_size_and_keeps_the_newest(tmp_path, clock):
     size = 1 << 20
-    store = History(tmp_path, clock, Bounds(size=size))
+    store = History(tmp_path, clock, HistoryBounds(size=size))
     now = clock.time()
     for turn in range(20):
         for number in range(500):
@@ -215,7 +215,7 @@ def test_the_file_stays_within_its_size_and_keeps_the_newest(tmp_path, clock):
         for _ in range(4):
             store.write()
     assert (tmp_path / HISTORY).stat().st_size < 3 * size
-    kept = [record.request for record in read(tmp_path, Wanted(most=10_000))]
+    kept = [record.request for record in read(tmp_path, EventFilter(most=10_000))]
     assert kept[-1] == "19.499"
     assert "0.0" not in kept
     store.close()
@@ -236,7 +236,7 @@ def test_several_processes_share_the_file(tmp_path):
     ]
     assert [process.wait(60) for process in started] == [0, 0]  # each may have found the other at it
     for name in ("rex", "max"):
-        assert len(read(tmp_path, Wanted(robots=(name,), most=1000))) == 200
+        assert len(read(tmp_path, EventFilter(robots=(name,), most=1000))) == 200
 
 
 def test_a_history_that_is_killed_loses_nothing_that_was_written(tmp_path):
@@ -248,7 +248,7 @@ def test_a_history_that_is_killed_loses_nothing_that_was_written(tmp_path):
         "os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=False)
-    assert [record.text for record in read(tmp_path, Wanted())] == ["stopped"]
+    assert [record.text for record in read(tmp_path, EventFilter())] == ["stopped"]
 
 
 def test_a_history_on_a_disk_that_takes_no_writes_is_read(tmp_path, clock):

@@ -15,19 +15,19 @@ from typing import Any, Literal
 import pytest
 
 from fleet.adapter import Adapter, AdapterConfig
-from fleet.bus.lane import Lane
-from fleet.bus.session import join_control
+from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
+from fleet.bus.zenoh_session import ZenohSession
 from fleet.clock import SystemClock
 from fleet.commands import command
 from fleet.config.load import load
 from fleet.errors import Refused
-from fleet.host.desk import Desk
-from fleet.host.edge import Edge
-from fleet.host.journal import RobotJournal
-from fleet.host.make import capabilities
-from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Reply, Setpoint, Way
+from fleet.host.edge.edge import Edge
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import capabilities
+from fleet.host.robot.controller import RobotController
+from fleet.model.command import Command, Origin, Reply, Setpoint, Transport
 from fleet.model.geometry import Quaternion, Vector3, Velocity
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
@@ -127,7 +127,7 @@ class Bench:
         self.crashes: list[Exception] = []
         self.restarts: list[int] = []
         self.config = PuppetConfig(name="rex", twin=TWIN, **config)
-        self.desk = Desk(
+        self.controller = RobotController(
             self.config,
             capabilities(Puppet),
             publish=self.reports.append,
@@ -137,13 +137,13 @@ class Bench:
             clock=self.clock,
         )
         self.puppet = Puppet(self.config)
-        self.desk.attach(self.puppet)
-        self.desk.found()
+        self.controller.attach(self.puppet)
+        self.controller.found()
 
     def ask(self, what: Any, *, waits: bool = False) -> list[Reply]:
         """Ask the desk; the list fills with the answers."""
         answers: list[Reply] = []
-        self.desk.receive(what, Ticket(getattr(what, "name", "navigate"), answers.append, waits=waits))
+        self.controller.receive(what, Receipt(getattr(what, "name", "navigate"), answers.append, waits=waits))
         return answers
 
     def statuses(self) -> list[str]:
@@ -157,25 +157,25 @@ class Bench:
     def stands(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: Any = None) -> None:
         """Let the robot say where it is."""
         report = PoseReport(self.clock.time(), Vector3(x, y, z), rotation or Quaternion())
-        self.desk.see(report)
-        self.desk.guard.see(report)
+        self.controller.see(report)
+        self.controller.guard.see(report)
 
     def has(self, percent: float) -> None:
         """Let the robot say how full its battery is."""
-        self.desk.guard.see(BatteryReport(0.0, percent))
+        self.controller.guard.see(BatteryReport(0.0, percent))
 
 
 def a_command(name: str, source: str | None = "tele", session: str = "anna", **fields: Any) -> Command:
-    return Command(name, origin=Origin(Way.CLOUD, source, session), **fields)
+    return Command(name, origin=Origin(Transport.CLOUD, source, session), **fields)
 
 
 def a_setpoint(x: float = 1.0, source: str | None = "tele", session: str = "anna", **fields: Any) -> Setpoint:
-    return Setpoint(Velocity(Vector3(x=x)), origin=Origin(Way.CLOUD, source, session), **fields)
+    return Setpoint(Velocity(Vector3(x=x)), origin=Origin(Transport.CLOUD, source, session), **fields)
 
 
 def a_goal(action: str = "a1", source: str = "tele", session: str = "anna", **fields: Any) -> Navigate:
     goal = GoTo(Goal(Vector3(1, 2, 3)))
-    return Navigate(goal, action, Origin(Way.CLOUD, source, session), **fields)
+    return Navigate(goal, action, Origin(Transport.CLOUD, source, session), **fields)
 
 
 async def settle() -> None:
@@ -327,7 +327,7 @@ class Yard:
         """Return the processes in which a robot ran, in order."""
         return [pid for pid, _, word in self.told(robot) if word == "run"]
 
-    def lane(self) -> Lane:
+    def bus_session(self) -> ZenohSession:
         """Return the way by which the command line asks."""
         return join_control(BusSettings(self.id), self.runtime)
 

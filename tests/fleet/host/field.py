@@ -8,13 +8,13 @@ from typing import Literal
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.commands import command
 from fleet.config.schema import FleetConfig
-from fleet.host.journal import RobotJournal
-from fleet.host.local import LocalRobot
-from fleet.host.shared import Shared
-from fleet.host.ticket import Ticket
-from fleet.host.traffic import traffic_of
-from fleet.host.wheel import Wheel
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.robot_positions import positions_of
+from fleet.host.runtime.shared_resources import SharedResources
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import (
     ZERO_VELOCITY,
     Vector3,
@@ -26,11 +26,11 @@ from fleet.model.health import Health
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.model.report import PoseReport
 from fleet.robot_config import Limits, Separation
-from fleet.supervisor.client import Supervised
+from fleet.supervisor.client import SupervisorClient
 from fleet.testing.clock import LoopClock
 
 STEP = 0.02  # s of physics
-TELE = Origin(Way.BUS, "tele", "anna")
+TELE = Origin(Transport.BUS, "tele", "anna")
 
 
 class WalkerConfig(AdapterConfig):
@@ -47,7 +47,7 @@ class Walker(Adapter[WalkerConfig]):
     limits = Limits(speed=1.5, yaw_rate=2.0)
     failsafe = "it moves nothing"
     separation = Separation(radius=0.4, braking=1.0, precedence=2)
-    pull = 1.0  # m/s2
+    engage = 1.0  # m/s2
 
     def __init__(self, config):
         super().__init__(config)
@@ -78,7 +78,7 @@ class Walker(Adapter[WalkerConfig]):
 
     def _step(self):
         change = self._wanted() - self.velocity
-        most = self.pull * STEP
+        most = self.engage * STEP
         if change.norm() > most:
             change = change.scaled(most / change.norm())
         self.velocity = self.velocity + change
@@ -112,14 +112,14 @@ class Flyer(Walker):
     holonomic = True
     failsafe = "it moves nothing"
     separation = Separation(radius=1.5, braking=1.5, precedence=3)
-    pull = 2.0
+    engage = 2.0
     goal = None
 
     def _wanted(self):
         if self.goal is None:
             return super()._wanted()
         left = self.goal - self.world
-        speed = min(self.limits.speed, (2 * 0.8 * self.pull * left.norm()) ** 0.5, left.norm() / 0.3)
+        speed = min(self.limits.speed, (2 * 0.8 * self.engage * left.norm()) ** 0.5, left.norm() / 0.3)
         return left.scaled(speed / max(left.norm(), 1e-6))
 
     def _stand(self):
@@ -163,7 +163,7 @@ class _Nowhere:
         return lambda _report: None
 
 
-def local_robot(config, adapter, *, clock, wheel):
+def local_robot(config, adapter, *, clock, scheduler):
     """Return a robot of no process: what it reports and records goes nowhere."""
     return LocalRobot(
         config,
@@ -172,14 +172,14 @@ def local_robot(config, adapter, *, clock, wheel):
         edge="yard",
         worker="",
         clock=clock,
-        wheel=wheel,
-        shared=Shared(),
+        scheduler=scheduler,
+        shared=SharedResources(),
         outbox=_Nowhere(),
         journal=RobotJournal(),
         record=lambda _event: None,
         arrival=clock.monotonic,
         changed=lambda _name: None,
-        supervised=Supervised(),
+        supervised=SupervisorClient(),
     )
 
 
@@ -189,7 +189,7 @@ class Field:
     def __init__(self, starts, **site):
         loop = asyncio.get_running_loop()
         self.clock = LoopClock(loop)
-        self.wheel = Wheel(loop, self.clock)
+        self.scheduler = TickScheduler(loop, self.clock)
         self.made = {}
         configs = {
             name: WalkerConfig(
@@ -201,7 +201,7 @@ class Field:
         }
         edge = {"edge": {"id": "yard"}, "site": site, "robots": ()}
         config = FleetConfig(**edge).model_copy(update={"robots": tuple(configs.values())})
-        self.traffic = traffic_of(config, self.clock)
+        self.traffic = positions_of(config, self.clock)
         self.robots = {name: self._robot(configs[name], kind) for name, (kind, _) in starts.items()}
         self.told = []
 
@@ -213,13 +213,13 @@ class Field:
                 super().__init__(given)
                 field.made[given.name] = self
 
-        robot = local_robot(config, Made, clock=self.clock, wheel=self.wheel)
+        robot = local_robot(config, Made, clock=self.clock, scheduler=self.scheduler)
         robot.share_space(self.traffic)
         return robot
 
     @contextlib.asynccontextmanager
     async def running(self):
-        self.wheel.start()
+        self.scheduler.start()
         tasks = [robot.start() for robot in self.robots.values()]
         await asyncio.sleep(0.5)
         try:
@@ -228,12 +228,14 @@ class Field:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            self.wheel.stop()
+            self.scheduler.stop()
 
     def ask(self, name, what):
         """Ask a robot; return the list that fills with the answers."""
         answers = []
-        self.robots[name].desk.receive(what, Ticket(getattr(what, "name", "ask"), answers.append, waits=True))
+        self.robots[name].controller.receive(
+            what, Receipt(getattr(what, "name", "ask"), answers.append, waits=True)
+        )
         return answers
 
     def send(self, name, x, y, z=0.0):

@@ -11,8 +11,8 @@ import uuid
 
 import pytest
 
-from fleet.host.wheel import Wheel
-from fleet.model.command import Way
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.model.command import Transport
 from fleet.robot_config import Accepts
 from fleet.testing.clock import LoopClock
 from fleet.wire.commands import SETTINGS, VERBS
@@ -57,7 +57,7 @@ def robot_of(adapter, fields, **more):
     loop = asyncio.get_running_loop()
     clock = LoopClock(loop)
     config = adapter.Config(name="rex", twin=uuid.UUID(int=1), **fields, **more)
-    return local_robot(config, adapter, clock=clock, wheel=Wheel(loop, clock))
+    return local_robot(config, adapter, clock=clock, scheduler=TickScheduler(loop, clock))
 
 
 def message_of(source, **fields):
@@ -104,10 +104,10 @@ KINDS = [
 def test_a_robot_obeys_its_source_types_for_everything_and_nobody_else(_name, adapter, fields, simulated):
     async def wrong():
         robot = robot_of(adapter, fields)
-        for source, way in itertools.product(SOURCES, (Way.CLOUD, Way.BUS)):
+        for source, way in itertools.product(SOURCES, (Transport.CLOUD, Transport.BUS)):
             for ask, kind, payload, navigation in asks_of(robot, source):
                 allowed = SIMULATED if simulated else REAL | ({"edge"} if navigation else set())
-                local = way is Way.BUS and source == MISSING
+                local = way is Transport.BUS and source == MISSING
                 expected = "admitted" if source in allowed or local else "source"
                 found = verdict(robot, kind, payload, way)
                 if found not in (expected, "impossible"):
@@ -123,10 +123,12 @@ def test_a_robot_obeys_its_source_types_for_everything_and_nobody_else(_name, ad
 def test_a_stop_is_obeyed_whoever_sends_it(_name, adapter, fields, simulated):
     async def stops():
         robot = robot_of(adapter, fields)
-        for source, way, word in itertools.product(SOURCES, (Way.CLOUD, Way.BUS), sorted(STOP_WORDS)):
+        for source, way, word in itertools.product(
+            SOURCES, (Transport.CLOUD, Transport.BUS), sorted(STOP_WORDS)
+        ):
             payload = message_of(source, command=word)
             assert verdict(robot, "command", payload, way) == "admitted", (source, way, word)
-        return robot.desk.latched
+        return robot.controller.latched
 
     assert asyncio.run(stops())
 
@@ -137,7 +139,7 @@ def test_what_the_file_accepts_replaces_both_sets():
         return {
             source
             for source in SOURCES
-            if verdict(robot, "command", message_of(source, command="takeoff"), Way.CLOUD) == "admitted"
+            if verdict(robot, "command", message_of(source, command="takeoff"), Transport.CLOUD) == "admitted"
         }
 
     assert asyncio.run(decide()) == {"edge"}

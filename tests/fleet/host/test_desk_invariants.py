@@ -29,20 +29,20 @@ STEPS = st.lists(
 
 def time_passes(bench, seconds):
     bench.clock.advance(seconds)
-    if bench.desk.deadman.expire(bench.clock.monotonic()):
-        bench.desk.halt()
-        bench.desk.lease_ran_out()
+    if bench.controller.deadman.expire(bench.clock.monotonic()):
+        bench.controller.halt()
+        bench.controller.lease_ran_out()
 
 
 def the_pilot_takes_over(bench, _):
     bench.puppet.told.append("halt")  # an adapter that loses the robot sends nothing more
-    bench.desk.authority_lost("pilot")
+    bench.controller.authority_lost("pilot")
 
 
 EVENTS = {
     "wait": time_passes,
-    "lost": lambda bench, _: bench.desk.lost("gone"),
-    "found": lambda bench, _: bench.desk.found(),
+    "lost": lambda bench, _: bench.controller.lost("gone"),
+    "found": lambda bench, _: bench.controller.found(),
     "authority": the_pilot_takes_over,
 }
 ASKED = {
@@ -59,7 +59,7 @@ async def play(bench, asks, steps, source, session):
     """Play the steps; yields each one's kind, the latch before, the answers, what the robot was told."""
     for kind, value in steps:
         before = len(bench.puppet.told)
-        latched, answers = bench.desk.latched, []
+        latched, answers = bench.controller.latched, []
         if kind in ASKED:
             answers = bench.ask(ASKED[kind](asks, value, source=source, session=session))
         else:
@@ -119,7 +119,7 @@ def test_a_velocity_is_never_held_without_a_lease(make_bench, asks, steps, sourc
         async for _ in play(bench, asks, steps, source, session):
             last = [one for one in bench.puppet.told if one != "battery_check"][-1:]
             held = bool(last) and isinstance(last[0], Velocity) and not last[0].is_zero
-            assert not held or bench.desk.deadman.armed
+            assert not held or bench.controller.deadman.armed
 
     asyncio.run(check())
 

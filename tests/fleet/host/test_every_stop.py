@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 from fleet.bridge import downlink
 from fleet.bus import keys
-from fleet.cloud.values import Message
-from fleet.host.begun import Latched
-from fleet.host.journal import RobotJournal
-from fleet.host.local import LocalRobot
-from fleet.host.process import RobotProcess, RobotSpec
-from fleet.host.remote import RemoteRobot
-from fleet.host.stop_cause import THE_KEY, local_cause
-from fleet.host.stops import take_stops
+from fleet.cloud.values import CloudMessage
+from fleet.host.journal.execution_journal import Latched
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.process.robot_process import RobotProcess, RobotSpec
+from fleet.host.process.stop_service import serve_stops
+from fleet.host.requests.stop_cause import THE_KEY, local_cause
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.geometry import Velocity
-from fleet.tally import Tally
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.topics import Topics
@@ -96,13 +96,13 @@ class Rig:
     """One robot and all the ways to it; with ``worker`` it runs in one, behind the edge's side of it."""
 
     def __init__(self, puppet, *, worker):
-        self.clock, self.lane, self.journal = ManualClock(), FakeLane(), FakeJournal()
+        self.clock, self.bus_session, self.journal = ManualClock(), FakeLane(), FakeJournal()
         self.write = lambda: None  # what the history does with an event
         self.config = puppet.Config(name="rex", twin=TWIN)
         loop = asyncio.get_running_loop()
         self.process = RobotProcess(
             "yard",
-            SimpleNamespace(control=self.lane, reports=self.lane),
+            SimpleNamespace(control=self.bus_session, reports=self.bus_session),
             [RobotSpec(self.config, puppet, "puppet")],
             journal=self.journal,
             history=SimpleNamespace(add=lambda _robot, _event: self.write()),
@@ -110,8 +110,8 @@ class Rig:
         )
         self.robot: LocalRobot = self.process.robots["rex"]
         self.puppet = puppet(self.config)
-        self.robot.desk.attach(self.puppet)
-        self.robot.desk.found()
+        self.robot.controller.attach(self.puppet)
+        self.robot.controller.found()
         self.process._declare(self.robot)
         port = self.robot
         if worker:
@@ -119,14 +119,14 @@ class Rig:
                 self.config,
                 adapter="puppet",
                 edge="yard",
-                control=self.lane,
+                control=self.bus_session,
                 clock=self.clock,
                 soon=loop.call_soon_threadsafe,
                 arrival=self.clock.monotonic,
                 worker="w",
                 publish=lambda _report: None,
             )
-        take_stops(self.process, SimpleNamespace(control=self.lane, reports=self.lane), {}, ())
+        serve_stops(self.process, SimpleNamespace(control=self.bus_session, reports=self.bus_session), {}, ())
         self.downlink = downlink.Downlink(
             Topics(""),
             {TWIN: port},
@@ -135,16 +135,16 @@ class Rig:
             send=lambda *_, **__: None,
             put=lambda *_: None,
             own={},
-            refusals=Tally(logging.getLogger("rig"), self.clock),
+            refusals=RateLimitedCounter(logging.getLogger("rig"), self.clock),
             clock=self.clock,
         )
 
-    def over_mqtt(self, leaf, payload, **properties):
-        self.downlink.arrived([Message(f"{T}/{leaf}", payload, **properties)])
+    def over_mqtt(self, suffix, payload, **properties):
+        self.downlink.arrived([CloudMessage(f"{T}/{suffix}", payload, **properties)])
         self.downlink.take()
 
     def over_the_bus(self, payload, **parameters):
-        self.lane.ask(keys.command("yard", "rex"), payload, **parameters)
+        self.bus_session.ask(keys.command("yard", "rex"), payload, **parameters)
 
 
 WAYS = {
@@ -155,7 +155,7 @@ WAYS = {
     "mqtt mission": lambda rig, payload: rig.over_mqtt("mission/command", payload),
     "bus command": lambda rig, payload: rig.over_the_bus(payload),
     "bus of no kind": lambda rig, payload: rig.over_the_bus(payload, kind="dance", way="cloud"),
-    "stop key": lambda rig, payload: rig.lane.put("fleet/*/stop", payload, urgent=True),
+    "stop key": lambda rig, payload: rig.bus_session.put("fleet/*/stop", payload, urgent=True),
 }
 SMALL = {
     "mqtt velocity": lambda rig, payload: rig.over_mqtt("motion/command", payload),
@@ -185,11 +185,11 @@ STATES = {
     "idle": lambda _: None,
     "led by another": drive,
     "flying": fly,
-    "latched": lambda rig: rig.robot.desk.emergency("before"),
+    "latched": lambda rig: rig.robot.controller.emergency("before"),
     "held elsewhere": hold,
-    "at fault": lambda rig: rig.robot.desk.faulted("motor 3"),
+    "at fault": lambda rig: rig.robot.controller.faulted("motor 3"),
     "journal blocked": block,
-    "inbox full": lambda rig: rig.downlink.arrived([Message(f"{T}/command", b"{}")] * 3),
+    "inbox full": lambda rig: rig.downlink.arrived([CloudMessage(f"{T}/command", b"{}")] * 3),
 }
 
 JSON = st.recursive(
@@ -280,7 +280,7 @@ def test_a_stop_is_obeyed_whatever_it_holds_however_it_comes_and_whatever_there_
         assert {"stop", "halt"} & set(told)
         assert not moves(told)
         if name in EMERGENCIES or way == "stop key":
-            assert rig.robot.desk.latched
+            assert rig.robot.controller.latched
             assert "halt" in told
 
     holds()
@@ -298,7 +298,7 @@ def test_what_is_too_large_to_be_read_is_a_stop_where_stops_come(puppet, caplog,
         return
     assert {"stop", "halt"} & set(told)
     assert not moves(told)
-    assert rig.robot.desk.latched or way in ("mqtt navigation", "mqtt mission")
+    assert rig.robot.controller.latched or way in ("mqtt navigation", "mqtt mission")
 
 
 @pytest.mark.parametrize("sender", ["tele", "edge", "sim", "preview", "edit", "nobody knows", "", None])
@@ -319,7 +319,7 @@ def test_whoever_is_let_in_may_stop_and_only_who_is_obeyed_may_release(puppet, s
         rig, (stopped, released) = runner.run(play())
     assert stopped.ok
     assert released.ok == (sender == "tele")
-    assert rig.robot.desk.latched == (name == "emergency_stop" and not released.ok)
+    assert rig.robot.controller.latched == (name == "emergency_stop" and not released.ok)
 
 
 def test_a_stop_whose_message_is_refused_is_told_both(puppet):
@@ -348,7 +348,7 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     with asyncio.Runner() as runner:
         rig, told, latched = runner.run(play())
     assert "halt" in told
-    assert rig.robot.desk.latched
+    assert rig.robot.controller.latched
     assert latched == []
     assert [change.why for change in rig.journal.latched] == ["the stop key"]
 
@@ -381,7 +381,7 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
         before = len(rig.puppet.told)
         message = {"command": name, "source_type": "tele", "session_id": "anna", "id": "r1"}
         if way == "bus command":
-            answers = rig.lane.ask(keys.command("yard", "rex"), json.dumps(message).encode())
+            answers = rig.bus_session.ask(keys.command("yard", "rex"), json.dumps(message).encode())
         else:
             WAYS[way](rig, json.dumps(message).encode())
         for _ in range(12):
@@ -392,6 +392,6 @@ def test_a_stop_does_not_depend_on_its_record(puppet, caplog, way, name, fault):
         rig, told, answers = runner.run(play())
     assert "stop" in told
     assert not moves(told)
-    assert rig.robot.desk.latched == (name == "emergency_stop" or way == "stop key")
+    assert rig.robot.controller.latched == (name == "emergency_stop" or way == "stop key")
     assert "could not be written into the history" in caplog.text
     assert (way == "bus command") == bool(answers)

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from cyberwave.data.header import HeaderTemplate
 
-from fleet.bus.session import join
+from fleet.bus.bus import join
 from fleet.bus.settings import BusSettings, BusTls
 from fleet.config.certificates import Identity, issue_pair, make_authority
 
@@ -82,7 +82,7 @@ async def attack(bus, place, edge, name, asks):
     assert len(answers) == (name in COMMANDS)  # it cannot dance, and says so
     await drive(bus, place, robot, name, asks)
     control.put("fleet/*/stop", b"", urgent=True)
-    await asks.until(lambda: robot.desk.latched)
+    await asks.until(lambda: robot.controller.latched)
     assert robot.state().reachable
 
 

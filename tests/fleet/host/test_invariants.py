@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.commands import command
-from fleet.host.desk import Desk
-from fleet.host.journal import RobotJournal
-from fleet.host.make import capabilities
-from fleet.host.safety.latch import RELEASE
-from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import capabilities
+from fleet.host.robot.controller import RobotController
+from fleet.host.safety.emergency_stop import RELEASE
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.testing.clock import ManualClock
 from fleet.testing.promises import Event, Rules, What, broken
@@ -69,7 +69,7 @@ class Life:
         self.stamps: dict[str, float] = {}
         self.crashes: list[Exception] = []
         config = RexConfig(name="rex", twin="6f0c9a1e-0000-4000-8000-000000000001", clock_skew=0.0)
-        self.desk = Desk(
+        self.controller = RobotController(
             config,
             capabilities(Rex),
             publish=lambda _: None,
@@ -78,11 +78,11 @@ class Life:
             journal=RobotJournal(),
             clock=self.clock,
         )
-        admission = self.desk._admission
+        admission = self.controller._admission
         for name in ("command", "setpoint"):
             setattr(admission, name, self._watched(getattr(admission, name)))
-        self.desk.attach(Rex(config, self))
-        self.desk.found()
+        self.controller.attach(Rex(config, self))
+        self.controller.found()
 
     def _watched(self, judge):
         def judged(ask, **more):
@@ -99,7 +99,7 @@ class Life:
         self.events.append(Event(at, what, "rex", ask, stamp=self.stamps.get(ask), **fields))
 
     def ask(self, kind: str, number: int, age: float, source: str | None) -> None:
-        origin, stamp = Origin(Way.CLOUD, source, "anna"), self.clock.time() - age
+        origin, stamp = Origin(Transport.CLOUD, source, "anna"), self.clock.time() - age
         name = f"{kind}-{number}"
         if kind in ("step", "drive"):
             self.stamps.setdefault(name, self.clock.monotonic() - age)
@@ -108,7 +108,7 @@ class Life:
             "step": Command("step", {"number": number}, origin, name, stamp),
             "drive": Setpoint(Velocity(Vector3(number / 1000)), name, origin=origin, stamp=stamp),
         }.get(kind, Command(kind, origin=origin, stamp=stamp))
-        self.desk.receive(what, Ticket(name, lambda reply: self._replied(kind, name, ok=reply.ok)))
+        self.controller.receive(what, Receipt(name, lambda reply: self._replied(kind, name, ok=reply.ok)))
         if kind == "emergency_stop":
             self.note(What.STOPPED)
 

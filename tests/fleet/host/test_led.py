@@ -6,13 +6,13 @@ import math
 import pytest
 
 from fleet.adapter import Adapter
-from fleet.host.desk import Desk
-from fleet.host.displacement import goal_of
-from fleet.host.journal import RobotJournal
-from fleet.host.make import capabilities
-from fleet.host.safety.speeds import Speeds
-from fleet.host.ticket import Ticket
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import capabilities
+from fleet.host.robot.controller import RobotController
+from fleet.host.robot.distance_moves import goal_of
+from fleet.host.safety.verb_speeds import VerbSpeeds
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
 from fleet.model.navigation import (
     Constraints,
@@ -28,7 +28,7 @@ from fleet.model.report import NavigationReport, PoseReport
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import ManualClock
 
-TELE = Origin(Way.CLOUD, "tele", "anna")
+TELE = Origin(Transport.CLOUD, "tele", "anna")
 
 
 class CartConfig(AdapterConfig):
@@ -71,7 +71,7 @@ class World:
         self.reports = []
         config = CartConfig(name="cart", twin="6f0c9a1e-0000-4000-8000-000000000001")
         self.cart = Cart(config)
-        self.desk = Desk(
+        self.controller = RobotController(
             config,
             capabilities(Cart),
             publish=self.reports.append,
@@ -83,10 +83,10 @@ class World:
         self.x = self.y = self.yaw = 0.0
         self.expired = 0
         self.tells = True
-        self.desk.attach(self.cart)
-        self.desk.found()
+        self.controller.attach(self.cart)
+        self.controller.found()
         self._sleep = asyncio.sleep
-        monkeypatch.setattr("fleet.host.follow.leader.asyncio.sleep", self.pass_time)
+        monkeypatch.setattr("fleet.host.follow.goal_follower.asyncio.sleep", self.pass_time)
 
     def _crashed(self, error):
         raise error
@@ -94,9 +94,9 @@ class World:
     async def pass_time(self, seconds):
         await self._sleep(0)
         self.clock.advance(seconds)
-        if self.desk.deadman.expire(self.clock.monotonic()):
+        if self.controller.deadman.expire(self.clock.monotonic()):
             self.expired += 1
-            self.desk.halt()
+            self.controller.halt()
         velocity = self.cart.velocity
         self.x += velocity.linear.x * math.cos(self.yaw) * seconds
         self.y += velocity.linear.x * math.sin(self.yaw) * seconds
@@ -106,11 +106,11 @@ class World:
     def see(self):
         if self.tells:
             stamp = self.clock.time()
-            self.desk.see(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
+            self.controller.see(PoseReport(stamp, Vector3(self.x, self.y), quaternion_from_yaw(self.yaw)))
 
     def ask(self, what):
         answers = []
-        self.desk.receive(what, Ticket("it", answers.append))
+        self.controller.receive(what, Receipt("it", answers.append))
         return answers
 
     def states(self):
@@ -135,8 +135,8 @@ def goal(x, y, yaw=None, action="a1", **more):
 
 async def test_it_goes_to_a_goal_and_says_so_once(world):
     world.see()
-    (receipt,) = world.ask(goal(1.0, 1.0, yaw=0.0))
-    assert receipt.ok
+    (first,) = world.ask(goal(1.0, 1.0, yaw=0.0))
+    assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y, world.yaw) == pytest.approx((1.0, 1.0, 0.0), abs=0.1)
     assert world.states()[:2] == ["queued", "running"]
@@ -154,22 +154,22 @@ async def test_it_goes_to_a_goal_and_says_so_once(world):
 async def test_a_verb_with_a_distance_ends_there_and_its_repeat_moves_nothing(world, verb, x):
     world.see()
     can = capabilities(Cart)
-    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, Speeds(can.limits).of)
-    (receipt,) = world.ask(way)
-    assert receipt.ok
+    way = goal_of(Command(verb, {"distance": 1.0}, TELE, id="q1"), can, VerbSpeeds(can.limits).of)
+    (first,) = world.ask(way)
+    assert first.ok
     await world.until(lambda: world.states()[-1] == "completed")
     assert (world.x, world.y) == pytest.approx((x, 0.0), abs=0.05)
-    assert (world.cart.velocity, world.desk.deadman.armed) == (Velocity(), False)
+    assert (world.cart.velocity, world.controller.deadman.armed) == (Velocity(), False)
     world.cart.told.clear()
     world.ask(way)
     await world.pass_time(1.0)
     assert world.cart.told == []
-    assert world.desk.last.command == verb
+    assert world.controller.last.command == verb
 
 
 async def test_without_a_pose_it_is_not_led_and_the_reason_is_told(world):
-    (receipt,) = world.ask(goal(1.0, 1.0))
-    assert "has told no pose" in receipt.reason
+    (first,) = world.ask(goal(1.0, 1.0))
+    assert "has told no pose" in first.reason
     assert world.states() == ["failed"]
 
 
@@ -178,7 +178,7 @@ async def test_what_the_follower_asks_is_clamped_and_has_a_lease(world):
     world.ask(goal(3.0, 0.0, constraints=Constraints(max_speed=9.0)))
     await world.until(lambda: world.states()[-1] == "completed")
     assert max(velocity.linear.x for velocity in world.cart.told) == pytest.approx(0.5)
-    assert not world.desk.deadman.armed
+    assert not world.controller.deadman.armed
 
 
 async def test_an_asker_may_slow_it_down(world):
@@ -213,8 +213,8 @@ async def test_once_a_lease_has_run_out_all_keys_are_up(world):
     world.clock.advance(0.3)
     world.ask(Setpoint(Velocity(yaw_rate=0.5), "turn_left", origin=TELE))
     world.clock.advance(0.2)
-    assert world.desk.deadman.expire(world.clock.monotonic())
-    world.desk.lease_ran_out()
+    assert world.controller.deadman.expire(world.clock.monotonic())
+    world.controller.lease_ran_out()
     world.ask(Setpoint(Velocity(Vector3(x=0.3)), "move_forward", origin=TELE))
     assert world.cart.velocity == Velocity(Vector3(x=0.3))
 
@@ -223,7 +223,7 @@ async def test_an_emergency_stop_ends_it_and_nothing_drives_after(world):
     world.see()
     world.ask(goal(3.0, 0.0))
     await world.until(lambda: world.x > 0.5)
-    world.desk.emergency("test")
+    world.controller.emergency("test")
     told = len(world.cart.told)
     world.ask(Command("emergency_stop", origin=TELE))
     await world.until(lambda: world.states()[-1] == "cancelled")
@@ -267,6 +267,6 @@ async def test_keys_that_are_held_together_combine_and_a_stop_lifts_them(world):
 async def test_a_mission_is_refused_at_once_by_a_robot_that_has_none(world):
     told = []
     ask = Navigate(FlyMission("field", (PlanItem("return_to_launch"),)), "m1", TELE, world.clock.time())
-    world.desk.receive(ask, Ticket("start", told.append, waits=True))
+    world.controller.receive(ask, Receipt("start", told.append, waits=True))
     (reply,) = told
     assert (reply.ok, "carries out no missions" in reply.reason) == (False, True)

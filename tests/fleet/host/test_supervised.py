@@ -15,8 +15,8 @@ import pytest
 
 from fleet.bus import keys
 from fleet.errors import BusError
-from fleet.supervisor.ask import stop_all
-from fleet.supervisor.place import users
+from fleet.supervisor.sockets import users
+from fleet.supervisor.stop_request import stop_all
 from fleet.testing.waiting import wait_until
 
 CART = '''
@@ -153,16 +153,18 @@ class Run:
 
     def _answers(self):
         try:
-            with contextlib.closing(self.place.lane()) as lane:
-                return list(lane.ask(keys.health(self.place.id), b"", timeout=2))
+            with contextlib.closing(self.place.bus_session()) as bus_session:
+                return list(bus_session.ask(keys.health(self.place.id), b"", timeout=2))
         except BusError:
             return False
 
     def ask(self, message):
         """Ask the robot, as soon as it can be asked."""
         key = keys.command(self.place.id, "rex")
-        with contextlib.closing(self.place.lane()) as lane:
-            return wait_until("an answer", lambda: [said for _, said in lane.ask(key, message, timeout=20)])
+        with contextlib.closing(self.place.bus_session()) as bus_session:
+            return wait_until(
+                "an answer", lambda: [said for _, said in bus_session.ask(key, message, timeout=20)]
+            )
 
     def drive(self):
         """Drive the cart, so that it goes on by itself; return when it was last told so."""

@@ -10,9 +10,9 @@ import pytest
 from fleet.bus import keys
 from fleet.clock import SystemClock
 from fleet.config.load import load
-from fleet.host.claims import SEEN_WITHIN, Claim, holder, read_claim
-from fleet.host.edge import Edge
-from fleet.model.command import Way
+from fleet.host.edge.edge import Edge
+from fleet.host.process.twin_claims import SEEN_WITHIN, TwinClaim, holder, read_claim
+from fleet.model.command import Transport
 
 HERE = {"worker": "main"}
 
@@ -66,7 +66,7 @@ async def test_the_later_edge_leaves_a_twin_to_the_first_and_takes_it_when_that_
             assert again.cause == f"edge {place.id} has its twin; one of the two must leave it out"
             refused = []
             ask = b'{"command": "hang", "source_type": "tele"}'
-            second.process.robots["again"].read("command", ask, way=Way.BUS)(refused.append)
+            second.process.robots["again"].read("command", ask, way=Transport.BUS)(refused.append)
             assert not refused[0].ok
         await asks.until(lambda: place.words("again") == ["run"])
         assert state_of(second, "again").health == "ok"
@@ -124,7 +124,7 @@ async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_show
         await asks.until(lambda: place.words("rex") == ["run"])
         rex = edge.process.robots["rex"]
         ask = b'{"command": "move_forward", "source_type": "tele"}'
-        rex.read("command", ask, way=Way.BUS)(lambda _: None)
+        rex.read("command", ask, way=Transport.BUS)(lambda _: None)
         edge.cloud_claims.heard(rex.twin, "yard-0")
         assert "yard-0" in edge.state().cause
         assert "yard-0" not in state_of(edge, "rex").cause
@@ -132,20 +132,23 @@ async def test_a_robot_that_somebody_moves_is_not_let_go_for_what_the_cloud_show
 
 
 def test_whoever_claimed_first_has_it_and_both_come_to_that():
-    ours, theirs = Claim(5, "b"), Claim(4, "a")
+    ours, theirs = TwinClaim(5, "b"), TwinClaim(4, "a")
     assert (holder(ours, [theirs]), holder(theirs, [ours])) == ("a", "")
-    assert (holder(Claim(5, "b"), [Claim(5, "a")]), holder(Claim(5, "a"), [Claim(5, "b")])) == ("a", "")
+    assert (
+        holder(TwinClaim(5, "b"), [TwinClaim(5, "a")]),
+        holder(TwinClaim(5, "a"), [TwinClaim(5, "b")]),
+    ) == ("a", "")
 
 
 def test_whoever_has_not_claimed_yet_finds_any_claim_before_it():
-    assert holder(None, [Claim(9, "b"), Claim(8, "c")]) == "c"
+    assert holder(None, [TwinClaim(9, "b"), TwinClaim(8, "c")]) == "c"
     assert holder(None, []) == ""
 
 
 def test_who_has_a_twin_keeps_it_from_who_wanted_it_before():
-    theirs, ours = Claim(9, "b", held=True), Claim(5, "a")
+    theirs, ours = TwinClaim(9, "b", held=True), TwinClaim(5, "a")
     assert (holder(ours, [theirs]), holder(theirs, [ours])) == ("b", "")
-    assert holder(None, [Claim(3, "c"), theirs]) == "b"
+    assert holder(None, [TwinClaim(3, "c"), theirs]) == "b"
 
 
 @pytest.mark.parametrize(
@@ -156,5 +159,5 @@ def test_a_token_that_is_no_claim_is_none(key):
 
 
 def test_a_claim_is_read_from_its_token():
-    assert read_claim(keys.claim("yard-1", "t", 5)) == ("t", Claim(5, "yard-1"))
-    assert read_claim(keys.claim("yard-1", "t", 5, held=True)) == ("t", Claim(5, "yard-1", held=True))
+    assert read_claim(keys.claim("yard-1", "t", 5)) == ("t", TwinClaim(5, "yard-1"))
+    assert read_claim(keys.claim("yard-1", "t", 5, held=True)) == ("t", TwinClaim(5, "yard-1", held=True))

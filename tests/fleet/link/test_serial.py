@@ -9,8 +9,8 @@ import pytest
 import serialx
 
 from fleet.errors import LinkLost, LinkRefused, NotReady
-from fleet.link.motion import Motion
-from fleet.link.slot import MotionSlot
+from fleet.link.latest_motion import LatestMotion
+from fleet.link.motion_sender import MotionSender
 from fleet.link.url import open_link
 from fleet.model.geometry import Vector3, Velocity
 from fleet.testing.clock import ManualClock
@@ -83,8 +83,8 @@ async def test_an_unplugged_device_is_a_lost_link_also_to_who_moves_the_robot_be
     port, opened, told_why
 ):
     link, _ = opened
-    motion = Motion(
-        MotionSlot(link, ManualClock(), baud=115200),
+    motion = MotionSender(
+        LatestMotion(link, ManualClock(), baud=115200),
         ManualClock(),
         encode=lambda velocity: (b"M %.1f\n" % velocity.linear.x,),
         stop=lambda: (b"M 0\n",),

@@ -2,11 +2,11 @@ import pytest
 
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outcome, Outgoing
-from fleet.spool.queue import NEWEST_FIRST, Queue
+from fleet.spool.queue import NEWEST_FIRST, SpoolQueue
 from fleet.spool.spool import AGES, Spool, SpoolSettings
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import wait_until
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 
 class Opened:
@@ -16,7 +16,7 @@ class Opened:
         self.clock = clock
         self.spool = Spool(SpoolSettings(folder=folder, **settings), clock)
 
-    def put(self, *payloads, topic="t", traffic=Traffic.EVENT):
+    def put(self, *payloads, topic="t", traffic=TrafficClass.EVENT):
         for payload in payloads:
             assert self.spool.put(Outgoing(topic, payload, 1, traffic))
         return self
@@ -57,10 +57,10 @@ class Bench:
     def __init__(self, *, messages=5, size=10**6, disk=True, first=0):
         self.now = 1000.0
         self.rows = {}
-        self.queue = Queue(messages, size, AGES, disk=disk, first=first)
+        self.queue = SpoolQueue(messages, size, AGES, disk=disk, first=first)
         self.put_count = 0
 
-    def put(self, topic="t", traffic=Traffic.EVENT, payload=b"", **more):
+    def put(self, topic="t", traffic=TrafficClass.EVENT, payload=b"", **more):
         message = Outgoing(topic, payload or b"%d" % self.put_count, 1, traffic, **more)
         self.put_count += 1
         return self.queue.put(message, self.now, self.wall)
@@ -155,9 +155,9 @@ class Bench:
         line = self.queue._lines.get(topic)
         return [one for one in (*line.back, *line.memory) if not one.gone] if line else []
 
-    def cold(self, topic):
+    def on_disk(self, topic):
         line = self.queue._lines.get(topic)
-        return line.cold if line else 0
+        return line.on_disk if line else 0
 
     def lost(self, topic):
         return sum(gap.lost for gap in self.queue.losses.known() if gap.topic == topic)

@@ -8,9 +8,9 @@ from fleet.spool.losses import Reason
 from fleet.spool.message import OVERHEAD, Outcome
 from fleet.spool.queue import NEWEST_FIRST
 from fleet.spool.spool import AGES
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
-REPLY, STATUS, EVENT = Traffic.REPLY, Traffic.STATUS, Traffic.EVENT
+REPLY, STATUS, EVENT = TrafficClass.REPLY, TrafficClass.STATUS, TrafficClass.EVENT
 
 
 def numbers(first, end):

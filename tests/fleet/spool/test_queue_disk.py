@@ -2,13 +2,13 @@
 
 import pytest
 
-from fleet.spool.lines import LOW_IN_NEED
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outcome
+from fleet.spool.topic_queues import LOW_IN_NEED
 from fleet.spool.unwritten import GRACE
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
-REPLY, EVENT = Traffic.REPLY, Traffic.EVENT
+REPLY, EVENT = TrafficClass.REPLY, TrafficClass.EVENT
 
 
 def numbers(first, end):
@@ -49,10 +49,10 @@ def test_beyond_the_memory_it_waits_on_disk_alone_and_comes_back_in_order(make_b
     for _ in range(30):
         bench.put()
         bench.disk()
-    assert (bench.queue.cold, bench.queue.waiting) == (25, 30)
+    assert (bench.queue.on_disk, bench.queue.waiting) == (25, 30)
     bench.online()
     assert bench.drain() == numbers(0, 30)
-    assert (bench.queue.cold, bench.queue.waiting, bench.rows) == (0, 0, {})
+    assert (bench.queue.on_disk, bench.queue.waiting, bench.rows) == (0, 0, {})
 
 
 def test_a_new_process_sends_what_the_old_one_left_before_its_own(make_bench):
@@ -72,7 +72,7 @@ def test_what_was_lost_before_the_disk_could_be_read_is_not_counted_with_what_is
     bench.disk()
     bench.queue.removed("t", [sorted(bench.rows)[1]], Reason.ROOM, bench.wall)
     bench.queue.found("t", EVENT, 2, 1, 2)
-    assert (bench.queue.cold, bench.queue.waiting) == (5, 5)
+    assert (bench.queue.on_disk, bench.queue.waiting) == (5, 5)
 
 
 def test_what_was_under_way_when_the_disk_could_be_read_at_last_is_not_fetched_from_it(make_bench):
@@ -88,7 +88,7 @@ def test_what_was_under_way_when_the_disk_could_be_read_at_last_is_not_fetched_f
     bench.disk()
     bench.queue.settle(flying[0], Outcome.ACKED, bench.now, bench.wall)
     assert bench.drain() == [*numbers(0, 3), b"4"]
-    assert (bench.queue.cold, bench.queue.waiting, bench.rows) == (0, 0, {})
+    assert (bench.queue.on_disk, bench.queue.waiting, bench.rows) == (0, 0, {})
 
 
 def test_a_full_disk_bounds_memory_and_loses_nothing_within_the_bound(make_bench):
@@ -136,7 +136,7 @@ def test_what_was_cold_when_the_disk_went_away_is_sent_in_order_and_more_follows
     for _ in range(8):
         bench.put()
     bench.online().queue.no_disk()
-    assert bench.queue.cold == 0
+    assert bench.queue.on_disk == 0
     bench.put()
     sent = bench.drain()
     bench.put()
@@ -168,7 +168,7 @@ def test_what_is_pushed_out_while_the_disk_writes_it_is_lost_and_not_sent(make_b
     bench.online().commit(work)
     bench.fetch()
     assert bench.drain() == numbers(4, 8)
-    assert (bench.queue.cold, bench.queue.waiting, bench.queue.hungry) == (0, 0, False)
+    assert (bench.queue.on_disk, bench.queue.waiting, bench.queue.needs_fetch) == (0, 0, False)
 
 
 @pytest.fixture
@@ -188,16 +188,16 @@ def begun_anew(make_bench):
 
 def test_what_was_acknowledged_is_not_fetched_again_before_it_is_deleted(begun_anew):
     begun_anew.fetch()
-    assert begun_anew.queue.cold == 0
+    assert begun_anew.queue.on_disk == 0
     assert sorted(begun_anew.drain()) == numbers(2, 5)
-    assert (begun_anew.queue.cold, begun_anew.queue.waiting, begun_anew.rows) == (0, 0, {})
+    assert (begun_anew.queue.on_disk, begun_anew.queue.waiting, begun_anew.rows) == (0, 0, {})
 
 
 def test_what_was_acknowledged_is_no_loss_when_it_is_evicted_while_it_is_deleted(begun_anew):
     work = begun_anew.queue.work(begun_anew.now)
     begun_anew.evict(2)
     begun_anew.commit(work)
-    assert (begun_anew.queue.losses.total, begun_anew.queue.cold) == (0, 1)
+    assert (begun_anew.queue.losses.total, begun_anew.queue.on_disk) == (0, 1)
     assert sorted(begun_anew.drain()) == numbers(2, 5)
 
 
@@ -213,4 +213,4 @@ def test_rows_that_cannot_be_deleted_do_not_hide_those_behind_them(make_bench):
         bench.put(topic, REPLY)
     for _ in range(4):
         bench.fetch()
-    assert bench.queue.cold == 0
+    assert bench.queue.on_disk == 0

@@ -13,11 +13,11 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from fleet.spool.lines import LOW_IN_NEED
 from fleet.spool.message import Outcome
-from fleet.wire.rules import Traffic
+from fleet.spool.topic_queues import LOW_IN_NEED
+from fleet.wire.rules import TrafficClass
 
-REPLY, EVENT = Traffic.REPLY, Traffic.EVENT
+REPLY, EVENT = TrafficClass.REPLY, TrafficClass.EVENT
 
 
 class Life(RuleBasedStateMachine):
@@ -149,20 +149,20 @@ class Life(RuleBasedStateMachine):
     def each_message_is_in_one_place(self):
         for topic in self.TRAFFIC:
             flying = sum(message.topic == topic for message in self.flying)
-            waiting = len(self.bench.live(topic)) + self.bench.cold(topic)
+            waiting = len(self.bench.live(topic)) + self.bench.on_disk(topic)
             lost = self.bench.lost(topic) - self.refused[topic]
             assert self.taken[topic] == len(self.answered[topic]) + lost + waiting + flying
 
     @invariant()
     def the_figures_are_right(self):
-        queue, cold = self.bench.queue, [self.bench.cold(topic) for topic in self.TRAFFIC]
+        queue, on_disk = self.bench.queue, [self.bench.on_disk(topic) for topic in self.TRAFFIC]
         live = [message for topic in self.TRAFFIC for message in self.bench.live(topic)]
-        assert min(cold) >= 0
-        assert (queue.cold, queue.waiting) == (sum(cold), sum(cold) + len(live))
+        assert min(on_disk) >= 0
+        assert (queue.on_disk, queue.waiting) == (sum(on_disk), sum(on_disk) + len(live))
         assert queue._memory.count <= 2 * self.MESSAGES + 4 * LOW_IN_NEED + self.most_flying
         if self.there and not (self.writing or queue.unwritten):
-            assert queue.cold == len(self.bench.rows.keys() - {one.seq for one in (*live, *self.flying)})
-        assert self.there or not queue.cold
+            assert queue.on_disk == len(self.bench.rows.keys() - {one.seq for one in (*live, *self.flying)})
+        assert self.there or not queue.on_disk
 
     def teardown(self):
         if self.writing:
@@ -180,7 +180,7 @@ class Life(RuleBasedStateMachine):
         self.each_topic_is_in_order()
         self.each_message_is_in_one_place()
         queue = self.bench.queue
-        assert (queue.waiting, queue.cold, queue.hungry, self.bench.rows) == (0, 0, False, {})
+        assert (queue.waiting, queue.on_disk, queue.needs_fetch, self.bench.rows) == (0, 0, False, {})
 
 
 def test_nothing_is_lost_doubled_or_out_of_order_whatever_comes(make_bench):

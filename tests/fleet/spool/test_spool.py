@@ -15,12 +15,12 @@ from fleet.errors import StateError
 from fleet.spool.database import set_aside
 from fleet.spool.losses import Reason
 from fleet.spool.message import Outgoing
-from fleet.spool.place import SPOOL
 from fleet.spool.spool import AGES, LATE_LOOK
-from fleet.spool.store import LEAST_EVICTED, Store
+from fleet.spool.state_folder import SPOOL
+from fleet.spool.store import LEAST_EVICTED, SpoolFile
 from fleet.spool.unwritten import AT_ONCE
 from fleet.testing.waiting import wait_until
-from fleet.wire.rules import Traffic
+from fleet.wire.rules import TrafficClass
 
 KILLED = """
 import os, signal, sys
@@ -105,7 +105,7 @@ def test_more_than_fits_in_memory_waits_on_disk_and_memory_stays_flat(opened):
             spool.written()
     spool.written()
     assert spool.spool._queue._memory.count <= 50
-    assert spool.spool.figures().classes[Traffic.EVENT].on_disk == 1950
+    assert spool.spool.figures().classes[TrafficClass.EVENT].on_disk == 1950
     sent = spool.online().drain()
     for part in range(4):
         assert [int(payload) for topic, payload in sent if topic == f"t/{part}"] == [*range(part, 2000, 4)]
@@ -114,7 +114,7 @@ def test_more_than_fits_in_memory_waits_on_disk_and_memory_stays_flat(opened):
 def test_its_size_is_bounded_and_what_matters_least_goes_first_and_is_told(tmp_path, opened):
     size = 1024 * 1024
     spool = opened(size=size, messages=200)
-    spool.put(*[b"s" * 1000] * 100, topic="status", traffic=Traffic.STATUS).written()
+    spool.put(*[b"s" * 1000] * 100, topic="status", traffic=TrafficClass.STATUS).written()
     for _ in range(40):
         spool.put(*[b"e" * 1000] * 100, topic="event").written()
     assert (tmp_path / "state" / SPOOL).stat().st_size <= size
@@ -128,7 +128,7 @@ def test_its_size_is_bounded_and_what_matters_least_goes_first_and_is_told(tmp_p
 
 def test_losses_that_nobody_was_told_of_outlive_the_process(opened, clock):
     spool = opened().put(b"0", b"1")
-    clock.advance(AGES[Traffic.EVENT])
+    clock.advance(AGES[TrafficClass.EVENT])
     spool.spool.tick()
     assert spool.written().spool.lost == 2
     spool = opened()
@@ -140,7 +140,7 @@ def test_losses_that_nobody_was_told_of_outlive_the_process(opened, clock):
 
 def test_what_grew_too_old_while_nothing_ran_is_dropped_and_told(opened, clock):
     opened().put(*payloads(20)).put(b"young", topic="u").written()
-    clock.advance(AGES[Traffic.EVENT])
+    clock.advance(AGES[TrafficClass.EVENT])
     spool = opened().put(b"new").online()
     clock.advance(LATE_LOOK)
     assert spool.drain() == [("t", b"new")]
@@ -278,7 +278,7 @@ def test_nobody_waits_for_a_disk_that_hangs(opened):
     other.close()
 
 
-@pytest.mark.parametrize("step", [AGES[Traffic.EVENT] + 3600, -365 * 86400])
+@pytest.mark.parametrize("step", [AGES[TrafficClass.EVENT] + 3600, -365 * 86400])
 def test_a_clock_that_is_set_right_makes_nothing_older_or_younger(opened, clock, step):
     spool = opened(messages=8)
     for payload in payloads(20):
@@ -289,7 +289,7 @@ def test_a_clock_that_is_set_right_makes_nothing_older_or_younger(opened, clock,
     clock.advance(LATE_LOOK)
     spool.spool.tick()
     spool.written()
-    clock.advance(AGES[Traffic.EVENT] - LATE_LOOK - 60)
+    clock.advance(AGES[TrafficClass.EVENT] - LATE_LOOK - 60)
     spool.spool.tick()
     assert [payload for _, payload in spool.online().drain()] == payloads(21)
 
@@ -297,7 +297,7 @@ def test_a_clock_that_is_set_right_makes_nothing_older_or_younger(opened, clock,
 def test_what_an_earlier_process_left_is_as_old_as_the_clock_says(opened, clock):
     opened().put(*payloads(3)).written()
     spool = opened()
-    clock.step(AGES[Traffic.EVENT])
+    clock.step(AGES[TrafficClass.EVENT])
     clock.advance(LATE_LOOK)
     spool.put(b"new").written()
     assert spool.online().drain() == [("t", b"new")]
@@ -309,32 +309,33 @@ def test_what_waits_grows_too_old_in_its_time_though_the_clock_was_set(opened, c
     for payload in payloads(20):
         spool.put(payload).written()
     clock.step(step)
-    clock.advance(AGES[Traffic.EVENT])
+    clock.advance(AGES[TrafficClass.EVENT])
     spool.put(b"new").written()
     assert spool.online().drain() == [("t", b"new")]
 
 
 def test_its_figures_say_what_waits_of_each_class_since_when_also_from_before(opened, clock):
     began = clock.time()
-    opened().put(b"old", traffic=Traffic.STATUS, topic="s").written()
+    opened().put(b"old", traffic=TrafficClass.STATUS, topic="s").written()
     clock.advance(100.0)
     spool = opened()
     spool.put(b"young", b"younger").written()
     figures = spool.spool.figures()
-    status, event = figures.classes[Traffic.STATUS], figures.classes[Traffic.EVENT]
+    status, event = figures.classes[TrafficClass.STATUS], figures.classes[TrafficClass.EVENT]
     assert (status.messages, status.on_disk, event.messages, event.on_disk) == (1, 1, 2, 0)
     assert (status.oldest, event.oldest) == pytest.approx((began, began + 100.0), abs=0.001)
     assert event.memory == len(b"youngyounger")
-    assert figures.classes[Traffic.REPLY].oldest is None
+    assert figures.classes[TrafficClass.REPLY].oldest is None
     assert 0 < figures.disk < 1_000_000
 
 
 def test_making_room_does_not_read_all_that_waits(tmp_path):
     steps = {}
     for count in (1000, 8000):
-        store = Store(tmp_path / str(count), 64 * 1024 * 1024)
+        store = SpoolFile(tmp_path / str(count), 64 * 1024 * 1024)
         rows = [
-            Outgoing(f"t/{n % 5}", b"", 1, Traffic.STATUS, expires=1e12, seq=n) for n in range(1, count + 1)
+            Outgoing(f"t/{n % 5}", b"", 1, TrafficClass.STATUS, expires=1e12, seq=n)
+            for n in range(1, count + 1)
         ]
         store.change(rows, [])
         seen = steps[count] = []
@@ -345,12 +346,12 @@ def test_making_room_does_not_read_all_that_waits(tmp_path):
 
 
 def test_room_is_made_in_parts_however_large_the_file_is(tmp_path):
-    store = Store(tmp_path / "spool", 4 * 1024 * 1024)
+    store = SpoolFile(tmp_path / "spool", 4 * 1024 * 1024)
     seqs = range(1, 4001)
     with contextlib.closing(store):
         for start in range(0, 4000, 100):
             rows = [
-                Outgoing("t", bytes(800), 1, Traffic.EVENT, expires=9e9, seq=seq)
+                Outgoing("t", bytes(800), 1, TrafficClass.EVENT, expires=9e9, seq=seq)
                 for seq in seqs[start : start + 100]
             ]
             store.change(rows, [])

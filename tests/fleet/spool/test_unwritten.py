@@ -1,26 +1,26 @@
 import pytest
 
 from fleet.spool.message import Outgoing
-from fleet.spool.unwritten import AT_ONCE, FORSAKEN, GRACE, Unwritten
-from fleet.wire.rules import Traffic
+from fleet.spool.unwritten import AT_ONCE, FORSAKEN, GRACE, UnwrittenMessages
+from fleet.wire.rules import TrafficClass
 
 
 @pytest.fixture
 def unwritten():
-    return Unwritten()
+    return UnwrittenMessages()
 
 
 def add(unwritten, count, since=0.0):
-    made = [Outgoing("t", b"%d" % number, 1, Traffic.EVENT, since=since) for number in range(count)]
+    made = [Outgoing("t", b"%d" % number, 1, TrafficClass.EVENT, since=since) for number in range(count)]
     for message in made:
         unwritten.add(message)
     return made
 
 
-def forsake(unwritten, messages):
+def tombstone(unwritten, messages):
     for message in messages:
         message.gone = True
-        unwritten.forsake()
+        unwritten.tombstone()
 
 
 def test_while_connected_only_what_has_waited_is_written(unwritten):
@@ -36,14 +36,14 @@ def test_one_transaction_writes_a_part_at_most_and_the_next_goes_on(unwritten):
 
 def test_what_nobody_waits_for_is_not_written(unwritten):
     made = add(unwritten, 10)
-    forsake(unwritten, made[::2])
+    tombstone(unwritten, made[::2])
     assert unwritten.take(0.0, at_once=True) == made[1::2]
 
 
 def test_behind_a_disk_that_hangs_only_what_somebody_waits_for_is_kept(unwritten):
     waiting = add(unwritten, 20)
     for _ in range(50):
-        forsake(unwritten, add(unwritten, FORSAKEN))
+        tombstone(unwritten, add(unwritten, FORSAKEN))
     assert len(unwritten) <= 2 * FORSAKEN + len(waiting)
     assert unwritten.take(0.0, at_once=True) == waiting
 
@@ -53,6 +53,6 @@ def test_what_could_not_be_written_is_written_first_the_next_time(unwritten):
     rows = unwritten.take(0.0, at_once=True)
     unwritten.put_back(rows[:4])
     assert not any(message.stored for message in first)
-    forsake(unwritten, first[:1])
+    tombstone(unwritten, first[:1])
     assert unwritten.take(0.0, at_once=True) == first[1:]
     assert all(message.stored for message in later)

@@ -8,7 +8,7 @@ import tty
 
 import pytest
 
-from fleet.supervisor.halts import Halts, kept_halt
+from fleet.supervisor.halts import ProcessHalts, registered_halt
 
 
 @pytest.fixture
@@ -22,8 +22,8 @@ def device():
 
 def test_a_halt_is_written_to_a_serial_device(device):
     robot, ours = device
-    halts = Halts()
-    halts.keep("rex", kept_halt(ours, (b"halt\n", b"brake\n"), None))
+    halts = ProcessHalts()
+    halts.keep("rex", registered_halt(ours, (b"halt\n", b"brake\n"), None))
     assert halts.write() == ["rex"]
     assert os.read(robot, 100) == b"halt\nbrake\n"
     halts.close()
@@ -32,8 +32,8 @@ def test_a_halt_is_written_to_a_serial_device(device):
 def test_a_halt_goes_to_its_address():
     with socket.socket(type=socket.SOCK_DGRAM) as robot, socket.socket(type=socket.SOCK_DGRAM) as ours:
         robot.bind(("127.0.0.1", 0))
-        halts = Halts()
-        halts.keep("rex", kept_halt(os.dup(ours.fileno()), (b"halt",), robot.getsockname()))
+        halts = ProcessHalts()
+        halts.keep("rex", registered_halt(os.dup(ours.fileno()), (b"halt",), robot.getsockname()))
         assert halts.write() == ["rex"]
         assert robot.recv(100) == b"halt"
         halts.close()
@@ -45,9 +45,9 @@ def test_a_robot_that_does_not_read_keeps_no_other_from_its_halt():
     with contextlib.suppress(BlockingIOError):
         while True:
             stuck[0].send(b"x" * 4096)
-    halts = Halts()
+    halts = ProcessHalts()
     for name, pair in (("stuck", stuck), ("other", other)):
-        halts.keep(name, kept_halt(os.dup(pair[0].fileno()), (b"halt",), None))
+        halts.keep(name, registered_halt(os.dup(pair[0].fileno()), (b"halt",), None))
     assert halts.write() == ["other"]
     assert other[1].recv(100) == b"halt"
     halts.close()
@@ -57,8 +57,8 @@ def test_a_robot_that_does_not_read_keeps_no_other_from_its_halt():
 
 def test_what_was_dropped_is_closed_and_not_written_any_more(device):
     _, ours = device
-    halts = Halts()
-    halts.keep("rex", kept_halt(ours, (b"halt",), None))
+    halts = ProcessHalts()
+    halts.keep("rex", registered_halt(ours, (b"halt",), None))
     halts.drop("rex")
     halts.drop("nobody")
     assert (halts.write(), halts.robots) == ([], [])
@@ -68,9 +68,9 @@ def test_what_was_dropped_is_closed_and_not_written_any_more(device):
 
 def test_the_last_halt_of_a_robot_counts(device):
     robot, ours = device
-    halts = Halts()
-    halts.keep("rex", kept_halt(os.dup(ours), (b"old",), None))
-    halts.keep("rex", kept_halt(ours, (b"new",), None))
+    halts = ProcessHalts()
+    halts.keep("rex", registered_halt(os.dup(ours), (b"old",), None))
+    halts.keep("rex", registered_halt(ours, (b"new",), None))
     halts.write()
     assert os.read(robot, 100) == b"new"
     halts.close()

@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fleet.clock import SystemClock
-from fleet.supervisor import messages
-from fleet.supervisor.ask import stop_all
-from fleet.supervisor.client import Supervised
-from fleet.supervisor.messages import Keep, Stop, Stopped, Welcome
-from fleet.supervisor.place import connected, socket_of
+from fleet.supervisor import protocol
+from fleet.supervisor.client import SupervisorClient
+from fleet.supervisor.protocol import RegisterHalt, StopAnswer, StopRequest, Welcome
+from fleet.supervisor.sockets import connected, socket_of
+from fleet.supervisor.stop_request import stop_all
 from fleet.supervisor.supervisor import Supervisor
 from fleet.testing.waiting import wait_until
 
@@ -76,8 +76,8 @@ def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
     assert (answer.kept, answer.names) == (True, ())
     with contextlib.closing(connected(field.path, within=5.0)) as edge:
         pid = field.supervisor._child.pid
-        edge.send(messages.encode(messages.Hello("yard", process=pid)))
-        welcome = messages.decode(edge.recv(1000))
+        edge.send(protocol.encode(protocol.Hello("yard", process=pid)))
+        welcome = protocol.decode(edge.recv(1000))
     assert isinstance(welcome, Welcome)
     assert [stop.names for stop in welcome.stops] == [("rex",)]
 
@@ -85,18 +85,18 @@ def test_a_stop_without_an_edge_is_answered_as_kept_and_told_to_the_next(field):
 def test_a_worker_is_not_told_the_edges_stops_and_does_not_take_them_away(field):
     stop_all(field.folder)
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
-        worker.send(messages.encode(messages.Hello("yard", worker="arm", process=1)))
-        assert messages.decode(worker.recv(1000)) == Welcome(())
+        worker.send(protocol.encode(protocol.Hello("yard", worker="arm", process=1)))
+        assert protocol.decode(worker.recv(1000)) == Welcome(())
     assert len(field.supervisor._stops) == 1
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.one_of(st.binary(min_size=1, max_size=200), st.just(messages.encode(Keep("rex", (b"x",))))))
+@given(st.one_of(st.binary(min_size=1, max_size=200), st.just(protocol.encode(RegisterHalt("rex", (b"x",))))))
 def test_whatever_it_is_sent_it_goes_on(field, data):
     with contextlib.closing(connected(field.path, within=5.0)) as somebody:
         somebody.send(data)
     (answer,) = stop_all(field.folder)
-    assert isinstance(answer, Stopped)
+    assert isinstance(answer, StopAnswer)
 
 
 def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
@@ -110,7 +110,7 @@ def test_a_supervisor_that_is_dead_is_passed_over(tmp_path):
 
 
 async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
-    alone = Supervised()
+    alone = SupervisorClient()
     alone.begin("yard", stop=lambda _names: [], end=lambda _why: None)
     assert not alone.keep("rex", 0, [b"halt"], kept=lambda: None)
     await alone.drop("rex")
@@ -121,14 +121,14 @@ async def test_without_a_supervisor_nothing_is_kept_and_nothing_fails():
 
 def test_a_process_whose_supervisor_goes_ends():
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    theirs.send(messages.encode(Welcome((Stop(("rex",)),))))
+    theirs.send(protocol.encode(Welcome((StopRequest(("rex",)),))))
     stopped, ended = [], []
-    supervised = Supervised(ours)
+    supervised = SupervisorClient(ours)
     supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or ["rex"], end=ended.append)
     assert stopped == [("rex",)], "before anything is served"
-    theirs.send(messages.encode(Stop((), 7)))
-    said = lambda: [messages.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
-    wait_until("the answer", lambda: Stopped(7, "yard", ("rex",)) in said())
+    theirs.send(protocol.encode(StopRequest((), 7)))
+    said = lambda: [protocol.decode(theirs.recv(1000)) for _ in range(1)]  # noqa: E731
+    wait_until("the answer", lambda: StopAnswer(7, "yard", ("rex",)) in said())
     theirs.close()
     wait_until("the end", lambda: ended == ["the supervisor is gone"])
     supervised.close()
@@ -155,18 +155,18 @@ def test_a_stop_of_more_names_than_fit_a_message_is_one_for_all(field):
 
 
 @pytest.mark.parametrize(
-    "message", [b'{"type":"stop","names":["re', b"stop", messages.encode(Stop(why="x" * 70_000))]
+    "message", [b'{"type":"stop","names":["re', b"stop", protocol.encode(StopRequest(why="x" * 70_000))]
 )
 def test_what_cannot_be_read_of_who_has_no_robots_is_a_stop_for_all(field, message):
     with contextlib.closing(connected(field.path, within=5.0)) as somebody:
         somebody.send(message)
-        assert messages.decode(somebody.recv(1000)) == Stopped(kept=True)
+        assert protocol.decode(somebody.recv(1000)) == StopAnswer(kept=True)
     assert [stop.names for stop in field.supervisor._stops] == [()]
 
 
 def test_what_cannot_be_read_of_a_worker_stops_nothing(field):
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
-        worker.send(messages.encode(messages.Hello("yard", worker="arm", process=1)))
+        worker.send(protocol.encode(protocol.Hello("yard", worker="arm", process=1)))
         worker.recv(1000)
         worker.send(b"nonsense")
         wait_until("it is told", lambda: any("was refused" in line for line in field.lines))
@@ -180,16 +180,16 @@ def test_a_name_that_is_no_text_holds_up_no_stop(field):
 
 def test_a_halt_whose_link_did_not_come_with_it_is_told(field):
     with contextlib.closing(connected(field.path, within=5.0)) as worker:
-        worker.send(messages.encode(Keep("rex", (b"halt",))))
+        worker.send(protocol.encode(RegisterHalt("rex", (b"halt",))))
         wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
 
 
 def test_a_halt_that_is_kept_is_answered_and_one_that_is_refused_is_not(field):
     kept = []
-    worker = Supervised(connected(field.path, within=5.0))
+    worker = SupervisorClient(connected(field.path, within=5.0))
     worker.begin("yard", "arm", stop=lambda _names: [], end=lambda _why: None)
     worker._waiting[99] = lambda: kept.append("kept")
-    worker._send(Keep("rex", (b"halt",), None, 99))
+    worker._send(RegisterHalt("rex", (b"halt",), None, 99))
     wait_until("it is told", lambda: any("the link of rex did not come" in line for line in field.lines))
     ours, robot = socket.socketpair()
     with contextlib.closing(ours), contextlib.closing(robot):
@@ -203,7 +203,7 @@ def test_a_process_that_nobody_welcomes_stops_all_its_robots():
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     theirs.send(b"nonsense")
     stopped = []
-    supervised = Supervised(ours)
+    supervised = SupervisorClient(ours)
     supervised.begin("yard", stop=lambda asked: stopped.append(asked.names) or [], end=lambda _why: None)
     assert stopped == [()]
     supervised.close()
@@ -213,9 +213,9 @@ def test_a_process_that_nobody_welcomes_stops_all_its_robots():
 def test_an_edge_whose_child_keeps_the_connection_open_is_dead_all_the_same(field):
     kept, robot = socket.socketpair()
     with contextlib.closing(connected(field.path, within=5.0)) as edge:
-        edge.send(messages.encode(messages.Hello("yard", process=field.supervisor._child.pid)))
+        edge.send(protocol.encode(protocol.Hello("yard", process=field.supervisor._child.pid)))
         edge.recv(1000)
-        socket.send_fds(edge, [messages.encode(Keep("rex", (b"halt",)))], [kept.fileno()])
+        socket.send_fds(edge, [protocol.encode(RegisterHalt("rex", (b"halt",)))], [kept.fileno()])
         wait_until("it is kept", lambda: any(peer.halts.robots for peer in field.supervisor._peers))
         field.child.close()
         robot.settimeout(20)

@@ -8,7 +8,7 @@ import pytest
 from fleet.clock import SystemClock
 from fleet.video.program import Source, _Program
 from fleet.wire.samples import json_payload
-from fleet.wire.streams import Stream, read_stream
+from fleet.wire.streams import StreamState, read_stream
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
 STREAM = f"cw/{TWIN}/data/streams/front"
@@ -60,38 +60,38 @@ def camera(module_at, tmp_path):
 @pytest.fixture
 async def ask(camera):
     """Run the program on a lane in memory; returns what asks it and the lane."""
-    lane = FakeLane()
-    program = _Program(Source("rex", TWIN, camera.source, "front", 10.0), lane, SystemClock())
+    bus_session = FakeLane()
+    program = _Program(Source("rex", TWIN, camera.source, "front", 10.0), bus_session, SystemClock())
     program.declare("ask")
 
     async def ask(payload):
         question = FakeQuestion(payload)
-        lane.calls["ask"](question)
+        bus_session.calls["ask"](question)
         await asyncio.wait_for(question.closed.wait(), 30)
         (answer,) = question.answers
         return answer
 
-    ask.lane, ask.program = lane, program
+    ask.bus_session, ask.program = bus_session, program
     yield ask
     await program.close()
 
 
 async def test_a_start_makes_an_offer_and_tells_the_stream_and_a_stop_that_it_is_over(ask):
     assert await ask({"command": "start_video", "data": {"recording": False}}) == {"ok": True}
-    (offer,) = ask.lane.offers()
+    (offer,) = ask.bus_session.offers()
     assert (offer["sensor"], offer["recording"]) == ("front", False)
-    (told,) = ask.lane.streams()
-    assert isinstance(told, Stream)
+    (told,) = ask.bus_session.streams()
+    assert isinstance(told, StreamState)
     assert (told.connection_state, told.camera_id) == ("connecting", "front")
     assert await ask({"command": "stop_video"}) == {"ok": True}
-    assert ask.lane.streams()[-1] == b""
+    assert ask.bus_session.streams()[-1] == b""
     ask.program.tell()
-    assert len(ask.lane.streams()) == 2  # said once
+    assert len(ask.bus_session.streams()) == 2  # said once
 
 
 async def test_a_stop_without_a_stream_is_no_mistake(ask):
     assert await ask({"command": "stop_video"}) == {"ok": True}
-    assert ask.lane.streams() == []
+    assert ask.bus_session.streams() == []
 
 
 async def test_a_camera_that_fails_is_told_to_who_asked(ask, camera):
@@ -103,7 +103,7 @@ async def test_a_camera_that_fails_is_told_to_who_asked(ask, camera):
 async def test_a_command_for_another_sensor_is_refused_with_ours(ask):
     answer = await ask({"command": "start_video", "data": {"sensor": "rear"}})
     assert (answer["ok"], "'front'" in answer["reason"]) == (False, True)
-    assert ask.lane.offers() == []
+    assert ask.bus_session.offers() == []
 
 
 @pytest.mark.parametrize("payload", [b"", b"nonsense", {"command": "arm"}])
@@ -120,16 +120,16 @@ async def test_a_failure_of_our_own_is_told_and_the_next_one_is_served(ask, monk
 
 
 @pytest.mark.parametrize(
-    ("leaf", "sample"),
+    ("suffix", "sample"),
     [
         ("webrtc_answer", b"nonsense"),
         ("webrtc_answer", b'{"type": "answer", "target": "edge", "sdp": "m=video nonsense"}'),
         ("webrtc_candidate", b"nonsense"),
     ],
 )
-async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, caplog, leaf, sample):
+async def test_a_signal_that_cannot_be_used_is_told_and_changes_nothing(ask, caplog, suffix, sample):
     await ask({"command": "start_video"})
-    ask.lane.calls[f"cw/{TWIN}/data/cloud/{leaf}"]("key", sample)
+    ask.bus_session.calls[f"cw/{TWIN}/data/cloud/{suffix}"]("key", sample)
     async with asyncio.timeout(30):
         while "was refused" not in caplog.text:  # noqa: ASYNC110 - what is waited for has no event
             await asyncio.sleep(0.01)

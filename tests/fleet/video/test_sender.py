@@ -11,7 +11,7 @@ from aiortc.sdp import candidate_to_sdp
 from fleet.clock import SystemClock
 from fleet.errors import CommandError, TimedOut, WireError
 from fleet.video import peer, sender, track
-from fleet.video.sender import Sender
+from fleet.video.sender import VideoSender
 from fleet.video.signals import Candidate
 
 WITHIN = 30.0  # s; nothing waits for it when all is well
@@ -34,7 +34,7 @@ class Studio:
         self.offers = []
         self.offered = asyncio.Event()
         self.viewers = []
-        self.sender = Sender(
+        self.sender = VideoSender(
             source,
             sensor="front",
             session="video_rex_1",

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from fleet.errors import WireError
-from fleet.video.signals import Candidate, Stream, answer_for, candidate_in, offer_message
+from fleet.video.signals import Candidate, VideoStream, answer_for, candidate_in, offer_message
 from fleet.wire.documents import document_in, document_out
 
 SDP = "v=0\r\nm=video 9 UDP/TLS/RTP/SAVPF 97\r\n"
@@ -12,13 +12,13 @@ LINE = "1 1 udp 2 192.0.2.1 5000 typ host"
 RAW = {"candidate": f"candidate:{LINE}", "sdpMid": "0", "sdpMLineIndex": 0}
 
 
-def carried(leaf, message):
+def carried(suffix, message):
     """Return a message as the bridge puts it on the bus."""
-    return document_in(leaf, json.dumps(message).encode(), size=10_000, now=1.0)
+    return document_in(suffix, json.dumps(message).encode(), size=10_000, now=1.0)
 
 
 def test_an_offer_has_what_the_media_service_reads_and_crosses():
-    stream = Stream("front", "track-1", "video_rex_7_front")
+    stream = VideoStream("front", "track-1", "video_rex_7_front")
     offer = offer_message(SDP, stream, recording=False, attributes={"width": 320}, stamp=5.0)
     assert (
         offer.items() >= {"target": "backend", "sender": "edge", "type": "offer", "recording": False}.items()

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 import pytest
 from hypothesis import strategies as st
 
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.navigation import ActionState
@@ -180,7 +180,7 @@ REPORTS = {
         st.sampled_from(EventKind),
         WORDS,
         st.sampled_from(Severity),
-        st.none() | st.builds(Asker, st.sampled_from(Way), WORDS, st.none() | WORDS, st.booleans()),
+        st.none() | st.builds(Requester, st.sampled_from(Transport), WORDS, st.none() | WORDS, st.booleans()),
         WORDS,
         WORDS,
         PLAIN,

@@ -35,8 +35,8 @@ def test_the_sdk_reads_a_depth_image_of_ours():
 def test_points_of_the_sdk_are_read_and_come_back_to_it_over_mqtt(shape, rows, stride):
     points = np.arange(np.prod(shape), dtype="float32").reshape(shape)
     report = decode_pointcloud(array(points))
-    ((leaf, payload),) = to_mqtt(report, sender(source_type="edge", session="us"))
-    assert (leaf, report.stride) == ("pointcloud", stride)
+    ((suffix, payload),) = to_mqtt(report, sender(source_type="edge", session="us"))
+    assert (suffix, report.stride) == ("pointcloud", stride)
     message = json.loads(payload)
     assert (message["rows"], message["cols"], message["point_stride"]) == (rows, stride, stride)
     seen = _decode_pointcloud(message)

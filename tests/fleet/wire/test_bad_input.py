@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Transport
 from fleet.wire.claims import read_heartbeat
 from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
 from fleet.wire.databus import decode_report
@@ -23,16 +23,16 @@ from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.ping import check_ping, is_clouds_pong
-from fleet.wire.rules import ENVIRONMENT, INWARD, RULES, Form, Taker
+from fleet.wire.rules import ENVIRONMENT, INWARD, RULES, Recipient, TopicForm
 from fleet.wire.topics import Topics, parse_data_key
 
 DEFAULTS = MotionDefaults(0.5, 0.5, 0.5, 0.5)
 CLOUD = {
-    "command": lambda payload: decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS),
-    "navigate": lambda payload: decode_navigate(payload, way=Way.CLOUD, rotation_order="auto"),
-    "motion": lambda payload: decode_motion(payload, way=Way.CLOUD),
-    "joints": lambda payload: decode_joints(payload, way=Way.CLOUD),
-    "mission": lambda payload: decode_mission(payload, way=Way.CLOUD),
+    "command": lambda payload: decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS),
+    "navigate": lambda payload: decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto"),
+    "motion": lambda payload: decode_motion(payload, way=Transport.CLOUD),
+    "joints": lambda payload: decode_joints(payload, way=Transport.CLOUD),
+    "mission": lambda payload: decode_mission(payload, way=Transport.CLOUD),
     "edge_health": read_heartbeat,
     "ping:request": check_ping,
     "pong:response": is_clouds_pong,
@@ -40,22 +40,26 @@ CLOUD = {
 """By taker, and by leaf of what the bridge takes itself."""
 
 
-def _relayed(leaf):
-    return lambda payload: document_in(leaf.replace("+", "update"), payload, size=1 << 20, now=1.0)
+def _relayed(suffix):
+    return lambda payload: document_in(suffix.replace("+", "update"), payload, size=1 << 20, now=1.0)
 
 
 def _sample(rule):
-    if rule.form is Form.DOCUMENT:
-        leaf = rule.leaf.replace("+", "update")
-        return lambda sample: document_out(leaf, sample, source_type="edge", session="s")
+    if rule.form is TopicForm.DOCUMENT:
+        suffix = rule.suffix.replace("+", "update")
+        return lambda sample: document_out(suffix, sample, source_type="edge", session="s")
     return lambda sample: decode_report(rule.channel, sample)
 
 
 DECODERS = {
     **{f"in {name}": decode for name, decode in CLOUD.items()},
-    **{f"in {rule.leaf}": _relayed(rule.leaf) for rule in INWARD.values() if rule.taker is Taker.RELAY},
+    **{
+        f"in {rule.suffix}": _relayed(rule.suffix)
+        for rule in INWARD.values()
+        if rule.taker is Recipient.RELAY
+    },
     **{f"bus {rule.channel}": _sample(rule) for rule in RULES.values() if rule.channel},
-    "bus setpoint": lambda sample: decode_motion(sample, way=Way.BUS),
+    "bus setpoint": lambda sample: decode_motion(sample, way=Transport.BUS),
     "topic": lambda payload: Topics("").parse(payload.decode(errors="surrogateescape")),
     "key": lambda payload: parse_data_key(payload.decode(errors="surrogateescape")),
 }
@@ -123,7 +127,7 @@ HOSTILE = st.one_of(
 
 def test_every_decoder_of_the_table_is_here():
     asked = {rule.taker.value for rule in INWARD.values() if rule.taker.asks}
-    own = {rule.leaf for rule in INWARD.values() if rule.taker is Taker.EDGE}
+    own = {rule.suffix for rule in INWARD.values() if rule.taker is Recipient.EDGE}
     assert asked | own == set(CLOUD)
     assert f"in {ENVIRONMENT}" in DECODERS
 

@@ -3,17 +3,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.wire.claims import Heartbeat, read_heartbeat
+from fleet.wire.claims import EdgeHeartbeat, read_heartbeat
 from fleet.wire.health import edge_health
 
-BEATS = st.builds(Heartbeat, st.sampled_from("abc"), st.sampled_from("xyz"), st.floats(0, 1e9))
+BEATS = st.builds(EdgeHeartbeat, st.sampled_from("abc"), st.sampled_from("xyz"), st.floats(0, 1e9))
 
 
 def test_our_own_heartbeat_is_read():
     payload = edge_health(
         twin="t", edge_id="yard-1", uptime=12.3, stamp=5.0, source_type="edge", session="s", extra={}
     )
-    assert read_heartbeat(payload) == Heartbeat("yard-1", "s", 12.3)
+    assert read_heartbeat(payload) == EdgeHeartbeat("yard-1", "s", 12.3)
 
 
 @given(BEATS, BEATS)
@@ -25,8 +25,8 @@ def test_of_two_edges_both_say_the_same_one_was_first(one, other):
 
 
 def test_who_runs_longer_was_first():
-    assert Heartbeat("b", "", 100.0).comes_before(Heartbeat("a", "", 50.0))
-    assert Heartbeat("a", "", 50.4).comes_before(Heartbeat("b", "", 50.9))
+    assert EdgeHeartbeat("b", "", 100.0).comes_before(EdgeHeartbeat("a", "", 50.0))
+    assert EdgeHeartbeat("a", "", 50.4).comes_before(EdgeHeartbeat("b", "", 50.9))
 
 
 @pytest.mark.parametrize(

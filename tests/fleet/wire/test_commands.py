@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.wire.commands import VERBS, MotionDefaults, decode_command, decode_motion
 from fleet.wire.envelope import BadCommand
@@ -15,7 +15,9 @@ DEFAULTS = MotionDefaults(forward=0.5, lateral=0.4, vertical=0.3, yaw_rate=0.8)
 
 
 def decode(message, **more):
-    return decode_command(json.dumps(message).encode(), way=Way.CLOUD, defaults=lambda _: DEFAULTS, **more)
+    return decode_command(
+        json.dumps(message).encode(), way=Transport.CLOUD, defaults=lambda _: DEFAULTS, **more
+    )
 
 
 def motion(command, data):
@@ -39,7 +41,7 @@ def test_an_sdk_message_is_read_whole():
         },
         request_id="c0ffee",
     )
-    origin = Origin(Way.CLOUD, "tele", "python-sdk_live_1f")
+    origin = Origin(Transport.CLOUD, "tele", "python-sdk_live_1f")
     assert command == Command("takeoff", {"altitude": 2}, origin, command.id, 1760000000.25)
     assert command.id
 
@@ -54,7 +56,9 @@ def test_who_asks_for_video_in_the_cloud_without_a_source_type_is_an_operator(na
     )
     assert decode({"command": name, "source_type": "edit", "data": {"x": 1}}).origin.source_type == "edit"
     assert decode({"command": "land"}).origin.source_type is None
-    local = decode_command(json.dumps({"command": name}).encode(), way=Way.BUS, defaults=lambda _: DEFAULTS)
+    local = decode_command(
+        json.dumps({"command": name}).encode(), way=Transport.BUS, defaults=lambda _: DEFAULTS
+    )
     assert local.origin.source_type is None
 
 
@@ -231,7 +235,7 @@ def test_a_magnitude_that_is_no_number_is_refused_and_never_a_default(command, f
 def test_a_speed_that_is_not_finite_is_refused(word):
     payload = b'{"command": "move", "data": {"linear_x": ' + word + b"}}"
     with pytest.raises(BadCommand):
-        decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS)
+        decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
 
 
 # -- signed fields ------------------------------------------------------------------------------------
@@ -356,7 +360,7 @@ def test_a_body_inside_data_is_read_by_the_same_contract():
 # -- twists -------------------------------------------------------------------------------------------
 
 
-def twist(message, way=Way.CLOUD):
+def twist(message, way=Transport.CLOUD):
     return decode_motion(json.dumps(message).encode(), way=way)
 
 
@@ -376,16 +380,16 @@ def test_a_twist_is_signed_and_a_missing_axis_is_still():
 
 
 def test_a_local_velocity_of_the_bus_is_flat():
-    setpoint = twist({"linear_x": 0.2, "linear_y": 0, "angular_x": 0, "angular_z": -1}, Way.BUS)
+    setpoint = twist({"linear_x": 0.2, "linear_y": 0, "angular_x": 0, "angular_z": -1}, Transport.BUS)
     assert setpoint.velocity == Velocity(Vector3(0.2), -1)
-    assert setpoint.origin == Origin(Way.BUS)
+    assert setpoint.origin == Origin(Transport.BUS)
 
 
 def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
     sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2, "angular_z": 0.1}')
-    assert decode_motion(sample, way=Way.BUS).velocity == Velocity(Vector3(0.2), 0.1)
+    assert decode_motion(sample, way=Transport.BUS).velocity == Velocity(Vector3(0.2), 0.1)
     with pytest.raises(BadCommand):
-        decode_motion(sample, way=Way.CLOUD)
+        decode_motion(sample, way=Transport.CLOUD)
 
 
 @pytest.mark.parametrize(
@@ -395,14 +399,14 @@ def test_a_setpoint_that_the_sdk_puts_on_the_bus_is_read_behind_its_header():
 def test_a_setpoint_of_the_bus_is_as_old_as_it_says_else_as_its_header_says(header, message, stamp):
     payload = json.dumps({"linear_x": 0.2} | message).encode()
     sample = HeaderTemplate("application/json").pack(payload, ts=header)
-    assert decode_motion(sample, way=Way.BUS).stamp == stamp
+    assert decode_motion(sample, way=Transport.BUS).stamp == stamp
 
 
 @pytest.mark.parametrize("header", [float("nan"), float("inf")])
 def test_a_setpoint_whose_header_is_of_no_time_is_refused(header):
     sample = HeaderTemplate("application/json").pack(b'{"linear_x": 0.2}', ts=header)
     with pytest.raises(BadCommand, match="timestamp: a finite number is needed"):
-        decode_motion(sample, way=Way.BUS)
+        decode_motion(sample, way=Transport.BUS)
 
 
 @pytest.mark.parametrize(
@@ -448,8 +452,8 @@ def test_no_hostile_bytes_raise_anything_but_a_refusal_or_move_by_a_number_that_
     read = 0
     for payload in hostile(json.dumps(message).encode() for message in REAL):
         for decoder in (
-            lambda raw: decode_command(raw, way=Way.CLOUD, defaults=lambda _: DEFAULTS),
-            lambda raw: decode_motion(raw, way=Way.CLOUD),
+            lambda raw: decode_command(raw, way=Transport.CLOUD, defaults=lambda _: DEFAULTS),
+            lambda raw: decode_motion(raw, way=Transport.CLOUD),
         ):
             try:
                 values = numbers_of(decoder(payload))
@@ -463,7 +467,7 @@ def test_no_hostile_bytes_raise_anything_but_a_refusal_or_move_by_a_number_that_
 @given(st.binary(max_size=100))
 def test_arbitrary_bytes_are_refused_by_name(payload):
     with pytest.raises(BadCommand):
-        decode_command(payload, way=Way.BUS, defaults=lambda _: DEFAULTS)
+        decode_command(payload, way=Transport.BUS, defaults=lambda _: DEFAULTS)
 
 
 JSON = st.recursive(
@@ -517,7 +521,7 @@ USUAL = st.fixed_dictionaries(
 def outcome(payload):
     """Return what a message is read as, or how it is refused."""
     try:
-        return decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS)
+        return decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
     except BadCommand as error:
         return str(error), error.command
 

@@ -32,9 +32,9 @@ GOOD = {
 }
 
 
-def out(leaf, message, session="us"):
+def out(suffix, message, session="us"):
     sample = message if isinstance(message, bytes) else json.dumps(message).encode()
-    return json.loads(document_out(leaf, sample, source_type="edge", session=session))
+    return json.loads(document_out(suffix, sample, source_type="edge", session=session))
 
 
 def test_every_shape_has_an_example_here():
@@ -58,11 +58,11 @@ def test_the_header_stamps_what_has_no_stamp_of_its_own():
         out("event", b'{"event_type": "x"}')
 
 
-@pytest.mark.parametrize("leaf", GOOD)
-def test_each_good_one_crosses_both_ways(leaf):
-    assert out(leaf, {**GOOD[leaf], "ts": 1.0}).items() >= GOOD[leaf].items()
-    sample = document_in(leaf, json.dumps(GOOD[leaf]).encode(), size=1000, now=9.0)
-    assert json.loads(json_payload(sample)) == GOOD[leaf]
+@pytest.mark.parametrize("suffix", GOOD)
+def test_each_good_one_crosses_both_ways(suffix):
+    assert out(suffix, {**GOOD[suffix], "ts": 1.0}).items() >= GOOD[suffix].items()
+    sample = document_in(suffix, json.dumps(GOOD[suffix]).encode(), size=1000, now=9.0)
+    assert json.loads(json_payload(sample)) == GOOD[suffix]
     assert stamp_of_header(sample) == 9.0
 
 
@@ -73,18 +73,18 @@ EDITS = {
 }
 
 
-def edit(leaf, message):
+def edit(suffix, message):
     payload = json.dumps(message).encode()
-    return json.loads(json_payload(document_in(leaf, payload, size=1000, now=9.0)))
+    return json.loads(json_payload(document_in(suffix, payload, size=1000, now=9.0)))
 
 
-@pytest.mark.parametrize("leaf", EDITS)
-def test_what_the_editor_does_with_a_twin_reaches_programs_on_the_bus(leaf):
-    message = {"source_type": "edit", leaf: EDITS[leaf], "timestamp": 5.0, "session_id": "front"}
-    assert edit(leaf, message) == message
+@pytest.mark.parametrize("suffix", EDITS)
+def test_what_the_editor_does_with_a_twin_reaches_programs_on_the_bus(suffix):
+    message = {"source_type": "edit", suffix: EDITS[suffix], "timestamp": 5.0, "session_id": "front"}
+    assert edit(suffix, message) == message
 
 
-@pytest.mark.parametrize("leaf", EDITS)
+@pytest.mark.parametrize("suffix", EDITS)
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -95,34 +95,34 @@ def test_what_the_editor_does_with_a_twin_reaches_programs_on_the_bus(leaf):
         {"given": {"x": "1"}},
     ],
 )
-def test_what_is_no_edit_is_refused(leaf, wrong):
-    given = {leaf: wrong.get("given", EDITS[leaf])}
+def test_what_is_no_edit_is_refused(suffix, wrong):
+    given = {suffix: wrong.get("given", EDITS[suffix])}
     with pytest.raises(WireError):
-        edit(leaf, {"source_type": "edit", **wrong, **given})
+        edit(suffix, {"source_type": "edit", **wrong, **given})
 
 
-@pytest.mark.parametrize("leaf", EDITS)
-def test_where_others_measured_a_twin_is_no_edit(leaf):
+@pytest.mark.parametrize("suffix", EDITS)
+def test_where_others_measured_a_twin_is_no_edit(suffix):
     for source in ("edge", "edge_leader", "edge_follower", "sim"):
-        message = json.dumps({"source_type": source, leaf: EDITS[leaf]}).encode()
-        assert is_state_of_another(leaf, message)
+        message = json.dumps({"source_type": source, suffix: EDITS[suffix]}).encode()
+        assert is_state_of_another(suffix, message)
         assert not is_state_of_another("alert", message)
-    assert not is_state_of_another(leaf, json.dumps({"source_type": "edit"}).encode())
-    assert not is_state_of_another(leaf, b"garbage")
+    assert not is_state_of_another(suffix, json.dumps({"source_type": "edit"}).encode())
+    assert not is_state_of_another(suffix, b"garbage")
 
 
 @pytest.mark.parametrize(
-    ("leaf", "field"), [(leaf, field) for leaf in SHAPES for field in SHAPES[leaf].needs]
+    ("suffix", "field"), [(suffix, field) for suffix in SHAPES for field in SHAPES[suffix].needs]
 )
-def test_what_lacks_a_field_that_its_readers_need_is_refused_both_ways(leaf, field):
+def test_what_lacks_a_field_that_its_readers_need_is_refused_both_ways(suffix, field):
     for message in (
-        {name: value for name, value in GOOD[leaf].items() if name != field},
-        {**GOOD[leaf], field: 5},
+        {name: value for name, value in GOOD[suffix].items() if name != field},
+        {**GOOD[suffix], field: 5},
     ):
         with pytest.raises(WireError, match=field):
-            out(leaf, {**message, "ts": 1.0})
+            out(suffix, {**message, "ts": 1.0})
         with pytest.raises(WireError, match=field):
-            document_in(leaf, json.dumps(message).encode(), size=1000, now=9.0)
+            document_in(suffix, json.dumps(message).encode(), size=1000, now=9.0)
 
 
 RAW = {"candidate": "candidate:1 1 udp 2 192.0.2.1 5000 typ host", "sdpMid": "0", "sdpMLineIndex": 0}
@@ -173,9 +173,9 @@ def test_what_cannot_be_a_level_of_a_topic_is_no_update_of_an_environment(update
 
 @pytest.mark.parametrize("update", ["update", "twin_added", "twin_removed", "made_up", "telemetry-status"])
 def test_an_update_of_an_environment_may_be_of_any_type_and_says_it_both_ways(update):
-    leaf = f"environment:{update}"
-    assert out(leaf, {"ts": 1.0, "data": {}})["type"] == update
-    sample = document_in(leaf, b'{"data": {}}', size=1000, now=9.0)
+    suffix = f"environment:{update}"
+    assert out(suffix, {"ts": 1.0, "data": {}})["type"] == update
+    sample = document_in(suffix, b'{"data": {}}', size=1000, now=9.0)
     assert json.loads(json_payload(sample)) == {"type": update, "data": {}}
 
 
@@ -196,10 +196,10 @@ def test_a_document_from_the_cloud_is_bounded_and_strict():
 
 @given(st.sampled_from(sorted(GOOD)), st.binary(max_size=80))
 @example("environment:update", b'{"":0}')
-def test_arbitrary_bytes_raise_nothing_but_a_wire_error(leaf, payload):
+def test_arbitrary_bytes_raise_nothing_but_a_wire_error(suffix, payload):
     for read in (
-        lambda: out(leaf, payload),
-        lambda: document_in(leaf, payload, size=1000, now=1.0),
+        lambda: out(suffix, payload),
+        lambda: document_in(suffix, payload, size=1000, now=1.0),
     ):
         with contextlib.suppress(WireError):  # an update of an environment may be any object, such as {"":0}
             read()
@@ -208,10 +208,10 @@ def test_arbitrary_bytes_raise_nothing_but_a_wire_error(leaf, payload):
 def test_no_hostile_bytes_raise_anything_but_a_wire_error(hostile):
     samples = [json.dumps({**message, "ts": 1.0}).encode() for message in GOOD.values()]
     for index, payload in enumerate(hostile(samples)):
-        leaf = list(GOOD)[index % len(GOOD)]
+        suffix = list(GOOD)[index % len(GOOD)]
         for read in (
-            lambda leaf=leaf, payload=payload: out(leaf, payload),
-            lambda leaf=leaf, payload=payload: document_in(leaf, payload, size=1000, now=1.0),
+            lambda suffix=suffix, payload=payload: out(suffix, payload),
+            lambda suffix=suffix, payload=payload: document_in(suffix, payload, size=1000, now=1.0),
         ):
             try:
                 read()

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from fleet.model.command import Way
-from fleet.model.event import Asker, EventKind, EventReport, Severity
+from fleet.model.command import Transport
+from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.wire.databus import decode_report, encode_report
 from fleet.wire.events import TOLD_TO_THE_CLOUD, is_of_the_fleet
 from fleet.wire.reports import sender, to_mqtt
@@ -14,7 +14,7 @@ BREACH = EventReport(
     EventKind.FENCE,
     "it is outside the fence",
     Severity.WARNING,
-    Asker(Way.CLOUD, "python-sdk_live_1", "tele"),
+    Requester(Transport.CLOUD, "python-sdk_live_1", "tele"),
     "goto",
     "r1",
     {"reason": "outside the fence"},
@@ -24,7 +24,7 @@ BREACH = EventReport(
 def told(report):
     """Return the messages of a report by leaf, as a JSON reader sees them."""
     messages = to_mqtt(report, sender(source_type="edge", session="us"))
-    return {leaf: json.loads(payload) for leaf, payload in messages}
+    return {suffix: json.loads(payload) for suffix, payload in messages}
 
 
 def test_the_cloud_reads_an_event_in_the_form_of_the_sdk_with_what_led_to_it():

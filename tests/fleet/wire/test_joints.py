@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Transport
 from fleet.wire.envelope import BadCommand
 from fleet.wire.joints import MOST_JOINTS, decode_joints
 
@@ -18,7 +18,7 @@ FORMS = {
 
 
 def decode(**message):
-    return decode_joints(json.dumps({"source_type": "tele", **message}).encode(), way=Way.CLOUD)
+    return decode_joints(json.dumps({"source_type": "tele", **message}).encode(), way=Transport.CLOUD)
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
@@ -74,7 +74,7 @@ def test_no_hostile_bytes_raise_anything_but_a_wire_error(hostile):
     read = 0
     for payload in hostile(json.dumps({"source_type": "tele", **form}).encode() for form in FORMS.values()):
         try:
-            read += decode_joints(payload, way=Way.CLOUD) is not None
+            read += decode_joints(payload, way=Transport.CLOUD) is not None
         except WireError:
             continue
     assert read > 100

@@ -27,7 +27,7 @@ DEPTH = DepthReport(5.0, IMAGE.tobytes(), 3, 2, "uint16", "front")
 def told(report, layout=""):
     """Return the messages that a report becomes, (leaf, message)."""
     by = sender(source_type="edge", session="us", layout=layout)
-    messages = [(leaf, json.loads(payload)) for leaf, payload in to_mqtt(report, by)]
+    messages = [(suffix, json.loads(payload)) for suffix, payload in to_mqtt(report, by)]
     for _, message in messages:
         SourceTypeEnvelopeV1.model_validate(message)
         assert (message["session_id"], message["timestamp"]) == ("us", 5.0)
@@ -35,7 +35,7 @@ def told(report, layout=""):
 
 
 def joints(layout, report=JOINTS):
-    return [message for leaf, message in told(report, layout) if leaf == "joint:update"]
+    return [message for suffix, message in told(report, layout) if suffix == "joint:update"]
 
 
 @pytest.mark.parametrize("layout", ["", "aggregated"])
@@ -74,7 +74,7 @@ def test_the_single_layout_has_a_message_for_each_joint():
 
 @pytest.mark.parametrize("layout", ["single", "flat"])
 def test_the_older_topic_of_joints_is_always_aggregated(layout):
-    (message,) = [message for leaf, message in told(JOINTS, layout) if leaf == "joint_states"]
+    (message,) = [message for suffix, message in told(JOINTS, layout) if suffix == "joint_states"]
     assert message["positions"] == JOINTS.positions
 
 
@@ -101,7 +101,7 @@ def test_what_a_program_on_the_bus_tells_with_its_joints_reaches_the_cloud():
 def test_the_name_of_a_frame_goes_with_a_pose_and_its_turn_and_is_left_out_when_there_is_none():
     sample = {"ts": 5.0, "x": 1, "y": 2, "z": 3, "qx": 0, "qy": 0, "qz": 0, "qw": 1, "frame_id": "map"}
     named = told(decode_report("position", json.dumps(sample).encode()))
-    assert [(leaf, message["frame_id"]) for leaf, message in named] == [
+    assert [(suffix, message["frame_id"]) for suffix, message in named] == [
         ("position", "map"),
         ("rotation", "map"),
     ]
@@ -129,11 +129,11 @@ def test_a_list_of_metres_is_not_published():
         told(DepthReport(5.0, b"1234", 1, 1, "float32"), "list")
 
 
-@pytest.mark.parametrize(("name", "leaf"), [("joint/update", "joint:update"), ("depth", "depth")])
-def test_fleet_yaml_chooses_the_layout(name, leaf):
-    for layout in LAYOUTS[leaf]:
+@pytest.mark.parametrize(("name", "suffix"), [("joint/update", "joint:update"), ("depth", "depth")])
+def test_fleet_yaml_chooses_the_layout(name, suffix):
+    for layout in LAYOUTS[suffix]:
         config = AdapterConfig(name="rex", twin=TWIN, rules={name: {"layout": layout}})
-        assert config.changes().outward[leaf].layout == layout
+        assert config.changes().outward[suffix].layout == layout
 
 
 @pytest.mark.parametrize(("name", "layout"), [("joint/update", "list"), ("depth", "flat"), ("gps", "flat")])

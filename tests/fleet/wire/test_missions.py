@@ -7,7 +7,7 @@ import pytest
 from cyberwave_contracts.models import AerialMissionV1
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Transport
 from fleet.model.navigation import ActionState, Control
 from fleet.model.report import NavigationReport
 from fleet.wire.missions import decode_mission
@@ -33,7 +33,7 @@ def read(mission=None, **message):
     body = {"command": "start", "mission_execution_uuid": "e1", "source_type": "tele", **message}
     if mission is not None:
         body["mission"] = mission
-    return decode_mission(json.dumps(body).encode(), way=Way.CLOUD)
+    return decode_mission(json.dumps(body).encode(), way=Transport.CLOUD)
 
 
 def changed(where, value):
@@ -120,8 +120,8 @@ def test_a_mission_without_an_id_or_with_an_unknown_command_is_refused():
 )
 def test_the_status_of_a_mission_goes_to_its_own_topic(state, status):
     report = NavigationReport(5.0, "e1", state, 50.0, "item 3 of 4", step=2)
-    ((leaf, payload),) = to_mqtt(report, sender(source_type="edge", session=""))
-    assert leaf == "mission/status"
+    ((suffix, payload),) = to_mqtt(report, sender(source_type="edge", session=""))
+    assert suffix == "mission/status"
     assert json.loads(payload) == {
         "mission_execution_uuid": "e1",
         "status": status,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.model.command import Origin, Way
+from fleet.model.command import Origin, Transport
 from fleet.model.geodesy import GeoPoint
 from fleet.model.geometry import Vector3, quaternion_from_euler, quaternion_from_yaw
 from fleet.model.navigation import Constraints, Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
@@ -17,7 +17,7 @@ from fleet.wire.rotation import yaw_of
 
 
 def decode(message, *, order="auto", **more):
-    return decode_navigate(json.dumps(message).encode(), way=Way.CLOUD, rotation_order=order, **more)
+    return decode_navigate(json.dumps(message).encode(), way=Transport.CLOUD, rotation_order=order, **more)
 
 
 def goal_of(message, **more):
@@ -49,7 +49,7 @@ def test_a_goto_of_the_sdk_is_read_whole():
         }
     )
     task = GoTo(Goal(Vector3(1, 2, 0.5), yaw=1.5), Constraints(0.4, 0.2))
-    assert asked == Navigate(task, "a-1", Origin(Way.CLOUD, "edge", "s"), 1760000000.0)
+    assert asked == Navigate(task, "a-1", Origin(Transport.CLOUD, "edge", "s"), 1760000000.0)
 
 
 def test_the_references_vocabulary_means_the_same():
@@ -446,7 +446,7 @@ REAL = [
 def read_or_refused(payload, *, planar):
     try:
         asked = decode_navigate(
-            payload, way=Way.CLOUD, rotation_order="auto", planar=planar, home_altitude=1.0
+            payload, way=Transport.CLOUD, rotation_order="auto", planar=planar, home_altitude=1.0
         )
     except BadCommand:
         return False

@@ -5,16 +5,16 @@ import pytest
 
 from fleet.model.report import BatteryReport, MetricsReport, TelemetryReport
 from fleet.wire.parts import PARTED, TELEMETRY, ends_every_stream, part_of, rule_of_part
-from fleet.wire.rules import RULES, Traffic
+from fleet.wire.rules import RULES, TrafficClass
 
 ROW = RULES["telemetry"]
-STATES = [name for name, part in TELEMETRY.items() if part.traffic is Traffic.LATEST]
+STATES = [name for name, part in TELEMETRY.items() if part.traffic is TrafficClass.LATEST]
 
 
 @pytest.mark.parametrize("kind", STATES)
 def test_periodic_state_is_latest_value_and_never_spooled(kind):
     rule = rule_of_part(ROW, part_of(TelemetryReport(1.0, kind)))
-    assert (rule.traffic, rule.qos) == (Traffic.LATEST, 0)
+    assert (rule.traffic, rule.qos) == (TrafficClass.LATEST, 0)
     assert 0 < rule.max_rate <= 5
 
 
@@ -26,7 +26,7 @@ def test_what_happened_once_is_carried_as_the_row_says(kind):
 
 def test_a_sync_frame_is_an_event_at_qos_2():
     rule = rule_of_part(ROW, part_of(TelemetryReport(1.0, "camera_sync_frame")))
-    assert (rule.traffic, rule.qos) == (Traffic.EVENT, 2)
+    assert (rule.traffic, rule.qos) == (TrafficClass.EVENT, 2)
 
 
 def test_each_motor_is_a_state_of_its_own_however_long_its_name_is():
@@ -44,10 +44,10 @@ def test_categories_that_different_programs_know_are_states_of_their_own():
 
 
 def test_fleet_yaml_can_make_a_part_slower_and_less_sure_but_not_surer():
-    slow = msgspec.structs.replace(ROW, traffic=Traffic.STREAM, qos=0, max_rate=0.1, max_age=5.0)
+    slow = msgspec.structs.replace(ROW, traffic=TrafficClass.STREAM, qos=0, max_rate=0.1, max_age=5.0)
     for kind in TELEMETRY:
         rule = rule_of_part(slow, kind)
-        assert (rule.traffic, rule.qos, rule.max_rate, rule.max_age) == (Traffic.STREAM, 0, 0.1, 5.0)
+        assert (rule.traffic, rule.qos, rule.max_rate, rule.max_age) == (TrafficClass.STREAM, 0, 0.1, 5.0)
 
 
 def test_only_channels_with_several_states_are_looked_into():

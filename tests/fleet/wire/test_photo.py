@@ -9,9 +9,9 @@ PHOTO = PhotoReport(1760000000.5, b"\xff\xd8\xff\x00picture", "jpeg", 640, 480)
 
 
 def test_a_photo_goes_to_its_own_topic_in_base64():
-    [(leaf, payload)] = to_mqtt(PHOTO, sender(source_type="edge", session="s"))
+    [(suffix, payload)] = to_mqtt(PHOTO, sender(source_type="edge", session="s"))
     said = json.loads(payload)
-    assert leaf == "camera/photo"
+    assert suffix == "camera/photo"
     assert base64.b64decode(said.pop("image")) == PHOTO.image
     assert said == {
         "format": "jpeg",

@@ -46,7 +46,7 @@ NAN = float("nan")
 def sent(report, source_type="edge", session="edge_live_1"):
     """Return the messages of a report by leaf, as a JSON reader sees them."""
     messages = to_mqtt(report, sender(source_type=source_type, session=session))
-    return {leaf: json.loads(payload) for leaf, payload in messages}
+    return {suffix: json.loads(payload) for suffix, payload in messages}
 
 
 def seen_pose(before, report):
@@ -63,9 +63,9 @@ def seen_pose(before, report):
 def test_every_message_is_stamped_tagged_and_goes_to_a_topic_of_its_channel(reports, kind, twin):
     @given(reports[kind])
     def check(report):
-        for leaf, message in sent(report, "sim").items():
-            assert leaf in CHANNEL_LEAVES[kind.channel]
-            assert Topics("p").parse(Topics("p").twin(twin, leaf)).leaf == leaf
+        for suffix, message in sent(report, "sim").items():
+            assert suffix in CHANNEL_LEAVES[kind.channel]
+            assert Topics("p").parse(Topics("p").twin(twin, suffix)).suffix == suffix
             assert message["timestamp"] == report.stamp
             assert message["session_id"] == "edge_live_1"
             assert message.get("source_type", "sim") == "sim"
@@ -155,12 +155,12 @@ CONTRACTS = {
 @pytest.mark.parametrize("kind", CONTRACTS, ids=lambda kind: kind.channel)
 @pytest.mark.parametrize("source_type", ["edge", "sim"])
 def test_what_is_sent_keeps_its_contract(reports, kind, source_type):
-    contract, leaf = CONTRACTS[kind]
+    contract, suffix = CONTRACTS[kind]
 
     @given(reports[kind])
     def check(report):
         for at, message in sent(report, source_type).items():
-            assert at == leaf
+            assert at == suffix
             MODELS_BY_CONTRACT_ID[contract].model_validate(message)
 
     check()

@@ -14,13 +14,14 @@ from fleet.wire.rulebook import (
     of_any_run,
     rulebook,
 )
-from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, RULES, Form, Traffic
+from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, RULES, TopicForm, TrafficClass
 
 CHANGES = st.builds(
     Change,
     st.none() | st.booleans(),
     st.none() | st.floats(0.01, 100),
-    st.none() | st.sampled_from([Traffic.STATUS, Traffic.EVENT, Traffic.LATEST, Traffic.STREAM]),
+    st.none()
+    | st.sampled_from([TrafficClass.STATUS, TrafficClass.EVENT, TrafficClass.LATEST, TrafficClass.STREAM]),
     st.none() | st.floats(0.1, 100),
     st.none() | st.integers(1, 10**6),
 )
@@ -30,7 +31,7 @@ def test_on_a_lan_the_table_is_as_it_stands():
     book = rulebook()
     assert book.off == {"joint_states"}
     assert book.outward == {channel: RULES[leaves[0]] for channel, leaves in CHANNEL_LEAVES.items()}
-    assert book.inward == {leaf: rule for leaf, rule in INWARD.items() if rule.on}
+    assert book.inward == {suffix: rule for suffix, rule in INWARD.items() if rule.on}
 
 
 @pytest.mark.parametrize("profile", PROFILES)
@@ -38,8 +39,8 @@ def test_a_profile_changes_only_topics_that_there_are_and_drops_nothing_that_mus
     chosen = PROFILES[profile]
     assert chosen.changes.keys() <= RULES.keys()
     book = rulebook(profile)
-    for leaf in ("navigate/status", "telemetry", "driverlog", "position", "event", "webrtc-offer"):
-        assert leaf not in book.off
+    for suffix in ("navigate/status", "telemetry", "driverlog", "position", "event", "webrtc-offer"):
+        assert suffix not in book.off
     assert book.outward["position"].repeat >= 1
     assert book.outward["position"].max_rate >= 1
 
@@ -69,12 +70,12 @@ def test_whatever_is_changed_the_rules_hold_together(changes):
         assert rule.repeat == 0 or rule.repeat <= rule.max_rate or rule.max_rate == 0
         if rule.traffic.durable:
             assert (rule.repeat, rule.qos > 0) == (0, True)
-        elif rule.traffic is not RULES[rule.leaf].traffic:
+        elif rule.traffic is not RULES[rule.suffix].traffic:
             assert rule.qos == 0
 
 
 def test_a_rate_never_thins_what_is_asked_of_a_robot():
-    inward = {leaf: Change(rate=0.001, size=10) for leaf in INWARD}
+    inward = {suffix: Change(rate=0.001, size=10) for suffix in INWARD}
     book = rulebook("lan", [Changes(inward=inward)])
     for rule in book.inward.values():
         assert rule.size == 10
@@ -88,16 +89,16 @@ def test_a_topic_from_the_cloud_can_be_left_alone():
 
 
 def test_an_added_channel_is_a_document_of_its_own():
-    book = rulebook("lan", (), {"thermal": Channel("sensors/thermal", Traffic.EVENT, 2.0, 5.0, 100)})
+    book = rulebook("lan", (), {"thermal": Channel("sensors/thermal", TrafficClass.EVENT, 2.0, 5.0, 100)})
     rule = book.outward["thermal"]
-    assert (rule.leaf, rule.qos, rule.max_rate, rule.max_age, rule.size) == (
+    assert (rule.suffix, rule.qos, rule.max_rate, rule.max_age, rule.size) == (
         "sensors/thermal",
         1,
         2.0,
         5.0,
         100,
     )
-    assert rule.form is Form.DOCUMENT
+    assert rule.form is TopicForm.DOCUMENT
 
 
 def test_twins_environments_and_runs_have_each_their_own_part():

@@ -13,10 +13,10 @@ from fleet.wire.rules import (
     LARGEST,
     REPLY_INBOX,
     RULES,
-    Form,
     Kind,
-    Taker,
-    Traffic,
+    Recipient,
+    TopicForm,
+    TrafficClass,
     rule_of,
 )
 from fleet.wire.topics import Topics, data_key, parse_data_key
@@ -84,31 +84,31 @@ def test_every_topic_of_the_contract_has_a_row_and_there_is_no_other():
 
 
 def test_every_report_has_a_topic_with_a_rule():
-    made = {rule.channel for rule in RULES.values() if rule.form is Form.REPORT}
+    made = {rule.channel for rule in RULES.values() if rule.form is TopicForm.REPORT}
     assert {kind.channel for kind in get_args(Report)} == made | {"event"}
-    assert RULES["event"].form is Form.DOCUMENT  # other programs put events of their own there
+    assert RULES["event"].form is TopicForm.DOCUMENT  # other programs put events of their own there
 
 
-@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.suffix)
 def test_what_must_arrive_is_sent_at_qos_1_and_state_at_qos_0(rule):
-    assert rule.qos == (2 if rule.leaf == "webrtc-offer" else 1 if rule.traffic.durable else 0)
-    assert rule_of(rule.leaf) is rule
+    assert rule.qos == (2 if rule.suffix == "webrtc-offer" else 1 if rule.traffic.durable else 0)
+    assert rule_of(rule.suffix) is rule
     assert 0 < rule.size <= LARGEST
 
 
-@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.suffix)
 def test_what_the_edge_says_itself_is_made_from_no_channel(rule):
-    assert (rule.form is Form.SAID) == (rule.channel == "")
+    assert (rule.form is TopicForm.SAID) == (rule.channel == "")
 
 
-@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.leaf)
+@pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.suffix)
 def test_a_repeat_is_never_faster_than_the_limit(rule):
     assert rule.repeat <= rule.max_rate or rule.max_rate == 0
 
 
-@pytest.mark.parametrize("leaf", ["position", "rotation", "joint:update", "scale"])
-def test_a_parked_robot_is_told_once_a_second_so_that_it_does_not_look_gone(leaf):
-    assert rule_of(leaf).repeat >= 1
+@pytest.mark.parametrize("suffix", ["position", "rotation", "joint:update", "scale"])
+def test_a_parked_robot_is_told_once_a_second_so_that_it_does_not_look_gone(suffix):
+    assert rule_of(suffix).repeat >= 1
 
 
 def test_pose_stays_below_the_40_hz_and_gps_at_the_2_hz_of_the_platform():
@@ -123,7 +123,7 @@ def test_nothing_unchanged_is_repeated_where_the_message_is_an_event():
 
 def test_any_requesters_inbox_carries_replies():
     rule = rule_of("command/python-sdk_live_1f/response")
-    assert (rule.traffic, rule.qos) == (Traffic.REPLY, 1)
+    assert (rule.traffic, rule.qos) == (TrafficClass.REPLY, 1)
 
 
 def test_any_update_of_an_environment_has_the_rule_of_environments():
@@ -131,10 +131,16 @@ def test_any_update_of_an_environment_has_the_rule_of_environments():
 
 
 def test_replies_go_before_status_before_events_before_state_before_streams():
-    assert Traffic.REPLY < Traffic.STATUS < Traffic.EVENT < Traffic.LATEST < Traffic.STREAM
-    assert rule_of("navigate/status").traffic is Traffic.STATUS
-    assert rule_of("telemetry").traffic is Traffic.EVENT
-    assert {rule_of(leaf).traffic for leaf in ("imu", "depth", "pointcloud")} == {Traffic.STREAM}
+    assert (
+        TrafficClass.REPLY
+        < TrafficClass.STATUS
+        < TrafficClass.EVENT
+        < TrafficClass.LATEST
+        < TrafficClass.STREAM
+    )
+    assert rule_of("navigate/status").traffic is TrafficClass.STATUS
+    assert rule_of("telemetry").traffic is TrafficClass.EVENT
+    assert {rule_of(suffix).traffic for suffix in ("imu", "depth", "pointcloud")} == {TrafficClass.STREAM}
 
 
 def test_a_channel_that_feeds_two_topics_has_one_rule():
@@ -148,7 +154,7 @@ def test_what_this_project_does_not_send_has_no_rule():
 
 
 def test_nothing_that_comes_from_the_cloud_can_go_back_to_it():
-    put = {rule.channel for rule in INWARD.values() if rule.taker is Taker.RELAY}
+    put = {rule.channel for rule in INWARD.values() if rule.taker is Recipient.RELAY}
     assert "" not in put
     for channel in put:
         assert parse_data_key(data_key(TWIN, channel)).channel not in CHANNEL_LEAVES
@@ -161,7 +167,7 @@ def test_whatever_is_asked_of_a_robot_has_no_rate_so_that_no_stop_is_lost():
 
 
 def test_no_two_filters_of_a_twin_overlap():
-    filters = [Topics("").filter(leaf, TWIN) for leaf in INWARD if leaf != ENVIRONMENT]
+    filters = [Topics("").filter(suffix, TWIN) for suffix in INWARD if suffix != ENVIRONMENT]
     assert len(set(filters)) == len(filters)
     assert not any({"+", "#"} & set(one) for one in filters)
     assert all(one != other for one, other in itertools.combinations(filters, 2))

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from fleet.errors import WireError
-from fleet.model.command import Way
+from fleet.model.command import Transport
 from fleet.wire.commands import VERBS, MotionDefaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
@@ -19,23 +19,23 @@ ENVELOPE = {"command", "source_type", "timestamp", "session_id", "action_id", "i
 
 
 def command(payload):
-    return decode_command(payload, way=Way.CLOUD, defaults=lambda _: DEFAULTS)
+    return decode_command(payload, way=Transport.CLOUD, defaults=lambda _: DEFAULTS)
 
 
 def motion(payload):
-    return decode_motion(payload, way=Way.BUS)
+    return decode_motion(payload, way=Transport.BUS)
 
 
 def navigate(payload):
-    return decode_navigate(payload, way=Way.CLOUD, rotation_order="auto", home_altitude=400.0)
+    return decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto", home_altitude=400.0)
 
 
 def joints(payload):
-    return decode_joints(payload, way=Way.CLOUD)
+    return decode_joints(payload, way=Transport.CLOUD)
 
 
 def mission(payload):
-    return decode_mission(payload, way=Way.CLOUD)
+    return decode_mission(payload, way=Transport.CLOUD)
 
 
 BODY = {"linear_x": 0.2, "linear_y": 0.1, "angular_z": 0.1, "duration_ms": 500, "gait": "trot"}

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Way
+from fleet.model.command import Command, Transport
 from fleet.model.navigation import Control, Navigate
 from fleet.wire.commands import MotionDefaults, decode_command, decode_motion
 from fleet.wire.joints import decode_joints
@@ -15,11 +15,11 @@ from fleet.wire.stops import STOP_WORDS, is_reply, releases, stop_in, stop_word
 
 DEFAULTS = MotionDefaults(1, 1, 1, 1)
 DECODERS = {
-    "command": lambda payload: decode_command(payload, way=Way.CLOUD, defaults=DEFAULTS),
-    "navigate": lambda payload: decode_navigate(payload, way=Way.CLOUD, rotation_order="auto"),
-    "motion": lambda payload: decode_motion(payload, way=Way.CLOUD),
-    "joints": lambda payload: decode_joints(payload, way=Way.CLOUD),
-    "mission": lambda payload: decode_mission(payload, way=Way.CLOUD),
+    "command": lambda payload: decode_command(payload, way=Transport.CLOUD, defaults=DEFAULTS),
+    "navigate": lambda payload: decode_navigate(payload, way=Transport.CLOUD, rotation_order="auto"),
+    "motion": lambda payload: decode_motion(payload, way=Transport.CLOUD),
+    "joints": lambda payload: decode_joints(payload, way=Transport.CLOUD),
+    "mission": lambda payload: decode_mission(payload, way=Transport.CLOUD),
 }
 
 

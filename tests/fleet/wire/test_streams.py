@@ -4,9 +4,9 @@ import pytest
 
 from fleet.errors import WireError
 from fleet.wire.samples import json_sample
-from fleet.wire.streams import LARGEST, STALE, Stream, health_of, read_stream
+from fleet.wire.streams import LARGEST, STALE, StreamState, health_of, read_stream
 
-CONNECTED = Stream("connected", "completed", "front", 12, 100.0, 9.876, 4.56, 1, {"kind": "camera"})
+CONNECTED = StreamState("connected", "completed", "front", 12, 100.0, 9.876, 4.56, 1, {"kind": "camera"})
 
 
 def test_an_entry_has_the_sdks_fields_in_its_order():
@@ -26,7 +26,7 @@ def test_an_entry_has_the_sdks_fields_in_its_order():
 
 
 def test_a_stream_is_named_by_its_key_where_it_says_nothing():
-    entry = health_of("front", Stream("connecting"), now=1.0)
+    entry = health_of("front", StreamState("connecting"), now=1.0)
     assert (entry["camera_id"], "stream_config" in entry) == ("front", False)
 
 
@@ -34,11 +34,11 @@ def test_a_stream_is_named_by_its_key_where_it_says_nothing():
     ("stream", "stale", "healthy"),
     [
         (CONNECTED, False, True),
-        (Stream("connected", last_frame_ts=101.0 - STALE - 0.1), True, False),
-        (Stream("connected", uptime_seconds=STALE + 0.1), True, False),
-        (Stream("connected", uptime_seconds=1.0), False, True),
-        (Stream("connecting", last_frame_ts=100.0), False, False),
-        (Stream("disconnected", last_frame_ts=100.0), False, False),
+        (StreamState("connected", last_frame_ts=101.0 - STALE - 0.1), True, False),
+        (StreamState("connected", uptime_seconds=STALE + 0.1), True, False),
+        (StreamState("connected", uptime_seconds=1.0), False, True),
+        (StreamState("connecting", last_frame_ts=100.0), False, False),
+        (StreamState("disconnected", last_frame_ts=100.0), False, False),
     ],
 )
 def test_a_stream_is_stale_after_a_minute_without_a_frame_and_healthy_while_connected_and_not(
@@ -50,8 +50,8 @@ def test_a_stream_is_stale_after_a_minute_without_a_frame_and_healthy_while_conn
 
 def test_a_stream_is_read_with_and_without_the_header_and_empty_when_it_has_ended():
     payload = json.dumps({"connection_state": "connected", "frames_sent": 3, "more": 1}).encode()
-    assert read_stream(payload) == Stream("connected", frames_sent=3)
-    assert read_stream(json_sample(payload, stamp=1.0, sequence=0)) == Stream("connected", frames_sent=3)
+    assert read_stream(payload) == StreamState("connected", frames_sent=3)
+    assert read_stream(json_sample(payload, stamp=1.0, sequence=0)) == StreamState("connected", frames_sent=3)
     assert read_stream(b"") is None
 
 

@@ -57,16 +57,16 @@ def test_what_is_no_uuid_never_becomes_a_topic(twin):
         data_key(twin, "position")
 
 
-@pytest.mark.parametrize("leaf", ["", "+", "a/#", "/a", "a/", "a//b", "a b"])
-def test_a_leaf_with_a_wildcard_or_an_empty_part_is_refused(leaf):
+@pytest.mark.parametrize("suffix", ["", "+", "a/#", "/a", "a/", "a//b", "a b"])
+def test_a_leaf_with_a_wildcard_or_an_empty_part_is_refused(suffix):
     with pytest.raises(WireError, match="cannot be a topic"):
-        Topics("").twin(TWIN, leaf)
+        Topics("").twin(TWIN, suffix)
 
 
 @given(st.sampled_from(["", "local", "dev/"]), st.sampled_from(LEAVES))
-def test_a_topic_that_was_made_is_parsed_back(prefix, leaf):
+def test_a_topic_that_was_made_is_parsed_back(prefix, suffix):
     topics = Topics(prefix)
-    assert topics.parse(topics.twin(TWIN, leaf)) == Topic(TWIN, leaf)
+    assert topics.parse(topics.twin(TWIN, suffix)) == Topic(TWIN, suffix)
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,14 @@ import json
 import pytest
 
 from fleet.errors import WireError
-from fleet.host.asks import Decoder
-from fleet.host.safety.speeds import Speeds
-from fleet.model.command import Way
+from fleet.host.requests.decode import RequestDecoder
+from fleet.host.safety.verb_speeds import VerbSpeeds
+from fleet.model.command import Transport
 from fleet.robot_config import AdapterConfig, Limits
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 OTHER = "6f0c9a1e-0000-4000-8000-000000000002"
-DECODER = Decoder(AdapterConfig(name="rex", twin=TWIN), Speeds(Limits()).of, planar=False)
+DECODER = RequestDecoder(AdapterConfig(name="rex", twin=TWIN), VerbSpeeds(Limits()).of, planar=False)
 POINT = {"latitude": 47, "longitude": 8, "altitude_m": 500}
 PLAN = {
     "contract": "aerial.mission.v1",
@@ -33,7 +33,7 @@ MESSAGES = [
 
 
 def decode(kind, message):
-    return DECODER.decode(kind, json.dumps(message).encode(), way=Way.CLOUD)
+    return DECODER.decode(kind, json.dumps(message).encode(), way=Transport.CLOUD)
 
 
 @pytest.mark.parametrize("other", [OTHER, "rex", "6f0c9a1e"])

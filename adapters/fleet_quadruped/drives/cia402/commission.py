@@ -14,7 +14,7 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from fleet.errors import LinkLost, LinkRefused
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.cia402.setup import (
     CYCLIC_POSITION,
     DEVICE_TYPE,
@@ -50,7 +50,7 @@ _ABORTS = {
 }
 
 
-class Addressed(NamedTuple):
+class NodeName(NamedTuple):
     """A node as it is named when something is wrong with it."""
 
     name: str
@@ -58,7 +58,7 @@ class Addressed(NamedTuple):
     id: int
 
 
-class Wire(canopen.Network):
+class CanopenAdapter(canopen.Network):
     """``canopen`` over a bus of ours: what it sends goes out, what a pump reads comes in."""
 
     def __init__(self, bus: CanBus) -> None:
@@ -69,7 +69,7 @@ class Wire(canopen.Network):
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:  # noqa: ARG002, FBT001, FBT002
         """Send a frame for canopen."""
         with self._sending:
-            self._out.send(Frame(can_id, bytes(data)))
+            self._out.send(CanFrame(can_id, bytes(data)))
 
     @contextlib.contextmanager
     def pumped(self) -> Iterator[None]:
@@ -96,7 +96,7 @@ def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> dict[str, 
     Returns by joint which of the ``OPTIONAL`` entries its drive does not have.
     Raises LinkLost when a drive does not answer, LinkRefused naming joint, object, wanted and actual.
     """
-    wire = Wire(bus)
+    wire = CanopenAdapter(bus)
     dictionary = _dictionary(drive)
     with wire.pumped(), ThreadPoolExecutor(len(joints), thread_name_prefix="sdo") as pool:
         nodes = [(joint, wire.add_node(canopen.RemoteNode(joint.id, dictionary))) for joint in joints]
@@ -107,9 +107,9 @@ def commission(bus: CanBus, joints: Sequence[Joint], drive: Drive) -> dict[str, 
     return missing
 
 
-def write_node(bus: CanBus, who: Addressed, objects: list[Object]) -> None:
+def write_node(bus: CanBus, who: NodeName, objects: list[Object]) -> None:
     """Configure one node of any profile and start it; raises LinkLost or LinkRefused, see ``commission``."""
-    wire = Wire(bus)
+    wire = CanopenAdapter(bus)
     with wire.pumped():
         node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
         node.nmt.send_command(0x80)
@@ -122,7 +122,7 @@ def limit_drive(bus: CanBus, joint: Joint, per_mille: int) -> int:
 
     Raises LinkLost or LinkRefused.
     """
-    wire, who = Wire(bus), _who(joint)
+    wire, who = CanopenAdapter(bus), _who(joint)
     limit = Object(*MAX_TORQUE, 2, per_mille, "highest torque, per mille of the rated one")
     with wire.pumped():
         node = wire.add_node(canopen.RemoteNode(who.id, canopen.ObjectDictionary()))  # type: ignore[no-untyped-call]
@@ -159,7 +159,7 @@ def _configure(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> frozense
     return missing
 
 
-def _has(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> bool:
+def _has(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> bool:
     """Return False for an object that the drive says it does not have; raises LinkLost."""
     try:
         _transfer(who, lambda: node.sdo.upload(index, sub))
@@ -168,7 +168,7 @@ def _has(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> bool
     return True
 
 
-def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -> None:
+def write_all(node: canopen.RemoteNode, who: NodeName, objects: list[Object]) -> None:
     """Write objects in their order and read the final values back; raises LinkLost or LinkRefused."""
     for item in objects:
         _write(node, who, item)
@@ -178,7 +178,7 @@ def write_all(node: canopen.RemoteNode, who: Addressed, objects: list[Object]) -
             raise LinkRefused(f"{who.name}: {item.name} ({item.what}) is {actual:#x}, wanted {item.value:#x}")
 
 
-def _await_mode(node: canopen.RemoteNode, who: Addressed) -> None:
+def _await_mode(node: canopen.RemoteNode, who: NodeName) -> None:
     """Wait until the drive shows the mode that it was given; raises LinkRefused when it does not."""
     for _ in range(_MODE_TRIES):
         shown = _read(node, who, *MODE_DISPLAY)
@@ -207,7 +207,7 @@ def _identify(node: canopen.RemoteNode, joint: Joint, drive: Drive) -> None:
         raise LinkRefused(f"{joint.name}: 6502h:0 is {modes:#x}: it has no cyclic synchronous position mode")
 
 
-def _write(node: canopen.RemoteNode, who: Addressed, item: Object) -> None:
+def _write(node: canopen.RemoteNode, who: NodeName, item: Object) -> None:
     """Write an object; what is read-only is left to the reading back."""
     data = item.value.to_bytes(item.size, "little")
     try:
@@ -218,7 +218,7 @@ def _write(node: canopen.RemoteNode, who: Addressed, item: Object) -> None:
         log.info("%s: %s is read-only", who.name, item.name)
 
 
-def _read(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> int:
+def _read(node: canopen.RemoteNode, who: NodeName, index: int, sub: int) -> int:
     """Return an object as an unsigned number."""
     try:
         return int.from_bytes(_transfer(who, lambda: node.sdo.upload(index, sub)), "little")
@@ -226,7 +226,7 @@ def _read(node: canopen.RemoteNode, who: Addressed, index: int, sub: int) -> int
         raise _refused(who, f"{index:04X}h:{sub}", "to be read", error) from None
 
 
-def _transfer(who: Addressed, ask: Callable[[], Given]) -> Given:
+def _transfer(who: NodeName, ask: Callable[[], Given]) -> Given:
     """Return what an SDO transfer gives, asking again when no answer comes; raises LinkLost, or its abort."""
     for _ in range(_TRIES):
         try:
@@ -236,16 +236,16 @@ def _transfer(who: Addressed, ask: Callable[[], Given]) -> Given:
     raise _silent(who)
 
 
-def _refused(who: Addressed, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
+def _refused(who: NodeName, name: str, what: str, error: SdoAbortedError) -> LinkRefused:
     why = _ABORTS.get(error.code, "the drive refused it")
     return LinkRefused(f"{who.name}: {name} ({what}): {why} (SDO abort {error.code:08X}h)")
 
 
-def _silent(who: Addressed) -> LinkLost:
+def _silent(who: NodeName) -> LinkLost:
     return LinkLost(
         f"{who.name}: id {who.id} on bus {who.bus!r} does not answer; check power, wiring, id, bitrate"
     )
 
 
-def _who(joint: Joint) -> Addressed:
-    return Addressed(joint.name, joint.bus, joint.id)
+def _who(joint: Joint) -> NodeName:
+    return NodeName(joint.name, joint.bus, joint.id)

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from fleet_quadruped.body.sense import Targets
-from fleet_quadruped.can.alone import Address
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.body.measured import Targets
+from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.cia402.commission import commission, limit_drive
@@ -37,9 +37,16 @@ from fleet_quadruped.drives.cia402.frames import (
     unpack_slow,
 )
 from fleet_quadruped.drives.cia402.setup import TORQUE_OFFSET
-from fleet_quadruped.drives.cia402.states import FOLLOWS, POWER, Goal, State, control_words, state_of
+from fleet_quadruped.drives.cia402.states import (
+    FOLLOWS,
+    POWER,
+    DriveGoal,
+    DriveState,
+    control_words,
+    state_of,
+)
 from fleet_quadruped.robot.busload import SLOW_EVERY, frame_bits
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.names import Twelve
 from fleet_quadruped.robot.parts import Drive
 
@@ -54,7 +61,7 @@ class _Node:
     joint: Joint
     units: Units
     status: int = 0  # 6041h
-    state: State = State.NOT_READY
+    state: DriveState = DriveState.NOT_READY
     follows: bool = True
     angle: float = 0.0
     speed: float = 0.0
@@ -77,7 +84,7 @@ _VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "volt
 class Cia402Drives:
     """All drives of a dog, on the buses by their names."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
+    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
         self._nodes = [_Node(joint, Units(joint)) for joint in joints]
@@ -149,13 +156,13 @@ class Cia402Drives:
             found = limit_drive(self._buses[joint.bus], joint, limit or 0)
             self._full.setdefault(joint.name, found)
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
         found = self._by_frame.get((bus, frame.id))
         if found is not None:
             found[0](found[1], frame.data, now)
 
-    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+    def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return which joint an RPDO1 sends where."""
         found = self._by_frame.get((bus, frame.id - RPDO1 + TPDO1))
         if found is None or not RPDO1 < frame.id <= RPDO1 + MASTER:
@@ -171,9 +178,9 @@ class Cia402Drives:
         for node in self._nodes:
             node.answers.begin()
             if node.nmt != OPERATIONAL and not node.restarted:
-                self._buses[node.joint.bus].send(Frame(NMT, bytes([NMT_START, node.joint.id])))
-        self._send_all(Frame(HEARTBEAT + MASTER, bytes([OPERATIONAL])))
-        self._send_all(Frame(SYNC, b""))
+                self._buses[node.joint.bus].send(CanFrame(NMT, bytes([NMT_START, node.joint.id])))
+        self._send_all(CanFrame(HEARTBEAT + MASTER, bytes([OPERATIONAL])))
+        self._send_all(CanFrame(SYNC, b""))
 
     def complete(self) -> bool:
         """Return True when each drive has sent its TPDO since SYNC."""
@@ -190,15 +197,15 @@ class Cia402Drives:
 
     def enable(self) -> None:
         """Walk one step towards operation enabled, with the measured place as the target."""
-        self._stay(Goal.ENABLE)
+        self._stay(DriveGoal.ENABLE)
 
     def write(self, targets: Targets) -> None:
         """Send targets to the drives that are enabled."""
-        self._send(Goal.HOLD, targets.angles, targets.torques)
+        self._send(DriveGoal.HOLD, targets.angles, targets.torques)
 
     def braking(self) -> str:
         """Return the joint of a drive that is in quick stop."""
-        return next((node.joint.name for node in self._nodes if node.state is State.QUICK_STOP), "")
+        return next((node.joint.name for node in self._nodes if node.state is DriveState.QUICK_STOP), "")
 
     def probe(self, kd: float) -> bool:  # noqa: ARG002 - nothing is written
         """Do nothing: drives tell where they are at each SYNC."""
@@ -206,7 +213,7 @@ class Cia402Drives:
 
     def lower(self, targets: Targets, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
         """Go to the targets, also from a quick stop: with 605Ah = 6 it holds, and damps nothing."""
-        self._send(Goal.LOWER, targets.angles, targets.torques)
+        self._send(DriveGoal.LOWER, targets.angles, targets.torques)
 
     def damp(self, kd: float) -> None:  # noqa: ARG002 - positions cannot damp
         """Quick stop: with 605Ah = 6 the drives brake and hold."""
@@ -214,31 +221,31 @@ class Cia402Drives:
 
     def quick_stop(self) -> None:
         """Brake all joints and hold them."""
-        self._stay(Goal.STOP)
+        self._stay(DriveGoal.STOP)
 
     def disable(self) -> None:
         """Take the torque off."""
-        self._stay(Goal.OFF)
+        self._stay(DriveGoal.OFF)
 
     def reset_fault(self) -> None:
         """Acknowledge faults: a rising edge, because all other control words have the bit at zero."""
         for node in self._nodes:
             node.fault = ""
-        self._stay(Goal.RESET)
+        self._stay(DriveGoal.RESET)
 
-    def _send_all(self, frame: Frame) -> None:
+    def _send_all(self, frame: CanFrame) -> None:
         for bus in self._buses.values():
             bus.send(frame)
 
-    def _stay(self, goal: Goal) -> None:
+    def _stay(self, goal: DriveGoal) -> None:
         """Send a goal, with the measured place as the target."""
         self._send(goal, tuple(node.angle for node in self._nodes), self._nothing)
 
-    def _send(self, goal: Goal, angles: Twelve, torques: Twelve) -> None:
+    def _send(self, goal: DriveGoal, angles: Twelve, torques: Twelve) -> None:
         words = control_words(goal, [node.state for node in self._nodes])
         frames = self._rpdos.pack(words, angles, torques)
         for node, (bus, identifier), data in zip(self._nodes, self._places, frames, strict=True):
-            bus.send(Frame(identifier, data if node.feeds else data[:SHORT]))
+            bus.send(CanFrame(identifier, data if node.feeds else data[:SHORT]))
 
     def _power(self, node: _Node, now: float) -> tuple[Power, str]:
         """Return what a drive is doing, and its fault."""
@@ -247,9 +254,9 @@ class Cia402Drives:
         if node.restarted or node.answers.doubled or now - node.beat_at > self._silence:
             distrust = self._distrust(node, now)
             return Power.FAULT, (node.restarted and distrust) or node.fault or distrust
-        if node.state is State.ENABLED and node.stopped_alone:
+        if node.state is DriveState.ENABLED and node.stopped_alone:
             return Power.STOPPING, node.fault
-        if node.state is State.ENABLED and node.nmt != OPERATIONAL:
+        if node.state is DriveState.ENABLED and node.nmt != OPERATIONAL:
             return Power.STOPPING, f"id {node.joint.id} has left operation (heartbeat {node.nmt:02X}h)"
         if not node.follows:
             return Power.STARTING, "it is enabled and ignores its target (bit 12 of 6041h is 0)"
@@ -276,8 +283,8 @@ class Cia402Drives:
         node.angle, node.told_at = angle, now
         if status != node.status:
             node.status, node.state = status, state_of(status)
-            node.stopped_alone = node.stopped_alone and node.state is State.ENABLED
-            node.follows = node.state is not State.ENABLED or status & FOLLOWS != 0
+            node.stopped_alone = node.stopped_alone and node.state is DriveState.ENABLED
+            node.follows = node.state is not DriveState.ENABLED or status & FOLLOWS != 0
         node.answers.take(data)
 
     def _slow(self, node: _Node, data: bytes, _now: float) -> None:
@@ -287,7 +294,7 @@ class Cia402Drives:
         node.voltage = slow.voltage
         if slow.temperature is not None and self._dog.drive.temperature is not None:
             node.temperature = slow.temperature * self._dog.drive.temperature.scale
-        if slow.code and node.state in {State.FAULT, State.FAULT_REACTION}:
+        if slow.code and node.state in {DriveState.FAULT, DriveState.FAULT_REACTION}:
             node.fault = node.fault or f"{meaning(slow.code)} (603Fh is {slow.code:04X}h)"
 
     def _emergency(self, node: _Node, data: bytes, _now: float) -> None:

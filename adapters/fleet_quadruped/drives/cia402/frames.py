@@ -41,7 +41,7 @@ _I32 = (-MOST_COUNTS - 1, MOST_COUNTS)
 _I16 = (-(1 << 15), (1 << 15) - 1)
 
 
-class Told(NamedTuple):
+class StatusPdo(NamedTuple):
     """TPDO1: status word, position in counts, torque in per mille of the rated one."""
 
     status: int
@@ -49,7 +49,7 @@ class Told(NamedTuple):
     per_mille: int
 
 
-class Slow(NamedTuple):
+class SlowPdo(NamedTuple):
     """TPDO2: bus voltage (V), error code 603Fh, temperature in the drive's own units where it is mapped."""
 
     voltage: float
@@ -87,27 +87,27 @@ def pack_target(control: int, counts: int, per_mille: int | None) -> bytes:
         return _CYCLIC.pack(control & 0xFFFF, _clamp(counts, _I32), _clamp(per_mille, _I16))
 
 
-def unpack_told(data: bytes) -> Told | None:
+def unpack_told(data: bytes) -> StatusPdo | None:
     """Return what TPDO1 says, torque 0 where it tells none; None when it is too short. RPDO1 is alike."""
     if len(data) == _WITHOUT_TORQUE.size:
         status, counts = _WITHOUT_TORQUE.unpack(data)
-        return Told(status, counts, 0)
-    return Told(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
+        return StatusPdo(status, counts, 0)
+    return StatusPdo(*_CYCLIC.unpack_from(data)) if len(data) >= _CYCLIC.size else None
 
 
-def pack_slow(slow: Slow) -> bytes:
+def pack_slow(slow: SlowPdo) -> bytes:
     """Return TPDO2 (the drive's side)."""
     temperature = b"" if slow.temperature is None else _TEMPERATURE.pack(_clamp(slow.temperature, _I16))
     return _SLOW.pack(round(slow.voltage * 1000), slow.code) + temperature
 
 
-def unpack_slow(data: bytes) -> Slow | None:
+def unpack_slow(data: bytes) -> SlowPdo | None:
     """Return what TPDO2 says; None when it is too short."""
     if len(data) < _SLOW.size:
         return None
     millivolts, code = _SLOW.unpack_from(data)
     told = len(data) >= _SLOW.size + _TEMPERATURE.size
-    return Slow(millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if told else None)
+    return SlowPdo(millivolts / 1000, code, _TEMPERATURE.unpack_from(data, _SLOW.size)[0] if told else None)
 
 
 def unpack_emergency(data: bytes) -> Emergency | None:

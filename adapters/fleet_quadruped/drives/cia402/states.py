@@ -9,7 +9,7 @@ from types import MappingProxyType
 from fleet_quadruped.drives.base import Power
 
 
-class State(enum.StrEnum):
+class DriveState(enum.StrEnum):
     """The states of CiA 402 in their own words."""
 
     NOT_READY = "not ready to switch on"
@@ -22,7 +22,7 @@ class State(enum.StrEnum):
     FAULT = "fault"
 
 
-class Goal(enum.StrEnum):
+class DriveGoal(enum.StrEnum):
     """Where a drive is to be brought."""
 
     OFF = "off"
@@ -33,57 +33,69 @@ class Goal(enum.StrEnum):
     RESET = "reset"
 
 
-_LOOSE: Mapping[int, State] = MappingProxyType(
-    {0x00: State.NOT_READY, 0x40: State.SWITCH_ON_DISABLED, 0x0F: State.FAULT_REACTION, 0x08: State.FAULT}
+_LOOSE: Mapping[int, DriveState] = MappingProxyType(
+    {
+        0x00: DriveState.NOT_READY,
+        0x40: DriveState.SWITCH_ON_DISABLED,
+        0x0F: DriveState.FAULT_REACTION,
+        0x08: DriveState.FAULT,
+    }
 )
-_STRICT: Mapping[int, State] = MappingProxyType(
-    {0x21: State.READY, 0x23: State.SWITCHED_ON, 0x27: State.ENABLED, 0x07: State.QUICK_STOP}
+_STRICT: Mapping[int, DriveState] = MappingProxyType(
+    {
+        0x21: DriveState.READY,
+        0x23: DriveState.SWITCHED_ON,
+        0x27: DriveState.ENABLED,
+        0x07: DriveState.QUICK_STOP,
+    }
 )
-_STATES = tuple(_LOOSE.get(status & 0x4F) or _STRICT.get(status) or State.NOT_READY for status in range(0x70))
+_STATES = tuple(
+    _LOOSE.get(status & 0x4F) or _STRICT.get(status) or DriveState.NOT_READY for status in range(0x70)
+)
 FOLLOWS = 1 << 12  # status word: in cyclic synchronous position the drive follows the target
 
 
-def state_of(status: int) -> State:
+def state_of(status: int) -> DriveState:
     """Return the state that a status word (6041h) tells."""
     return _STATES[status & 0x6F]
 
 
 DISABLE_VOLTAGE, QUICK_STOP, SHUTDOWN, SWITCH_ON, ENABLE, RESET = 0x00, 0x02, 0x06, 0x07, 0x0F, 0x80
 
-_TOWARDS: Mapping[Goal, Mapping[State, int]] = MappingProxyType(
+_TOWARDS: Mapping[DriveGoal, Mapping[DriveState, int]] = MappingProxyType(
     {
-        Goal.OFF: MappingProxyType({}),
-        Goal.ENABLE: MappingProxyType(
+        DriveGoal.OFF: MappingProxyType({}),
+        DriveGoal.ENABLE: MappingProxyType(
             {
-                State.SWITCH_ON_DISABLED: SHUTDOWN,
-                State.READY: SWITCH_ON,
-                State.SWITCHED_ON: ENABLE,
-                State.ENABLED: ENABLE,
+                DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
+                DriveState.READY: SWITCH_ON,
+                DriveState.SWITCHED_ON: ENABLE,
+                DriveState.ENABLED: ENABLE,
             }
         ),
-        Goal.HOLD: MappingProxyType({State.ENABLED: ENABLE, State.QUICK_STOP: QUICK_STOP}),
-        Goal.LOWER: MappingProxyType({State.ENABLED: ENABLE, State.QUICK_STOP: ENABLE}),
-        Goal.STOP: MappingProxyType({State.ENABLED: QUICK_STOP, State.QUICK_STOP: QUICK_STOP}),
-        Goal.RESET: MappingProxyType({State.FAULT: RESET}),
+        DriveGoal.HOLD: MappingProxyType({DriveState.ENABLED: ENABLE, DriveState.QUICK_STOP: QUICK_STOP}),
+        DriveGoal.LOWER: MappingProxyType({DriveState.ENABLED: ENABLE, DriveState.QUICK_STOP: ENABLE}),
+        DriveGoal.STOP: MappingProxyType({DriveState.ENABLED: QUICK_STOP, DriveState.QUICK_STOP: QUICK_STOP}),
+        DriveGoal.RESET: MappingProxyType({DriveState.FAULT: RESET}),
     }
 )
 
 
-def control_words(goal: Goal, states: Iterable[State]) -> list[int]:
+def control_words(goal: DriveGoal, states: Iterable[DriveState]) -> list[int]:
     """Return the control words (6040h) for the next step; without a step the voltage is disabled."""
     towards = _TOWARDS[goal]
     return [towards.get(state, DISABLE_VOLTAGE) for state in states]
 
 
-POWER: Mapping[State, Power] = MappingProxyType(
+POWER: Mapping[DriveState, Power] = MappingProxyType(
     {
-        State.NOT_READY: Power.DISABLED,
-        State.SWITCH_ON_DISABLED: Power.DISABLED,
-        State.READY: Power.STARTING,
-        State.SWITCHED_ON: Power.STARTING,
-        State.ENABLED: Power.ENABLED,
-        State.QUICK_STOP: Power.STOPPING,
-        State.FAULT_REACTION: Power.FAULT,
-        State.FAULT: Power.FAULT,
+        DriveState.NOT_READY: Power.DISABLED,
+        DriveState.SWITCH_ON_DISABLED: Power.DISABLED,
+        DriveState.READY: Power.STARTING,
+        DriveState.SWITCHED_ON: Power.STARTING,
+        DriveState.ENABLED: Power.ENABLED,
+        DriveState.QUICK_STOP: Power.STOPPING,
+        DriveState.FAULT_REACTION: Power.FAULT,
+        DriveState.FAULT: Power.FAULT,
     }
 )

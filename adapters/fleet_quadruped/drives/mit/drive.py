@@ -10,16 +10,16 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from fleet.errors import LinkLost, LinkRefused
-from fleet_quadruped.body.sense import Targets
-from fleet_quadruped.can.alone import Address
-from fleet_quadruped.can.frame import CanBus, Frame
+from fleet_quadruped.body.measured import Targets
+from fleet_quadruped.can.bus_guard import Address
+from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.base import NEVER, Joints, Power
 from fleet_quadruped.drives.mit import frames as wire
 from fleet_quadruped.drives.mit.frames import MitCommand
 from fleet_quadruped.drives.mit.profiles import PROFILES
 from fleet_quadruped.robot.busload import frame_bits
-from fleet_quadruped.robot.description import Description, Joint
+from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Drive
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ class _Motor:
     joint: Joint
     bus: CanBus
     id: int
-    units: wire.Units
+    units: wire.MitUnits
     gains: int  # those of the description, as they are in a command
     angle: float = 0.0
     speed: float = 0.0
@@ -63,7 +63,7 @@ _VALUES = attrgetter("angle", "speed", "torque", "told_at", "temperature", "rest
 class MitDrives:
     """All motors of a dog, on the buses by their names."""
 
-    def __init__(self, dog: Description, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
+    def __init__(self, dog: DogDescription, buses: Mapping[str, CanBus], joints: Sequence[Joint]) -> None:
         self._dog = dog
         self._buses = buses
         self._profile = PROFILES[dog.drive.profile]
@@ -78,7 +78,7 @@ class MitDrives:
     def _motor(self, joint: Joint) -> _Motor:
         kind = joint.kind
         gains = self._layout.pack_gains(kind.kp / kind.ratio**2, kind.kd / kind.ratio**2)
-        return _Motor(joint, self._buses[joint.bus], joint.id, wire.Units(joint), gains)
+        return _Motor(joint, self._buses[joint.bus], joint.id, wire.MitUnits(joint), gains)
 
     @staticmethod
     def problem(drive: Drive) -> str:
@@ -148,7 +148,7 @@ class MitDrives:
         """Keep targets so near that the motors' own stiffness pushes no harder."""
         self._most = torque
 
-    def take(self, bus: str, frame: Frame, now: float) -> None:
+    def take(self, bus: str, frame: CanFrame, now: float) -> None:
         """Take a received frame."""
         identifier, data = frame.id, frame.data
         number = identifier - wire.MASTER if self._damiao else data[0] if identifier == 0 and data else 0
@@ -167,7 +167,7 @@ class MitDrives:
         motor.answers.take(data)
         self._note_hold(motor)
 
-    def target(self, bus: str, frame: Frame) -> tuple[Joint, float] | None:
+    def target(self, bus: str, frame: CanFrame) -> tuple[Joint, float] | None:
         """Return which joint a command sends where; one without stiffness sends it nowhere."""
         motor = self._by_id.get((bus, frame.id))
         command = self._layout.unpack_command(frame.data)
@@ -291,7 +291,7 @@ class MitDrives:
         return motor.enabled and motor.answered
 
     def _send(self, motor: _Motor, data: bytes) -> None:
-        motor.bus.send(Frame(motor.id, data))
+        motor.bus.send(CanFrame(motor.id, data))
 
     def _register(self, motor: _Motor, register: int) -> bytes | None:
         return self._registers.get((motor.joint.bus, motor.joint.id, register))
@@ -308,7 +308,7 @@ class MitDrives:
         for _ in range(_TRIES):
             for motor in self._motors:
                 if not answered(motor):
-                    motor.bus.send(Frame(*question(motor)))
+                    motor.bus.send(CanFrame(*question(motor)))
             for _ in range(_LISTENS):
                 if all(map(answered, self._motors)) or not self._listen():
                     break

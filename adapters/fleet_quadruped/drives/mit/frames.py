@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from fleet_quadruped.drives.mit.profiles import Profile
+from fleet_quadruped.drives.mit.profiles import MotorProfile
 from fleet_quadruped.robot.description import Joint
 
 ENABLE = b"\xff\xff\xff\xff\xff\xff\xff\xfc"
@@ -62,7 +62,7 @@ Status and temperature are None where the motor does not tell them.
 """
 
 
-class Units:
+class MitUnits:
     """Between a joint and its motor."""
 
     __slots__ = ("_ratio", "_zero")
@@ -86,7 +86,7 @@ class Units:
 class Layout:
     """The frames of one kind of motor, both sides; made once, because each cycle packs dozens of numbers."""
 
-    def __init__(self, profile: Profile) -> None:
+    def __init__(self, profile: MotorProfile) -> None:
         self._ranges = profile.angle, profile.speed, profile.torque
         self._angle = 0xFFFF / (2 * profile.angle)  # steps of one rad, and so on
         self._speed = 0xFFF / (2 * profile.speed)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 
-class Profile(NamedTuple):
+class MotorProfile(NamedTuple):
     """One motor: +- rad, rad/s, N m of its frames; highest kp and kd.
 
     ``damiao``: status in the reply, registers, its own watchdog. Others say no status and have no reset.
@@ -25,22 +25,22 @@ class Profile(NamedTuple):
     error_at: int | None = None
 
 
-PROFILES: Mapping[str, Profile] = MappingProxyType(
+PROFILES: Mapping[str, MotorProfile] = MappingProxyType(
     {
-        "tmotor-ak80-6": Profile(12.5, 76.0, 12.0),
-        "tmotor-ak80-9": Profile(12.5, 25.64, 18.0),
-        "tmotor-ak80-6-v1": Profile(95.5, 45.0, 18.0),
-        "tmotor-ak80-6-v1.1": Profile(12.5, 22.5, 12.0),
-        "tmotor-ak80-9-v1.1": Profile(12.5, 22.5, 18.0),
-        "cubemars-ak70-10": Profile(12.5, 50.0, 25.0, temperature_at=6, coldest=-40, error_at=7),
-        "cubemars-ak10-9": Profile(12.5, 50.0, 65.0, temperature_at=6, coldest=-40, error_at=7),
-        "damiao-4310": Profile(12.5, 30.0, 10.0, damiao=True, temperature_at=7),
-        "damiao-4310-48v": Profile(12.5, 50.0, 10.0, damiao=True, temperature_at=7),
-        "damiao-4340": Profile(12.5, 8.0, 28.0, damiao=True, temperature_at=7),
-        "damiao-6006": Profile(12.5, 45.0, 20.0, damiao=True, temperature_at=7),
-        "damiao-8006": Profile(12.5, 45.0, 40.0, damiao=True, temperature_at=7),
-        "damiao-8009": Profile(12.5, 45.0, 54.0, damiao=True, temperature_at=7),
-        "damiao-10010l": Profile(12.5, 25.0, 200.0, damiao=True, temperature_at=7),
-        "damiao-h3510": Profile(12.5, 280.0, 1.0, damiao=True, temperature_at=7),
+        "tmotor-ak80-6": MotorProfile(12.5, 76.0, 12.0),
+        "tmotor-ak80-9": MotorProfile(12.5, 25.64, 18.0),
+        "tmotor-ak80-6-v1": MotorProfile(95.5, 45.0, 18.0),
+        "tmotor-ak80-6-v1.1": MotorProfile(12.5, 22.5, 12.0),
+        "tmotor-ak80-9-v1.1": MotorProfile(12.5, 22.5, 18.0),
+        "cubemars-ak70-10": MotorProfile(12.5, 50.0, 25.0, temperature_at=6, coldest=-40, error_at=7),
+        "cubemars-ak10-9": MotorProfile(12.5, 50.0, 65.0, temperature_at=6, coldest=-40, error_at=7),
+        "damiao-4310": MotorProfile(12.5, 30.0, 10.0, damiao=True, temperature_at=7),
+        "damiao-4310-48v": MotorProfile(12.5, 50.0, 10.0, damiao=True, temperature_at=7),
+        "damiao-4340": MotorProfile(12.5, 8.0, 28.0, damiao=True, temperature_at=7),
+        "damiao-6006": MotorProfile(12.5, 45.0, 20.0, damiao=True, temperature_at=7),
+        "damiao-8006": MotorProfile(12.5, 45.0, 40.0, damiao=True, temperature_at=7),
+        "damiao-8009": MotorProfile(12.5, 45.0, 54.0, damiao=True, temperature_at=7),
+        "damiao-10010l": MotorProfile(12.5, 25.0, 200.0, damiao=True, temperature_at=7),
+        "damiao-h3510": MotorProfile(12.5, 280.0, 1.0, damiao=True, temperature_at=7),
     }
 )

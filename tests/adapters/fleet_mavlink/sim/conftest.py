@@ -146,8 +146,8 @@ class Bench:
     def set_param(self, name: str, value: float) -> None:
         """Send PARAM_SET as this autopilot encodes values."""
         (known,) = self.tell(mav.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
-        carried = encode(known.param_type, value, "cast" if self.ardupilot else "bytewise")
-        self.tell(mav.MAVLink_param_set_message(1, 1, name.encode(), carried, known.param_type))
+        sensors = encode(known.param_type, value, "cast" if self.ardupilot else "bytewise")
+        self.tell(mav.MAVLink_param_set_message(1, 1, name.encode(), sensors, known.param_type))
 
 
 @pytest.fixture(scope="session")

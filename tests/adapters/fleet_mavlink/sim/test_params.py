@@ -17,9 +17,9 @@ def named(name):
 
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_int32_survives_the_bytewise_wire_unless_it_looks_like_nan(number):
-    carried = encode(INT32, number, "bytewise")
-    if not math.isnan(carried):
-        assert decode(INT32, carried, "bytewise") == number
+    sensors = encode(INT32, number, "bytewise")
+    if not math.isnan(sensors):
+        assert decode(INT32, sensors, "bytewise") == number
 
 
 @given(st.integers(-(2**24), 2**24))

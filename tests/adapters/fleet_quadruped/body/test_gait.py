@@ -6,8 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fleet_quadruped.body.gait import Steps, Twist
-from fleet_quadruped.body.pace import limited, ramped
 from fleet_quadruped.body.pattern import walk as slow
+from fleet_quadruped.body.velocity_ramp import limited, ramped
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 DOG = load_description(EXAMPLE)

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
+from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.robot.description import leg_angles
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.rig import Rig
@@ -18,7 +18,7 @@ def heights(rig):
 
 def rise_and_leave(rig, after):
     """Have a dog stand up, and tell it to leave meanwhile; return its heights, cycle by cycle."""
-    assert rig.ask(Ask.STAND) == ""
+    assert rig.ask(BodyRequest.STAND) == ""
     rig.go(after)
     assert rig.mode is Mode.RISING
     rig.order = msgspec.structs.replace(rig.order, leave=True)

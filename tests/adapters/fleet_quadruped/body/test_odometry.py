@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from fleet import Quaternion, Vector3
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.odometry import Odometry, body_twist
-from fleet_quadruped.body.sense import ZEROS, Imu, Sense
+from fleet_quadruped.body.measured import ZEROS, Imu, Sense
+from fleet_quadruped.body.odometry import LegOdometry, body_twist
 
 PLACES = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
 WEST = Quaternion(0.0, 0.0, 0.0, 1.0)
@@ -32,14 +32,14 @@ def test_one_foot_is_enough_when_the_turn_is_known(x, y, turn):
 
 
 def test_a_dog_whose_joints_rest_stays_where_it_is(dog):
-    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
     for _ in range(50):
         odometry.update(0.01, Sense(dog.stance(0.27), ZEROS, None), [True] * 4)
     assert (odometry.x, odometry.y, odometry.yaw) == (0.0, 0.0, 0.0)
 
 
 def test_the_heading_is_the_imus_and_the_way_goes_along_it(dog):
-    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
     walked = Sense(dog.stance(0.27), (0.0, 0.5, 0.0) * 4, Imu(WEST, Vector3(), Vector3(0, 0, 9.81)))
     for _ in range(50):
         odometry.update(0.01, walked, [0.25] * 4)
@@ -48,7 +48,7 @@ def test_the_heading_is_the_imus_and_the_way_goes_along_it(dog):
 
 
 def test_without_a_standing_foot_nothing_is_known(dog):
-    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
     odometry.update(0.01, Sense(dog.stance(0.27), (1.0,) * 12, None), [False] * 4)
     assert odometry.twist == Twist()
 
@@ -59,7 +59,7 @@ def test_a_foot_counts_as_much_as_it_bears():
 
 
 def test_how_the_body_sways_over_its_feet_is_no_part_of_its_velocity(dog):
-    odometry = Odometry(dog.legs, dog.geometry.foot_radius)
+    odometry = LegOdometry(dog.legs, dog.geometry.foot_radius)
     joints = Sense(dog.stance(0.27), (0.1, 0, 0, 0.1, 0, 0) * 2, None)
     for _ in range(100):
         odometry.update(0.01, joints, [0.25] * 4)

@@ -11,8 +11,8 @@ import pytest
 
 from fleet.errors import LinkLost, LinkRefused
 from fleet.testing.clock import ManualClock
-from fleet_quadruped.can.bus import Bus, parse_bus
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.bus import CanConnection, parse_bus
+from fleet_quadruped.can.frame import CanFrame
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def clock():
 def pair(clock, request):
     """Return two ends of a virtual bus."""
     url = f"can:virtual:{request.node.name}"
-    ends = [Bus(name, url, 1_000_000, clock) for name in "ab"]
+    ends = [CanConnection(name, url, 1_000_000, clock) for name in "ab"]
     yield ends
     for end in ends:
         end.close()
@@ -36,7 +36,7 @@ def full(*_args, **_kwargs):
 
 def test_frames_cross_as_they_are(pair):
     one, other = pair
-    frames = [Frame(0x181, b"\x01\x02"), Frame(0x18FF0102, bytes(8)), Frame(0x080, b"")]
+    frames = [CanFrame(0x181, b"\x01\x02"), CanFrame(0x18FF0102, bytes(8)), CanFrame(0x080, b"")]
     for frame in frames:
         one.send(frame)
     assert other.receive(1.0) == frames
@@ -50,10 +50,10 @@ def test_a_full_queue_drops_and_goes_on(pair, clock, monkeypatch):
     one, other = pair
     with monkeypatch.context() as broken:
         broken.setattr(one._bus, "send", full)
-        one.send(Frame(1, b"old"))
-    one.send(Frame(2, b"new"))
+        one.send(CanFrame(1, b"old"))
+    one.send(CanFrame(2, b"new"))
     assert one.dropped == 1
-    assert other.receive(1.0) == [Frame(2, b"new")]
+    assert other.receive(1.0) == [CanFrame(2, b"new")]
 
 
 def test_a_queue_that_stays_full_is_a_dead_bus_and_nothing_old_is_sent(pair, clock, monkeypatch):
@@ -61,9 +61,9 @@ def test_a_queue_that_stays_full_is_a_dead_bus_and_nothing_old_is_sent(pair, clo
     with monkeypatch.context() as broken:
         broken.setattr(one._bus, "send", full)
         for _ in range(13):
-            one.send(Frame(1, b"old"))
+            one.send(CanFrame(1, b"old"))
             clock.advance(0.01)
-    one.send(Frame(2, b"new"))
+    one.send(CanFrame(2, b"new"))
     assert other.receive(0.0) == []
     with pytest.raises(LinkLost, match="nobody acknowledges"):
         one.receive(0.0)
@@ -89,7 +89,7 @@ def test_bus_off_is_told(pair, monkeypatch):
 def test_a_closed_bus_is_told(pair):
     pair[0].close()
     pair[0].close()
-    pair[0].send(Frame(1, b""))
+    pair[0].send(CanFrame(1, b""))
     with pytest.raises(LinkLost, match="it is closed"):
         pair[0].receive(0.0)
 
@@ -112,19 +112,19 @@ def test_a_multicast_bus_has_its_port():
 def test_frames_cross_a_serial_adapter_in_its_own_words(clock):
     adapter, device = pty.openpty()
     tty.setraw(device)
-    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    bus = CanConnection("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
     try:
         setup = b""
         while not setup.endswith(b"O\r"):
             setup += os.read(adapter, 64)
-        bus.send(Frame(0x181, b"\x01\x02"))
-        bus.send(Frame(0x18FF0102, b""))
+        bus.send(CanFrame(0x181, b"\x01\x02"))
+        bus.send(CanFrame(0x18FF0102, b""))
         said = b""
         while said.count(b"\r") < 2:
             said += os.read(adapter, 64)
         assert said == b"t18120102\rT18FF01020\r"
         os.write(adapter, b"t0803AABBCC\r")
-        assert bus.receive(5.0) == [Frame(0x080, b"\xaa\xbb\xcc")]
+        assert bus.receive(5.0) == [CanFrame(0x080, b"\xaa\xbb\xcc")]
     finally:
         bus.close()
         os.close(adapter)
@@ -139,7 +139,7 @@ def listen(bus):
 
 def test_a_serial_adapter_that_is_pulled_out_is_a_lost_bus(clock):
     adapter, device = pty.openpty()
-    bus = Bus("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
+    bus = CanConnection("a", f"can:slcan:{os.ttyname(device)}", 1_000_000, clock)
     os.close(device)
     os.close(adapter)
     with pytest.raises(LinkLost, match="bus 'a'"):
@@ -150,11 +150,11 @@ def test_a_serial_adapter_that_is_pulled_out_is_a_lost_bus(clock):
 def test_without_the_kernels_can_the_bus_is_refused_and_with_it_frames_cross(clock):
     if not Path("/sys/class/net/vcan0").exists():
         with pytest.raises((LinkLost, LinkRefused), match="can:socketcan:vcan0"):
-            Bus("a", "can:socketcan:vcan0", 1_000_000, clock)
+            CanConnection("a", "can:socketcan:vcan0", 1_000_000, clock)
         return
-    one, other = (Bus(name, "can:socketcan:vcan0", 1_000_000, clock) for name in "ab")
-    one.send(Frame(0x181, b"\x01"))
-    assert other.receive(5.0) == [Frame(0x181, b"\x01")]
+    one, other = (CanConnection(name, "can:socketcan:vcan0", 1_000_000, clock) for name in "ab")
+    one.send(CanFrame(0x181, b"\x01"))
+    assert other.receive(5.0) == [CanFrame(0x181, b"\x01")]
     one.close()
     other.close()
 
@@ -192,7 +192,7 @@ def test_a_daemon_that_does_not_answer_is_a_lost_link(clock):
         held.bind(("127.0.0.1", 0))  # and does not listen
         url = f"can:socketcand:can0?host=127.0.0.1&port={held.getsockname()[1]}"
         with pytest.raises(LinkLost, match="Connection refused"):
-            Bus("a", url, 500_000, clock)
+            CanConnection("a", url, 500_000, clock)
 
 
 @pytest.mark.parametrize(
@@ -201,9 +201,9 @@ def test_a_daemon_that_does_not_answer_is_a_lost_link(clock):
 def test_whatever_python_can_raises_becomes_words(clock, interface):
     url = f"can:{interface}:0" + "?host=127.0.0.1&port=9" * (interface == "socketcand")
     with pytest.raises((LinkLost, LinkRefused), match=re.escape(url) + ": .+"):
-        Bus("a", url, 500_000, clock)
+        CanConnection("a", url, 500_000, clock)
 
 
 def test_a_driver_that_is_not_installed_is_said_so(clock):
     with pytest.raises(LinkRefused, match=r"can:kvaser:0: the driver for kvaser is not installed on this"):
-        Bus("a", "can:kvaser:0", 500_000, clock)
+        CanConnection("a", "can:kvaser:0", 500_000, clock)

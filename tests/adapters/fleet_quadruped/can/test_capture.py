@@ -8,7 +8,7 @@ from fleet.errors import ConfigError
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.capture import FILES, Capture, read_capture
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.cli import can as fleet_can
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.replay import Replay
@@ -40,20 +40,20 @@ def test_nothing_is_written_without_a_fault_nor_while_it_gives_way(capture, tmp_
 
 
 def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
-    bus.arrive(Frame(0x188, b"\x37\x12"))
+    bus.arrive(CanFrame(0x188, b"\x37\x12"))
     capture.buses["a"].receive(0.0)
-    capture.buses["a"].send(Frame(0x12345678, b""))
+    capture.buses["a"].send(CanFrame(0x12345678, b""))
     path = capture.look("RL_hip: over-current", resting=True)
     assert capture.look("RL_hip: over-current", resting=True) == path
     capture.finish()
     assert [str(file) for file in files(tmp_path)] == [path]
     told = [(one.bus, one.frame, one.sent) for one in read_capture(files(tmp_path)[0])]
-    assert told == [("a", Frame(0x188, b"\x37\x12"), False), ("a", Frame(0x12345678, b""), True)]
+    assert told == [("a", CanFrame(0x188, b"\x37\x12"), False), ("a", CanFrame(0x12345678, b""), True)]
     assert capture.look("", resting=True) == ""
 
 
 def test_other_tools_read_it(capture, tmp_path):
-    capture.buses["a"].send(Frame(0x208, b"\x0f\x00"))
+    capture.buses["a"].send(CanFrame(0x208, b"\x0f\x00"))
     capture.look("x", resting=True)
     capture.finish()
     with can.LogReader(files(tmp_path)[0]) as reader:

@@ -12,10 +12,10 @@ from fleet.errors import LinkLost
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.can import bus as buses
 from fleet_quadruped.can import raw
-from fleet_quadruped.can.bus import Bus
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.bus import CanConnection
+from fleet_quadruped.can.frame import CanFrame
 
-frames = st.builds(Frame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
+frames = st.builds(CanFrame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def wire(monkeypatch):
     """Return a Bus on one end of a pair of sockets, and the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     monkeypatch.setattr(buses, "_socket_of", lambda _: ours)
-    bus = Bus("a", "can:virtual:raw", 1_000_000, ManualClock())
+    bus = CanConnection("a", "can:virtual:raw", 1_000_000, ManualClock())
     yield bus, theirs
     bus.close()
     ours.close()
@@ -46,22 +46,22 @@ def test_a_frame_comes_back_as_it_was(frame):
 def test_an_extended_frame_with_the_number_of_a_drive_is_not_the_drives(wire):
     bus, theirs = wire
     theirs.send(build_can_frame(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True)))
-    theirs.send(raw.pack(Frame(0x182, b"")))
-    assert bus.receive(0.1) == [Frame(0x182, b"")]
+    theirs.send(raw.pack(CanFrame(0x182, b"")))
+    assert bus.receive(0.1) == [CanFrame(0x182, b"")]
 
 
 def test_nor_is_it_by_python_cans_own_way():
-    ours = Bus("a", "can:virtual:foreign", 1_000_000, ManualClock())
+    ours = CanConnection("a", "can:virtual:foreign", 1_000_000, ManualClock())
     with can.Bus(interface="virtual", channel="foreign") as other:
         other.send(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=True))
         other.send(can.Message(arbitration_id=0x182, is_extended_id=False))
-        assert ours.receive(0.1) == [Frame(0x182, b"")]
+        assert ours.receive(0.1) == [CanFrame(0x182, b"")]
     ours.close()
 
 
 def test_golden_bytes():
-    assert raw.pack(Frame(0x201, b"\x0f\x00")).hex() == "01020000020000000f00000000000000"
-    assert raw.pack(Frame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"
+    assert raw.pack(CanFrame(0x201, b"\x0f\x00")).hex() == "01020000020000000f00000000000000"
+    assert raw.pack(CanFrame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"
 
 
 @given(st.binary(max_size=80))
@@ -71,10 +71,10 @@ def test_whatever_the_kernel_gives_is_read(data):
 
 def test_a_bus_reads_and_writes_without_python_can(wire):
     bus, other = wire
-    bus.send(Frame(0x201, b"target"))
-    assert raw.unpack(other.recv(72)).frame == Frame(0x201, b"target")
+    bus.send(CanFrame(0x201, b"target"))
+    assert raw.unpack(other.recv(72)).frame == CanFrame(0x201, b"target")
     for number in range(3):
-        other.send(raw.pack(Frame(0x181 + number, b"told")))
+        other.send(raw.pack(CanFrame(0x181 + number, b"told")))
     assert [frame.id for frame in bus.receive(1.0)] == [0x181, 0x182, 0x183]
     assert bus.receive(0.0) == []
 
@@ -93,7 +93,7 @@ def test_errors_are_counted_and_bus_off_is_the_end(wire):
 def test_a_queue_that_is_full_drops_the_frame(wire):
     bus, _ = wire
     for _ in range(10_000):
-        bus.send(Frame(0x201, b"12345678"))
+        bus.send(CanFrame(0x201, b"12345678"))
         if bus.dropped:
             break
     assert bus.dropped == 1

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from fleet_quadruped.control.exchange import SIZE, Slot, new_memory
-from fleet_quadruped.control.orders import Order, State
+from fleet_quadruped.control.exchange import SIZE, SharedValue, new_memory
+from fleet_quadruped.control.orders import DogState, Order
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def memory():
 
 
 def test_the_newest_value_arrives(memory):
-    writer, reader = Slot(memory, Order), Slot(memory, Order)
+    writer, reader = SharedValue(memory, Order), SharedValue(memory, Order)
     assert reader.get() == Order()
     for speed in (0.1, 0.2):
         writer.put(Order(x=speed))
@@ -25,7 +25,7 @@ def test_the_newest_value_arrives(memory):
 
 
 def test_half_a_value_is_not_taken(memory):
-    writer, reader = Slot(memory, Order), Slot(memory, Order)
+    writer, reader = SharedValue(memory, Order), SharedValue(memory, Order)
     writer.put(Order(x=0.1))
     reader.get()
     writer.put(Order(x=0.2))
@@ -34,13 +34,13 @@ def test_half_a_value_is_not_taken(memory):
 
 
 def test_a_length_that_is_nonsense_is_not_taken(memory):
-    reader = Slot(memory, Order)
+    reader = SharedValue(memory, Order)
     os.pwrite(memory, struct.pack("<QII", 7, 1 << 31, 0), 0)
     assert reader.get() == Order()
 
 
 def test_many_threads_may_write(memory):
-    writer, reader = Slot(memory, Order), Slot(memory, Order)
+    writer, reader = SharedValue(memory, Order), SharedValue(memory, Order)
     threads = [
         threading.Thread(target=lambda: [writer.put(Order(stop=n)) for n in range(50)]) for _ in range(4)
     ]
@@ -54,4 +54,4 @@ def test_many_threads_may_write(memory):
 
 def test_what_does_not_fit_is_refused(memory):
     with pytest.raises(ValueError, match="does not fit"):
-        Slot(memory, State).put(State(fault="x" * SIZE))
+        SharedValue(memory, DogState).put(DogState(fault="x" * SIZE))

@@ -7,8 +7,8 @@ from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.control import orders
 from fleet_quadruped.control.loop import Loop
-from fleet_quadruped.drives.cia402.states import State
-from fleet_quadruped.robot.description import Description
+from fleet_quadruped.drives.cia402.states import DriveState
+from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.safety.stages import Mode
 from fleet_quadruped.sim.rig import Rig
 
@@ -21,7 +21,7 @@ def two_buses(dog, request):
         wiring["bus"] = "b" if name[1] == "R" else "a"
     protocol, profile = request.param
     told["drive"] |= {"protocol": protocol, "profile": profile}
-    rig = Rig(Description.model_validate(told | {"buses": {"a": {}, "b": {}}}))
+    rig = Rig(DogDescription.model_validate(told | {"buses": {"a": {}, "b": {}}}))
     rig.stand()
     rig.go(0.6, Twist(0.4))
     return rig
@@ -36,7 +36,7 @@ class Orders:
     def order(self):
         return self._rig.order
 
-    def put(self, state: orders.State):
+    def put(self, state: orders.DogState):
         """Nobody reads it."""
 
 
@@ -58,7 +58,7 @@ def test_drives_on_the_other_bus_give_way_or_brake_when_one_bus_dies(two_buses, 
         assert all(motor.kp == 0 < motor.kd for motor in right)
     else:  # those on the dead bus do the same by themselves: all four legs hold the dog
         states = {drive.state for drive in rig.sim.drives if drive.joint.bus == "b"}
-        assert states == {State.QUICK_STOP}
+        assert states == {DriveState.QUICK_STOP}
         assert all(motor.kp > 0 for motor in right)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.cia402.frames import EMERGENCY, HEARTBEAT, TPDO1, Units
@@ -25,7 +25,7 @@ class Deaf:
 
 def answer(dog, angle):
     joint = dog.all_joints[0]
-    return Frame(TPDO1 + joint.id, Units(joint).pack(0x1237, angle, 0.0))
+    return CanFrame(TPDO1 + joint.id, Units(joint).pack(0x1237, angle, 0.0))
 
 
 @pytest.mark.parametrize("late", [0.0, 0.004, 0.007, 0.0095])
@@ -41,7 +41,7 @@ def test_an_answer_that_is_late_makes_no_joint_seem_fast(dog, drives, late):
 def test_a_drive_that_missed_our_heartbeat_is_not_taken_for_enabled(dog, drives):
     """Drives go on from their stop by the next control word that says enabled."""
     drives.take("a", answer(dog, 0.0), 10.0)
-    drives.take("a", Frame(EMERGENCY + 1, bytes.fromhex("3081110000000000")), 10.0)
+    drives.take("a", CanFrame(EMERGENCY + 1, bytes.fromhex("3081110000000000")), 10.0)
     told = drives.feedback(10.0)
     assert told.powers[0] is Power.STOPPING
     assert told.faults[0] == "our heartbeat did not reach the drive (emergency 8130h, register 11h)"
@@ -50,17 +50,17 @@ def test_a_drive_that_missed_our_heartbeat_is_not_taken_for_enabled(dog, drives)
 @pytest.mark.parametrize(("state", "restarts"), [(0x7F, True), (0x04, True), (0x05, False)])
 def test_a_drive_that_has_left_operation_is_told_and_started_again(dog, drives, state, restarts):
     drives.take("a", answer(dog, 0.0), 10.0)
-    drives.take("a", Frame(HEARTBEAT + 1, bytes([state])), 10.0)
+    drives.take("a", CanFrame(HEARTBEAT + 1, bytes([state])), 10.0)
     told = drives.feedback(10.0)
     assert (told.powers[0] is Power.STOPPING) == restarts
     assert told.faults[0] == (f"id 1 has left operation (heartbeat {state:02X}h)" if restarts else "")
     drives.begin_cycle(10.01)
-    started = Frame(0x000, b"\x01\x01") in drives._buses["a"].sent
+    started = CanFrame(0x000, b"\x01\x01") in drives._buses["a"].sent
     assert started == restarts
 
 
 def test_a_drive_that_has_restarted_is_not_started_again_without_being_configured(dog, drives):
     for state in (0x05, 0x00, 0x7F):
-        drives.take("a", Frame(HEARTBEAT + 1, bytes([state])), 10.0)
+        drives.take("a", CanFrame(HEARTBEAT + 1, bytes([state])), 10.0)
     drives.begin_cycle(10.01)
     assert not [frame for frame in drives._buses["a"].sent if frame.id == 0x000]

@@ -1,6 +1,6 @@
 import pytest
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.sim.lockstep import lockstep
@@ -21,7 +21,7 @@ class Chatty:
 
     def receive(self, wait):
         self._looks += 1
-        return self._bus.receive(0.0) if self._looks % 5 == 0 else [Frame(0x110, bytes(8))]
+        return self._bus.receive(0.0) if self._looks % 5 == 0 else [CanFrame(0x110, bytes(8))]
 
 
 def test_motors_are_waited_for_while_others_speak(mit_dog):

@@ -3,13 +3,13 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet_quadruped.body.sense import Targets
+from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.robot.description import EXAMPLE, load_description
-from fleet_quadruped.safety.limits import Limited, Limits
+from fleet_quadruped.safety.limits import JointLimits, Limited
 
 DOG = load_description(EXAMPLE)
 JOINTS, SAFETY, DT = DOG.all_joints, DOG.safety, DOG.dt
-LIMITS = Limits(JOINTS, SAFETY)
+LIMITS = JointLimits(JOINTS, SAFETY)
 anything = st.tuples(*[st.floats()] * 12)
 somewhere = st.tuples(*[st.floats(-4, 4)] * 12)
 inside = st.tuples(*[st.floats(joint.low + 0.035, joint.high - 0.035) for joint in JOINTS])

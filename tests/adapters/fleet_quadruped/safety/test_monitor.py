@@ -2,7 +2,7 @@ import pytest
 
 from fleet import Quaternion, Vector3
 from fleet.model.geometry import quaternion_from_euler
-from fleet_quadruped.body.sense import Imu
+from fleet_quadruped.body.measured import Imu
 from fleet_quadruped.drives.base import JointFeedback, Joints, Power
 from fleet_quadruped.robot.names import JOINTS
 from fleet_quadruped.safety.monitor import Monitor, Observed

@@ -1,12 +1,12 @@
 import msgspec
 import pytest
 
-from fleet_quadruped.bodies import load_body
+from fleet_quadruped.any_description import load_body
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.control.orders import Errand, Order, Timing
+from fleet_quadruped.control.orders import Activity, Order, Timing
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.selfwalk.controller import SelfWalkController
-from fleet_quadruped.sim.make import on_buses
+from fleet_quadruped.sim.simulated_machine import on_buses
 
 
 class Paddock:
@@ -42,8 +42,8 @@ class Paddock:
 
     def ask(self, ask, value=0.0):
         """Ask for something and wait for the answer; return the refusal."""
-        number = self.order.errand.number + 1
-        self.order = msgspec.structs.replace(self.order, errand=Errand(number, ask, value))
+        number = self.order.activity.number + 1
+        self.order = msgspec.structs.replace(self.order, activity=Activity(number, ask, value))
         for _ in range(200):
             self.cycle()
             if self.state.answered == number:

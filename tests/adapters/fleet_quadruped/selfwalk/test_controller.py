@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fleet.errors import LinkLost, LinkRefused
-from fleet_quadruped.bodies import load_body
+from fleet_quadruped.any_description import load_body
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.body.machine import Ask
-from fleet_quadruped.frames import Decoder
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.frames import FrameDecoder
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode
 
@@ -21,7 +21,7 @@ NOWHERE = {"index": 0x5FFF, "type": "u8", "value": 1}
 @pytest.fixture
 def standing(paddock):
     paddock.go(0.2)
-    assert paddock.ask(Ask.STAND) == ""
+    assert paddock.ask(BodyRequest.STAND) == ""
     paddock.go(1.5)
     assert paddock.state.mode == "standing"
     return paddock
@@ -37,7 +37,7 @@ def changed(walker, **sections):
 
 def asked(paddock):
     """Return the velocities that were sent last."""
-    decoder = Decoder(paddock.walker.wire.velocity)
+    decoder = FrameDecoder(paddock.walker.wire.velocity)
     found = [decoder.decode(frame.id, frame.data) for frame in paddock.bus.sent]
     return [each for each in found if each]
 
@@ -48,7 +48,7 @@ def test_it_stands_walks_and_sits(standing):
     assert tuple(standing.machine.twist) == pytest.approx((0.4, 0.1, 0.0), abs=0.01)
     assert (standing.state.x, standing.state.y) == pytest.approx(standing.machine.place[:2], abs=0.05)
     standing.go(1.5)
-    assert standing.ask(Ask.SIT) == ""
+    assert standing.ask(BodyRequest.SIT) == ""
     standing.go(1.5)
     assert standing.state.mode == "off"
 
@@ -88,7 +88,7 @@ def test_an_emergency_stop_is_obeyed_in_its_cycle_and_latched(standing):
     standing.go(2.0, Twist(0.5))
     assert (standing.state.mode, standing.state.fault) == ("off", "emergency stop")
     assert standing.state.stopped == 1
-    assert standing.ask(Ask.STAND) == ""  # the host asks only after its release
+    assert standing.ask(BodyRequest.STAND) == ""  # the host asks only after its release
     assert standing.state.fault == ""
 
 
@@ -99,7 +99,7 @@ def test_with_lost_frames_all_commands_come_through(standing):
     standing.emergency()
     standing.go(2.0)
     assert standing.machine.mode is Mode.OFF
-    assert standing.ask(Ask.STAND) == ""
+    assert standing.ask(BodyRequest.STAND) == ""
 
 
 def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
@@ -109,7 +109,7 @@ def test_an_error_of_the_machine_is_latched_until_it_is_reset(standing):
     standing.machine._error = 0
     standing.go(1.0, Twist(0.5))
     assert tuple(standing.machine.twist) == pytest.approx((0, 0, 0), abs=0.01)
-    assert standing.ask(Ask.RESET) == ""
+    assert standing.ask(BodyRequest.RESET) == ""
     standing.go(1.0, Twist(0.5))
     assert standing.machine.twist.x > 0.3
 
@@ -120,7 +120,9 @@ def test_an_emergency_stop_does_not_make_up_for_the_reset_of_an_error(standing):
     standing.machine.fault("error", 0)
     standing.emergency()
     standing.go(2.0)
-    assert "motor too hot (error 2); look at the machine, then send reset_faults" in standing.ask(Ask.STAND)
+    assert "motor too hot (error 2); look at the machine, then send reset_faults" in standing.ask(
+        BodyRequest.STAND
+    )
 
 
 def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(standing):
@@ -128,7 +130,7 @@ def test_a_reset_does_not_end_an_emergency_stop_that_the_machine_has_not_obeyed(
     standing.go(0.5, Twist(0.5))
     standing.emergency()
     standing.go(0.5, Twist(0.5))
-    assert standing.ask(Ask.RESET) == "it has not obeyed the emergency stop yet"
+    assert standing.ask(BodyRequest.RESET) == "it has not obeyed the emergency stop yet"
     standing.go(0.5, Twist(0.5))
     assert set(asked(standing)[-1].values()) == {0.0}
     standing.machine._commands = obeyed
@@ -155,7 +157,7 @@ def test_a_machine_that_falls_silent_is_not_led_on_and_then_lost(standing):
 def test_a_machine_that_tips_is_stopped(make_paddock):
     paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking-canopen.yaml")))
     paddock.go(0.2)
-    paddock.ask(Ask.STAND)
+    paddock.ask(BodyRequest.STAND)
     paddock.go(1.5)
     paddock.machine.fault("tip", 1.0)
     paddock.go(2.0)
@@ -177,7 +179,7 @@ def test_told_to_leave_it_sits_down(standing):
 
 
 def test_it_changes_its_height_within_its_limits(standing):
-    assert standing.ask(Ask.HEIGHT, 1.0) == ""
+    assert standing.ask(BodyRequest.HEIGHT, 1.0) == ""
     assert standing.machine.height == pytest.approx(standing.walker.highest)
 
 
@@ -185,7 +187,7 @@ def test_a_command_that_is_not_taken_is_told(walker, make_paddock):
     section, other = ("frames", {"id": 0x7AA, "data": "01"}) if walker.frames else ("objects", NOWHERE)
     paddock = make_paddock(changed(walker, **{section: {"stand_up": other}}), real=walker)
     paddock.go(0.2)
-    assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(Ask.STAND))
+    assert re.search("was not taken within 1 s|SDO abort 06020000h", paddock.ask(BodyRequest.STAND))
     assert paddock.machine.mode is Mode.OFF
 
 
@@ -193,12 +195,12 @@ def test_a_description_without_recovery_refuses_it(make_paddock):
     lacking = changed(load_body(EXAMPLE.with_name("self-walking.yaml")), frames={"recovery_stand": None})
     paddock = make_paddock(lacking)
     paddock.go(0.2)
-    assert paddock.ask(Ask.RECOVER) == "this machine's description has no recovery_stand"
+    assert paddock.ask(BodyRequest.RECOVER) == "this machine's description has no recovery_stand"
 
 
 def test_it_recovers(paddock):
     paddock.go(0.2)
-    assert paddock.ask(Ask.RECOVER) == ""
+    assert paddock.ask(BodyRequest.RECOVER) == ""
     paddock.go(3.0)
     assert paddock.state.mode == "standing"
 
@@ -214,7 +216,7 @@ def test_a_node_that_cannot_be_set_up_is_named(make_paddock):
 def test_no_velocity_beyond_the_limits_is_ever_sent(walker, make_paddock, twists):
     paddock, pace = make_paddock(walker), walker.pace
     paddock.go(0.2)
-    paddock.ask(Ask.STAND)
+    paddock.ask(BodyRequest.STAND)
     paddock.go(1.2)
     for twist in twists:
         paddock.go(0.4, Twist(*twist))
@@ -245,7 +247,7 @@ def sealed(make_paddock):
 
 def test_a_machine_with_counters_and_checksums_walks(sealed):
     sealed.go(0.2)
-    assert sealed.ask(Ask.STAND) == ""
+    assert sealed.ask(BodyRequest.STAND) == ""
     sealed.go(1.5)
     sealed.go(2.0, Twist(0.4))
     assert sealed.state.mode == "walking"
@@ -276,7 +278,7 @@ class Frozen:
 def test_the_example_speaks_agilex_version_2(make_paddock):
     paddock = make_paddock(load_body(EXAMPLE.with_name("self-walking.yaml")))
     paddock.go(0.2)
-    paddock.ask(Ask.STAND)
+    paddock.ask(BodyRequest.STAND)
     paddock.go(1.5)
     paddock.go(2.0, Twist(0.5, 0.1, -0.2))
     velocity = [frame.data for frame in paddock.bus.sent if frame.id == 0x111][-1]

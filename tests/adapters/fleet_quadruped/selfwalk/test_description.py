@@ -1,8 +1,8 @@
 import pytest
 
 from fleet.errors import ConfigError
-from fleet_quadruped.bodies import load_body
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.any_description import load_body
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.robot.description import EXAMPLE
 from fleet_quadruped.safety.stages import Mode
 
@@ -69,8 +69,8 @@ def test_objects_become_pdos_in_their_order():
 
 def test_a_command_is_one_object_that_is_written():
     wire = load_body(CANOPEN).wire
-    assert wire.commands["sit_down"] == Frame(0x609, bytes.fromhex("2f00220002000000"))
-    assert wire.height(0.25) == Frame(0x609, bytes.fromhex("2b022200fa000000"))
+    assert wire.commands["sit_down"] == CanFrame(0x609, bytes.fromhex("2f00220002000000"))
+    assert wire.height(0.25) == CanFrame(0x609, bytes.fromhex("2b022200fa000000"))
 
 
 def test_its_silence_is_written_into_its_heartbeat_consumer():

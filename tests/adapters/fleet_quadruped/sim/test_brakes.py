@@ -2,9 +2,9 @@
 
 import pytest
 
-from fleet_quadruped.can.frame import Frame
+from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives.cia402.frames import OPERATIONAL, RPDO1, SYNC, pack_target
-from fleet_quadruped.drives.cia402.states import State
+from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.sim.cia402 import SimDrive
 from fleet_quadruped.sim.world import Motor
 
@@ -23,12 +23,12 @@ class Turning:
         self.drive.nmt = OPERATIONAL
         for word in (0x06, 0x07, 0x0F):
             self.tell(word)
-        assert self.drive.state is State.ENABLED
+        assert self.drive.state is DriveState.ENABLED
 
     def tell(self, word):
         """Tell the drive a control word."""
-        self.drive.hears[RPDO1 + 1](Frame(RPDO1 + 1, pack_target(word, 0, 0)))
-        self.drive.hears[SYNC](Frame(SYNC, b""))
+        self.drive.hears[RPDO1 + 1](CanFrame(RPDO1 + 1, pack_target(word, 0, 0)))
+        self.drive.hears[SYNC](CanFrame(SYNC, b""))
 
     def go(self, seconds):
         """Let time pass; return the longest way that the motor was led."""
@@ -42,14 +42,14 @@ class Turning:
 @pytest.mark.parametrize(
     ("option", "after", "way"),
     [
-        (0, State.SWITCH_ON_DISABLED, 0.0),
-        (1, State.SWITCH_ON_DISABLED, 0.1),
-        (2, State.SWITCH_ON_DISABLED, 0.02),
-        (3, State.SWITCH_ON_DISABLED, 0.0),
-        (4, State.SWITCH_ON_DISABLED, 0.0),
-        (5, State.QUICK_STOP, 0.1),
-        (6, State.QUICK_STOP, 0.02),
-        (7, State.QUICK_STOP, 0.0),
+        (0, DriveState.SWITCH_ON_DISABLED, 0.0),
+        (1, DriveState.SWITCH_ON_DISABLED, 0.1),
+        (2, DriveState.SWITCH_ON_DISABLED, 0.02),
+        (3, DriveState.SWITCH_ON_DISABLED, 0.0),
+        (4, DriveState.SWITCH_ON_DISABLED, 0.0),
+        (5, DriveState.QUICK_STOP, 0.1),
+        (6, DriveState.QUICK_STOP, 0.02),
+        (7, DriveState.QUICK_STOP, 0.0),
     ],
 )
 def test_a_quick_stop_brakes_and_then_lets_go_or_holds(dog, option, after, way):
@@ -57,9 +57,9 @@ def test_a_quick_stop_brakes_and_then_lets_go_or_holds(dog, option, after, way):
     turning.tell(QUICK_STOP)
     assert turning.go(0.5) == pytest.approx(way, abs=0.01)
     assert turning.drive.state is after
-    assert bool(turning.motor.kp) == (after is State.QUICK_STOP)
+    assert bool(turning.motor.kp) == (after is DriveState.QUICK_STOP)
     turning.tell(ENABLE)
-    assert (turning.drive.state is State.ENABLED) == (after is State.QUICK_STOP)
+    assert (turning.drive.state is DriveState.ENABLED) == (after is DriveState.QUICK_STOP)
     turning.tell(VOLTAGE_OFF)
     turning.go(0.01)
     assert turning.motor.kp == turning.motor.kd == 0.0
@@ -70,7 +70,7 @@ def test_disabling_operation_lets_go_at_once_or_brakes_before(dog, option, way):
     turning = Turning(dog, x605C=option)
     turning.tell(DISABLE_OPERATION)
     assert turning.go(0.5) == pytest.approx(way, abs=0.01)
-    assert (turning.drive.state, turning.motor.kp) == (State.SWITCHED_ON, 0.0)
+    assert (turning.drive.state, turning.motor.kp) == (DriveState.SWITCHED_ON, 0.0)
 
 
 @pytest.mark.parametrize(("option", "way"), [(0, 0.0), (1, 0.1), (2, 0.02), (3, 0.0)])
@@ -78,16 +78,21 @@ def test_a_fault_brakes_or_not_and_always_ends_without_torque(dog, option, way):
     turning = Turning(dog, x605E=option)
     turning.drive.fail("overcurrent")
     assert turning.go(0.5) == pytest.approx(way, abs=0.01)
-    assert (turning.drive.state, turning.motor.kp) == (State.FAULT, 0.0)
+    assert (turning.drive.state, turning.motor.kp) == (DriveState.FAULT, 0.0)
 
 
 @pytest.mark.parametrize(
     ("option", "after"),
-    [(0, State.ENABLED), (1, State.FAULT), (2, State.SWITCH_ON_DISABLED), (3, State.QUICK_STOP)],
+    [
+        (0, DriveState.ENABLED),
+        (1, DriveState.FAULT),
+        (2, DriveState.SWITCH_ON_DISABLED),
+        (3, DriveState.QUICK_STOP),
+    ],
 )
 def test_a_silent_master_is_answered_as_6007h_says(dog, option, after):
     turning = Turning(dog, x6007=option, x605A=6)
-    turning.drive.hears[0x77F](Frame(0x77F, b"\x05"))
+    turning.drive.hears[0x77F](CanFrame(0x77F, b"\x05"))
     turning.go(0.3)
     assert turning.drive.state is after
     assert turning.drive.nmt == 0x7F  # 1029h:1 is 0, as drives are delivered

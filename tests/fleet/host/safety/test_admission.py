@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.latch import Latch
-from fleet.host.safety.speeds import Speeds
-from fleet.model.command import Command, Origin, Setpoint, Way
+from fleet.host.safety.emergency_stop import EmergencyStopLatch
+from fleet.host.safety.verb_speeds import VerbSpeeds
+from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import ManualClock
@@ -25,8 +25,8 @@ class Gate:
         self.began = self.clock.time()
         limits = Limits(speed=2.0)
         robot = AdapterConfig(name="rex", twin="6f0c9a1e-0000-4000-8000-000000000001", **config)
-        self.latch = Latch()
-        self.rules = Admission(robot, self.clock, self.latch, Speeds(limits))
+        self.latch = EmergencyStopLatch()
+        self.rules = Admission(robot, self.clock, self.latch, VerbSpeeds(limits))
 
     def until(self, at: float) -> None:
         """Turn the clock to so many seconds after the begin."""
@@ -35,7 +35,7 @@ class Gate:
     def drive(self, session="anna", *, sent=None, velocity=FORWARD, source="tele"):
         """Judge a velocity that was sent at ``sent``, now where that is left out; return the refusal."""
         stamp = self.clock.time() if sent is None else self.began + sent
-        ask = Setpoint(velocity, origin=Origin(Way.CLOUD, source, session), stamp=stamp)
+        ask = Setpoint(velocity, origin=Origin(Transport.CLOUD, source, session), stamp=stamp)
         untimely = self.rules.is_untimely_zero(ask)
         return self.rules.untimely_zero(ask) if untimely else self.rules.setpoint(ask)
 
@@ -45,8 +45,8 @@ class Gate:
     def stop(self, session="bert", *, sent=None, name="stop"):
         stamp = self.clock.time() if sent is None else self.began + sent
         if name == "emergency_stop":
-            self.latch.pull("asked")
-        self.rules.stopped(Command(name, origin=Origin(Way.CLOUD, "tele", session), stamp=stamp))
+            self.latch.engage("asked")
+        self.rules.stopped(Command(name, origin=Origin(Transport.CLOUD, "tele", session), stamp=stamp))
 
 
 @pytest.mark.parametrize("sent", [-3600.0, -60.0, -1.9, -0.6, 0.0, 0.4, 5.0, 3600.0])

@@ -5,11 +5,11 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fleet.host.safety.control_lease import ControlLease
 from fleet.host.safety.deadman import DeadMan
-from fleet.host.safety.latch import Latch
-from fleet.host.safety.lease import ControlLease
-from fleet.host.safety.limits import clamp
-from fleet.host.safety.repeats import KEPT, LIFETIME, Repeats
+from fleet.host.safety.dedup_cache import KEPT, LIFETIME, DedupCache
+from fleet.host.safety.emergency_stop import EmergencyStopLatch
+from fleet.host.safety.velocity_limits import clamp
 from fleet.model.geometry import Vector3, Velocity
 from fleet.robot_config import Limits
 
@@ -24,19 +24,19 @@ SOME_LIMITS = st.builds(
 
 
 def test_a_repeat_is_known_and_gets_the_first_answer():
-    repeats = Repeats()
+    repeats = DedupCache()
     assert repeats.first("a", "the first answer", 0.0) is None
     assert repeats.first("a", "another", 1.0) == "the first answer"
 
 
 def test_a_message_without_an_id_is_never_a_repeat():
-    repeats = Repeats()
+    repeats = DedupCache()
     assert repeats.first("", "an answer", 0.0) is None
     assert repeats.first("", "an answer", 0.0) is None
 
 
 def test_repeats_are_forgotten_after_their_lifetime_and_beyond_their_number():
-    repeats = Repeats()
+    repeats = DedupCache()
     repeats.first("old", "answer", 0.0)
     for number in range(KEPT):
         repeats.first(str(number), "answer", LIFETIME + 1)
@@ -124,9 +124,9 @@ def test_who_looks_through_those_that_run_misses_none_whatever_happens(steps):
 
 
 def test_a_latch_stays_until_it_is_released_and_names_the_first_reason():
-    latch = Latch()
-    latch.pull("the console")
-    latch.pull("the cloud")
+    latch = EmergencyStopLatch()
+    latch.engage("the console")
+    latch.engage("the cloud")
     assert latch.set
     assert "the console" in (latch.refusal() or "")
     latch.release()

@@ -6,10 +6,10 @@ import mqtt5
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fleet.sim.broker.connection import Connection
-from fleet.sim.broker.faults import Faults
-from fleet.sim.broker.hub import Hub
-from fleet.sim.broker.limits import Limits
+from fleet.sim.broker.connection import BrokerConnection
+from fleet.sim.broker.faults import BrokerFaults
+from fleet.sim.broker.hub import BrokerCore
+from fleet.sim.broker.limits import ClientLimits
 from fleet.testing.clock import ManualClock
 
 topics = st.sampled_from(["a", "a/b", "$a", "/"])
@@ -83,7 +83,7 @@ def test_no_packets_in_no_order_disturb_the_broker(pieces):
 
 
 async def meets_noise(pieces):
-    hub = Hub(ManualClock(), Limits(), Faults(), None)
+    hub = BrokerCore(ManualClock(), ClientLimits(), BrokerFaults(), None)
     mallory, bob = joined(hub, "mallory", Wire()), joined(hub, "bob", wire := Wire())
     mallory.data_received(b"".join(pieces))
     await asyncio.sleep(0)
@@ -95,14 +95,14 @@ async def meets_noise(pieces):
 
 
 def joined(hub, name, wire):
-    connection = Connection(hub, set())
+    connection = BrokerConnection(hub, set())
     connection.connection_made(wire)
     connection.data_received(mqtt5.ConnectPacket(name, clean_start=True, keep_alive=10).write())
     return connection
 
 
 def test_a_silent_client_is_told_to_go_and_then_cut_off():
-    hub = Hub(clock := ManualClock(), Limits(), Faults(), None)
+    hub = BrokerCore(clock := ManualClock(), ClientLimits(), BrokerFaults(), None)
     connection = joined(hub, "bob", wire := Wire())
     clock.advance(14)
     connection.watch()
@@ -116,7 +116,9 @@ def test_a_silent_client_is_told_to_go_and_then_cut_off():
 
 
 def test_a_client_that_does_not_read_is_not_listened_to():
-    connection = joined(Hub(ManualClock(), Limits(), Faults(), None), "bob", wire := Wire())
+    connection = joined(
+        BrokerCore(ManualClock(), ClientLimits(), BrokerFaults(), None), "bob", wire := Wire()
+    )
     connection.pause_writing()
     assert not wire.reading
     connection.resume_writing()
@@ -124,7 +126,7 @@ def test_a_client_that_does_not_read_is_not_listened_to():
 
 
 def test_the_time_of_a_freeze_is_not_the_silence_of_the_client():
-    hub = Hub(clock := ManualClock(), Limits(), faults := Faults(), None)
+    hub = BrokerCore(clock := ManualClock(), ClientLimits(), faults := BrokerFaults(), None)
     connection = joined(hub, "bob", wire := Wire())
     faults.freeze, wire.written = True, b""
     connection.watch()

@@ -3,7 +3,7 @@
 import mqtt5
 import pytest
 
-from fleet.sim.broker import BrokerThread, Limits
+from fleet.sim.broker import BrokerThread, ClientLimits
 from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import wait_until
 
@@ -31,7 +31,7 @@ def guest(request, clock, guests):
 
 
 def limits(**values):
-    return pytest.mark.parametrize("guest", [{"limits": Limits(**values)}], indirect=True, ids=[""])
+    return pytest.mark.parametrize("guest", [{"limits": ClientLimits(**values)}], indirect=True, ids=[""])
 
 
 @limits(queue=4)
@@ -113,7 +113,9 @@ def test_a_packet_that_is_too_large_ends_the_connection(guest):
     assert alice.why.getName() == "Packet too large"
 
 
-@pytest.mark.parametrize("guest", [{"limits": Limits(connect_timeout=0.1), "clock": None}], indirect=True)
+@pytest.mark.parametrize(
+    "guest", [{"limits": ClientLimits(connect_timeout=0.1), "clock": None}], indirect=True
+)
 def test_who_does_not_say_connect_is_cut_off(guest, raw):
     assert raw(guest.running.port).recv(1) == b""
 

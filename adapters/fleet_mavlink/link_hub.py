@@ -1,0 +1,168 @@
+"""One hub for each link URL, shared by all robots on it: opens the link, beats, tells vehicles apart."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import OrderedDict
+from collections.abc import AsyncIterator, Iterator, Sequence
+from typing import Any
+
+import msgspec
+
+from fleet import Clock, LinkLost, LinkRefused
+from fleet.link.base import Address, Link
+from fleet_mavlink.authentication import Trust
+from fleet_mavlink.codec import PLAIN, Frame, FrameSettings, Packer, Parser, pack
+from fleet_mavlink.constants import AUTOPILOT, NO_AUTOPILOT
+from fleet_mavlink.messages import CommandAck, Heartbeat, MavlinkMessage
+from fleet_mavlink.mission_messages import INCOMING as MISSION_MESSAGES
+from fleet_mavlink.redundant_links import Ways, open_ways
+from fleet_mavlink.signing import Signer
+from fleet_mavlink.state import SILENCE
+from fleet_mavlink.vehicle import Vehicle
+
+_LOG = logging.getLogger(__name__)
+_BEAT = 1.0  # s
+_SENDERS = 256  # addresses whose half frames are kept
+_ADDRESSED: frozenset[type[MavlinkMessage]] = frozenset({CommandAck, *MISSION_MESSAGES})
+_BESIDE = 1  # the link id in signatures that are made beside the loop, in a time of their own
+_GCS = 6  # MAV_TYPE: PX4 keeps its words back until it hears a ground station
+
+
+class LinkHub:
+    """An open link and the vehicles on it; we are station ``system``/``component`` to all of them."""
+
+    def __init__(self, link: Link, clock: Clock, system: int, component: int) -> None:
+        self.link = link
+        self.system = system
+        self.component = component
+        self._clock = clock
+        self._packer = Packer(system, component)
+        self._parsers: OrderedDict[Address, Parser] = OrderedDict()
+        self._vehicles: dict[int, Vehicle] = {}
+        self._heard: dict[int, float] = {}  # when each autopilot was heard last
+        self.broken = 0  # frames whose checksum was wrong
+
+    @property
+    def heard(self) -> tuple[int, ...]:
+        """The system ids of the autopilots that are heard on this link, within 3 s."""
+        now = self._clock.monotonic()
+        return tuple(sorted(system for system, at in self._heard.items() if now - at <= SILENCE))
+
+    @property
+    def unclaimed(self) -> tuple[int, ...]:
+        """Those of them that no robot here has."""
+        return tuple(system for system in self.heard if system not in self._vehicles)
+
+    @contextlib.contextmanager
+    def vehicle(
+        self, system: int, signer: Signer | None = None, *, accept_unsigned: bool = False
+    ) -> Iterator[Vehicle]:
+        """Give the vehicle with this id to one robot; raises LinkRefused when another has it.
+
+        With a ``signer`` all that is sent to it is signed, and what it says must be, unless
+        ``accept_unsigned``.
+        """
+        if system in self._vehicles:
+            raise LinkRefused(
+                f"{self.link.url}: two robots have system_id {system}; give each its own in fleet.yaml"
+            )
+        trust = Trust(signer, accept_unsigned=accept_unsigned)
+
+        def send(message: MavlinkMessage, address: Address) -> None:
+            self.send(message, address, trust.way)
+
+        vehicle = self._vehicles[system] = Vehicle(system, self._clock, send, trust)
+        try:
+            yield vehicle
+        finally:
+            del self._vehicles[system]
+
+    def receive(self, data: bytes, address: Address) -> None:
+        """Take what arrived from the link; never raises."""
+        try:
+            parser = self._parser(address)
+            before = parser.broken
+            for frame in parser.feed(data):
+                self._route(frame, address)
+            self.broken += parser.broken - before
+        except Exception:  # noqa: BLE001 - one bad message must not end the link of all vehicles
+            _LOG.exception("%s: dropped %d bytes from %s", self.link.url, len(data), address)
+
+    def _parser(self, address: Address) -> Parser:
+        """Return the parser of one sender; the one that was silent longest makes room."""
+        parser = self._parsers.get(address)
+        if parser is None:
+            parser = self._parsers[address] = Parser()
+            if len(self._parsers) > _SENDERS:
+                self._parsers.popitem(last=False)
+        self._parsers.move_to_end(address)
+        return parser
+
+    def _route(self, frame: Frame, address: Address) -> None:
+        """Give a message to its vehicle; only autopilots are vehicles, and only acks for us count."""
+        message, flies = frame.message, frame.component == AUTOPILOT
+        if frame.system == 0:
+            return
+        if flies and isinstance(message, Heartbeat) and message.autopilot != NO_AUTOPILOT:
+            self._heard[frame.system] = self._clock.monotonic()
+        vehicle = self._vehicles.get(frame.system)
+        if vehicle is None or not vehicle.trust.admits(frame):
+            return
+        if type(message) in _ADDRESSED and not self._is_for_us(message):
+            vehicle.trust.counts["answers to other stations"] += 1
+            return
+        if flies:
+            vehicle.take(message, address)
+        else:
+            vehicle.take_part(frame.component, message)
+
+    def _is_for_us(self, answer: Any) -> bool:
+        """Return whether an answer is for us; 0 is said by those who do not tell."""
+        return answer.target_system in {0, self.system} and answer.target_component in {0, self.component}
+
+    def send(self, message: MavlinkMessage, address: Address, way: FrameSettings = PLAIN) -> None:
+        """Write a message; raises LinkLost. Only on the loop's thread."""
+        self.link.send(self._packer.pack(message, way), address)
+
+    def send_from_any_thread(self, messages: list[MavlinkMessage], vehicle: Vehicle) -> None:
+        """Write messages to a vehicle beside the loop, numbered by themselves; raises LinkLost."""
+        way = msgspec.structs.replace(vehicle.trust.way, link=_BESIDE)
+        for sequence, message in enumerate(messages):
+            self.link.send(pack(message, self.system, self.component, sequence, way), vehicle.address)
+
+    async def beat(self) -> None:
+        """Say once a second that we are here; ends when the link does."""
+        with contextlib.suppress(LinkLost):
+            while True:
+                ways = {(each.address, each.trust.way) for each in self._vehicles.values()}
+                if isinstance(self.link, Ways):  # those that are not in use are spoken to as well
+                    ways |= {(None, way) for _, way in ways}
+                for address, way in ways or {(None, PLAIN)}:
+                    self.send(Heartbeat(type=_GCS, autopilot=NO_AUTOPILOT, system_status=4), address, way)
+                await asyncio.sleep(_BEAT)
+
+
+@contextlib.asynccontextmanager
+async def open_hub(urls: Sequence[str], clock: Clock, system: int, component: int) -> AsyncIterator[LinkHub]:
+    """Open a link, or several to the same vehicles, and beat until the last robot leaves.
+
+    Raises LinkRefused or LinkLost.
+    """
+    hub: LinkHub | None = None
+
+    def receive(data: bytes, address: Address) -> None:
+        if hub is not None:
+            hub.receive(data, address)
+
+    link = await open_ways(urls, receive)
+    hub = LinkHub(link, clock, system, component)
+    beating = asyncio.create_task(hub.beat(), name=f"mavlink heartbeat {link.url}")
+    try:
+        yield hub
+    finally:
+        beating.cancel()
+        await asyncio.gather(beating, return_exceptions=True)
+        await link.close()

@@ -1,0 +1,100 @@
+"""Whether a vehicle would take off now, as a list of checks with the autopilot's own words."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet import Refused
+from fleet.errors import CommandError
+from fleet_mavlink.constants import Cmd
+from fleet_mavlink.failsafe_causes import position_troubles
+from fleet_mavlink.flavour import Flavour
+from fleet_mavlink.flight import Flight
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.preconditions import require_connection
+from fleet_mavlink.state import VehicleState
+from fleet_mavlink.texts import Sentence
+
+_SAID_FOR = 35.0  # s; ArduPilot repeats what is wrong every 30 s
+_REASONS = ("arm", "prearm", "preflight")  # with which an autopilot begins what keeps it from arming
+_NEED_NOT_BE_TOLD = frozenset({"satellites", "battery"})
+_WORDS_WITHIN = 0.5  # s after the checks were asked for
+
+
+class Check(msgspec.Struct, frozen=True):
+    """One thing that a take-off needs; ``ok`` None: unknown. ``words`` say what is seen or wrong."""
+
+    check: str
+    ok: bool | None
+    words: tuple[str, ...] = ()
+
+
+def checks(
+    state: VehicleState, flavour: Flavour, sentences: Iterable[Sentence], lost_to: str, now: float
+) -> list[Check]:
+    """Return the list, in the order in which things come up after power-on."""
+    mode = flavour.mode_of(state)
+    fix, troubles = state.fix_now(now), position_troubles(state, now)
+    satellites = "" if fix is None or fix.satellites is None else f", {fix.satellites} satellites"
+    percent = state.battery.percent
+    return [
+        Check("satellites", None if fix is None else True, (f"{fix.kind} fix{satellites}",) if fix else ()),
+        Check("home", state.home is not None),
+        Check("position", flavour.position_usable(state, now), troubles),  # in the words of its health
+        Check(
+            "autopilot's own checks", state.prearm_ok, reasons(sentences, now) if not state.prearm_ok else ()
+        ),
+        Check("mode", True, (_mode_words(mode, flavour),)),
+        Check("fail-safe", not state.failsafe),
+        Check("control", not lost_to, (f"taken in {lost_to}",) if lost_to else ()),
+        *_remote_control(state),
+        Check("battery", None if percent is None else not state.failsafe, _percent_words(percent)),
+    ]
+
+
+def _mode_words(mode: str, flavour: Flavour) -> str:
+    """Say in which mode the autopilot judged itself: on ArduPilot its checks depend on it."""
+    return mode if mode == flavour.arming else f"{mode}; a take-off changes to {flavour.arming}"
+
+
+def _remote_control(state: VehicleState) -> tuple[Check, ...]:
+    """Look whether the pilot's remote control is heard, where the vehicle has a receiver for one."""
+    heard = state.remote_control
+    if heard is None:
+        return ()
+    return (Check("remote control", heard, () if heard else ("it is not heard",)),)
+
+
+def _percent_words(percent: float | None) -> tuple[str, ...]:
+    """Say how full the battery is."""
+    return () if percent is None else (f"{percent:.0f} %",)
+
+
+def reasons(sentences: Iterable[Sentence], now: float) -> tuple[str, ...]:
+    """Return what the autopilot lately said about arming, each once, oldest first."""
+    lately = (said.text for said in sentences if now - said.at <= _SAID_FOR)
+    return tuple(dict.fromkeys(text for text in lately if text.lower().startswith(_REASONS)))
+
+
+def is_ready(found: Iterable[Check]) -> bool:
+    """Return whether nothing stands against a take-off; satellites and battery need not be told."""
+    return all(check.ok or (check.ok is None and check.check in _NEED_NOT_BE_TOLD) for check in found)
+
+
+async def look(flight: Flight) -> list[Check]:
+    """Let the autopilot check itself, and return the list; raises NotReady when it does not answer."""
+    vehicle = flight.vehicle
+    require_connection(vehicle)
+    if vehicle.state.armed:
+        raise Refused("it is armed: it was ready")
+    try:
+        await flight.commander.ask(CommandLong(Cmd.RUN_PREARM_CHECKS), tries=1)
+        await asyncio.sleep(_WORDS_WITHIN)
+    except CommandError:
+        pass  # an autopilot without the command tells what is wrong by itself, only less often
+    now = vehicle.now()
+    lost_to = flight.authority.lost_to
+    return checks(vehicle.state, flight.flavour, tuple(vehicle.sentences), lost_to, now)

@@ -1,0 +1,45 @@
+"""What of some kinds a vehicle says while somebody has an exchange with it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from fleet_mavlink.messages import MavlinkMessage
+from fleet_mavlink.texts import Sentence
+
+SaidT = TypeVar("SaidT", bound=MavlinkMessage | Sentence)
+_MOST = 4096  # kept; a vehicle that says more meanwhile is not listened to
+
+
+class ReceivedMessages(Generic[SaidT]):
+    """What was said, in order; each is taken once."""
+
+    def __init__(self, kinds: tuple[type[SaidT], ...]) -> None:
+        self._kinds = kinds
+        self._said: asyncio.Queue[SaidT] = asyncio.Queue()
+
+    def put(self, said: MavlinkMessage | Sentence) -> None:
+        """Keep what is of the kinds; the rest passes by."""
+        if isinstance(said, self._kinds) and self._said.qsize() < _MOST:
+            self._said.put_nowait(said)
+
+    async def next(self, seconds: float) -> SaidT | None:
+        """Return the next one, None when none comes in time."""
+        if not self._said.empty():
+            return self._said.get_nowait()
+        try:
+            async with asyncio.timeout(seconds):
+                return await self._said.get()
+        except TimeoutError:
+            return None
+
+    async def first(self, wanted: Callable[[SaidT], bool], seconds: float) -> SaidT | None:
+        """Return the next one that is wanted, None when none comes in time."""
+        by = asyncio.get_running_loop().time() + seconds
+        while (left := by - asyncio.get_running_loop().time()) > 0:
+            said = await self.next(left)
+            if said is not None and wanted(said):
+                return said
+        return None

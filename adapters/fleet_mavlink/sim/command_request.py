@@ -1,0 +1,77 @@
+"""A command from the wire, COMMAND_LONG and COMMAND_INT made alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mav
+
+ACCEPTED = int(mav.MAV_RESULT_ACCEPTED)
+TEMPORARILY_REJECTED = int(mav.MAV_RESULT_TEMPORARILY_REJECTED)
+DENIED = int(mav.MAV_RESULT_DENIED)
+UNSUPPORTED = int(mav.MAV_RESULT_UNSUPPORTED)
+FAILED = int(mav.MAV_RESULT_FAILED)
+IN_PROGRESS = int(mav.MAV_RESULT_IN_PROGRESS)
+_UNKNOWN_INT = 0x7FFFFFFF  # how COMMAND_INT says NaN in x and y
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRequest:
+    """One command and who asked; latitude and longitude are degrees, NaN where they were left out.
+
+    ``frame`` is None for COMMAND_LONG, which has none.
+    """
+
+    command: int
+    p1: float
+    p2: float
+    p3: float
+    p4: float
+    latitude: float
+    longitude: float
+    altitude: float
+    frame: int | None
+    system: int
+    component: int
+
+
+def ask_of(message: Any) -> CommandRequest:
+    """Return the command in a COMMAND_LONG or COMMAND_INT."""
+    frame: int | None = None
+    latitude, longitude, altitude = 0.0, 0.0, 0.0
+    if message.get_type() == "COMMAND_INT":
+        frame = message.frame
+        latitude, longitude = _degrees(message.x), _degrees(message.y)
+        altitude = message.z
+    else:
+        latitude, longitude, altitude = message.param5, message.param6, message.param7
+    return CommandRequest(
+        message.command,
+        message.param1,
+        message.param2,
+        message.param3,
+        message.param4,
+        latitude,
+        longitude,
+        altitude,
+        frame,
+        message.get_srcSystem(),
+        message.get_srcComponent(),
+    )
+
+
+def _degrees(scaled: int) -> float:
+    """Return degrees from 1e-7 degrees."""
+    return math.nan if scaled == _UNKNOWN_INT else scaled / 1e7
+
+
+def whole(number: float) -> int:
+    """Return a parameter as a whole number; what is not a number becomes -1."""
+    return int(number) if math.isfinite(number) else -1
+
+
+def ack(ask: CommandRequest, result: int, progress: int = 0) -> Any:
+    """Return the COMMAND_ACK addressed to who asked."""
+    return mav.MAVLink_command_ack_message(ask.command, result, progress, 0, ask.system, ask.component)

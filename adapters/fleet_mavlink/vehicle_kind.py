@@ -1,0 +1,60 @@
+"""What is known of any vehicle, moved here or not: its modes, and what brakes it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+import msgspec
+
+from fleet_mavlink.messages import CommandLong
+from fleet_mavlink.state import VehicleState
+
+
+class Brake(msgspec.Struct, frozen=True):
+    """One way to brake: the command, and the mode that the heartbeat shows once it was obeyed."""
+
+    mode: str
+    ask: CommandLong
+
+
+class VehicleKind(ABC):
+    """One kind of vehicle on one autopilot. Modes are given by name; ``modes`` has their numbers."""
+
+    name: ClassVar[str]  # of the autopilot
+    modes: ClassVar[Mapping[int, str]]
+    rates: ClassVar[Mapping[int, float]]  # message id -> Hz, besides those asked of every autopilot
+    imu: ClassVar[int | None]  # the message with rates and acceleration
+    motors: ClassVar[int | None]  # the message with the motors' speeds
+    data_streams: ClassVar[tuple[int, ...]]  # for REQUEST_DATA_STREAM, empty where it is not obeyed
+    bytewise_parameters: ClassVar[bool]  # integers are sent as their bits, not as a number
+    may_be_disarmed: ClassVar[bool] = False  # to switch its motors off lets nothing fall
+
+    def mode_name(self, custom_mode: int) -> str:
+        """Return the name of a mode, or its number when it has none here."""
+        return self.modes.get(custom_mode, f"MODE({custom_mode:#x})")
+
+    def mode_of(self, state: VehicleState) -> str:
+        """Return the mode that the newest heartbeat shows, empty before the first."""
+        return self.mode_name(state.heartbeat.custom_mode) if state.heartbeat else ""
+
+    def number_of(self, mode: str) -> int:
+        """Return the custom_mode of a mode that ``modes`` names."""
+        return next(number for number, name in self.modes.items() if name == mode)
+
+    @abstractmethod
+    def brakes(self, state: VehicleState) -> tuple[Brake, ...]:
+        """Return what brakes it, the best first; the next is taken where one is refused."""
+
+    def stands(self, state: VehicleState) -> bool:  # noqa: ARG002 - a VTOL's depends on it
+        """Return whether it stands still once it has braked: wings cannot."""
+        return True
+
+    @abstractmethod
+    def position_usable(self, state: VehicleState, now: float) -> bool | None:
+        """Return whether the estimator's position can be moved by, None while it says nothing of it."""
+
+    @abstractmethod
+    def ready_to_arm(self, state: VehicleState) -> bool | None:
+        """Return whether arming would work now, None while that is unknown."""

@@ -1,0 +1,240 @@
+"""Holding a velocity: streams setpoints while somebody drives, and never leaves without a confirmed hold."""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+import math
+from collections.abc import Awaitable, Callable
+
+from fleet import NotReady, Refused, Vector3, Velocity
+from fleet.errors import FleetError
+from fleet.model.geometry import ZERO_VELOCITY
+from fleet_mavlink.authority import Authority
+from fleet_mavlink.flavour import Flavour, ned_setpoint, setpoint
+from fleet_mavlink.preconditions import require_flying
+from fleet_mavlink.vehicle import Vehicle
+
+PERIOD = 0.05  # s between setpoints
+_REST = 1.0  # s of zero velocity after which the vehicle is left to its own hold
+_AGAIN = 1.0  # s until a mode that was refused is asked for again
+
+
+class StreamPhase(enum.Enum):
+    """Where driving stands."""
+
+    IDLE = "idle"  # nothing is streamed
+    STARTING = "starting"  # the newest velocity, until the vehicle shows that it takes setpoints
+    DRIVING = "driving"  # the newest velocity
+    BRAKING = "braking"  # zeros, until the vehicle holds by itself
+
+
+IDLE, STARTING, DRIVING, BRAKING = StreamPhase
+"""For what is asked of every setpoint: Python 3.11 takes ten times as long to look up an enumeration's."""
+
+
+class VelocityStream:
+    """The stream of setpoints to one vehicle; ``tick`` is called every ``PERIOD``, nothing here blocks.
+
+    ``enter`` asks for the mode that takes setpoints, ``hold`` for the one that keeps the place; both run in
+    the background, by ``spawn``, until the heartbeat shows them. ``busy`` tells that another command is under
+    way: its mode may be shown late, and a hold behind it would undo it.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        authority: Authority,
+        *,
+        ceiling: float,
+        enter: Callable[[], Awaitable[None]],
+        hold: Callable[[], Awaitable[None]],
+        spawn: Callable[[Awaitable[None]], asyncio.Task[None]],
+        busy: Callable[[], bool],
+    ) -> None:
+        self.phase = IDLE
+        self.halted = False  # set by another thread: brake at the next tick
+        self._vehicle = vehicle
+        self._authority = authority
+        self._ceiling = ceiling
+        self._enter = enter
+        self._hold = hold
+        self._spawn = spawn
+        self._busy = busy
+        self._wanted = ZERO_VELOCITY
+        self._since = 0.0  # when motion was last asked for
+        self._since_phase = 0.0
+        self._task: asyncio.Task[None] | None = None
+        self._refusal: FleetError | None = None
+        self._again_at = -math.inf
+        self._must_ask = False
+
+    @property
+    def drives(self) -> bool:
+        """True while the newest velocity is streamed."""
+        return self.phase is STARTING or self.phase is DRIVING
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take the newest velocity, and send it at once, not with the next tick.
+
+        Raises NotReady or Refused when the vehicle cannot be driven, LinkLost.
+        """
+        moves = not velocity.is_zero
+        if not moves and self.phase is IDLE:
+            return
+        if moves:
+            self._require(velocity)
+        if moves or not self._wanted.is_zero:
+            self._since = self._vehicle.now()
+        self._wanted = velocity
+        if self.phase is IDLE or (self.phase is BRAKING and moves):
+            # After a brake the shown mode may be old: the hold may have been entered since.
+            self._must_ask = self.phase is BRAKING
+            self._again_at = -math.inf if self._refusal is None else self._again_at
+            self._to(STARTING)
+        if self.phase is not BRAKING and (moves or self._is_ours()):
+            self._stream()
+
+    def rest(self) -> bool:
+        """End a drive gently: zero velocity now, the hold a moment later; False when nobody drives.
+
+        Who drives in bursts need not wait for two changes of mode between them.
+        """
+        if not self.drives:
+            return False
+        self.drive(ZERO_VELOCITY)
+        return True
+
+    def _require(self, velocity: Velocity) -> None:
+        """Raise unless the vehicle may be moved by us now."""
+        linear = velocity.linear
+        if not math.isfinite(linear.x + linear.y + linear.z + velocity.yaw_rate):
+            raise Refused("a velocity must be made of finite numbers")
+        require_flying(self._vehicle, self._authority)
+        if self._refusal is not None and self._vehicle.now() < self._again_at:
+            raise NotReady(f"the vehicle does not take velocities: {self._refusal}")
+
+    def brake(self) -> None:
+        """Stream zeros until the vehicle holds by itself; whoever calls asks for the hold."""
+        self._wanted = ZERO_VELOCITY
+        self._forget_start()
+        if self.phase is not IDLE:
+            self._again_at = self._vehicle.now() + _AGAIN
+            self._to(BRAKING)
+
+    def give_way(self, flavour: Flavour, mode: str) -> None:
+        """Make room for a command that leads to ``mode``; where that obeys setpoints, be silent at once."""
+        if mode == flavour.external:
+            self.end()
+        else:
+            self.brake()
+
+    def end(self) -> None:
+        """Be silent at once: somebody else has the vehicle."""
+        self._wanted = ZERO_VELOCITY
+        self._forget_start()
+        self._to(IDLE)
+
+    def _forget_start(self) -> None:
+        """Stop asking for the mode that takes setpoints."""
+        if self.phase is STARTING and self._task is not None:
+            self._task.cancel()
+
+    def tick(self) -> None:
+        """Send one setpoint, and go on to the next phase when it is time; raises LinkLost."""
+        if self.halted:
+            self.halted = False
+            self.brake()
+        flavour = self._vehicle.flavour
+        if flavour is None or not self._vehicle.state.armed or not self._is_ours():
+            if self.phase is not IDLE:
+                self.end()
+            return
+        mode = flavour.mode_of(self._vehicle.state)
+        if self.phase is IDLE and mode == flavour.external != flavour.goto:
+            self._to(BRAKING)  # it waits for setpoints that nobody sends: a start was overtaken
+        if self.phase is not IDLE:
+            self._stream()
+            _STEPS[self.phase](self, flavour, mode)
+
+    def _is_ours(self) -> bool:
+        """Return whether setpoints may be sent."""
+        return self._vehicle.connected and not self._vehicle.clashing and not self._authority.lost_to
+
+    def _stream(self) -> None:
+        """Send the wanted velocity, or zero while braking.
+
+        It is sent before the mode is shown, too: the vehicle obeys it from the moment it takes setpoints,
+        and the heartbeat that shows the mode comes up to a second later.
+        """
+        state = self._vehicle.state
+        knows_where = state.knows_where(self._vehicle.now())
+        if self.phase is not BRAKING and state.attitude is not None and knows_where:
+            velocity = _below(self._wanted, self._ceiling, state.relative_altitude)
+            self._vehicle.send(setpoint(velocity, state.attitude.yaw, self._vehicle.system))
+        else:
+            self._vehicle.send(ned_setpoint(Vector3(), 0.0, self._vehicle.system))
+
+    def _starting(self, flavour: Flavour, mode: str) -> None:
+        """Ask for the mode once the vehicle has seen enough setpoints; drive when it is shown."""
+        if mode == flavour.external and not self._must_ask:
+            self._to(DRIVING)
+        elif self._refusal is not None and self._vehicle.now() < self._again_at:
+            self._to(IDLE)
+        elif self._vehicle.now() - self._since_phase >= flavour.lead_in:
+            self._ask(self._enter_external)
+
+    async def _enter_external(self) -> None:
+        """Change to the mode that takes setpoints; from then on what the vehicle shows is believed."""
+        await self._enter()
+        self._must_ask = False
+
+    def _driving(self, flavour: Flavour, mode: str) -> None:
+        """Brake after a rest; be silent when another command has changed the mode."""
+        if mode != flavour.external:
+            self._to(IDLE)
+        elif self._wanted.is_zero and self._vehicle.now() - self._since >= _REST:
+            self._to(BRAKING)
+
+    def _braking(self, flavour: Flavour, mode: str) -> None:
+        """Go on until the mode is left; then be silent, or start again for a velocity that came."""
+        if mode != flavour.external:
+            self._to(IDLE if self._wanted.is_zero else STARTING)
+        elif not self._busy():
+            self._ask(self._hold)
+
+    def _ask(self, what: Callable[[], Awaitable[None]]) -> None:
+        """Do something in the background, one thing at a time, not again soon after it failed."""
+        if self._task is None and self._vehicle.now() >= self._again_at:
+            self._task = self._spawn(self._done(what))
+
+    async def _done(self, what: Callable[[], Awaitable[None]]) -> None:
+        """Carry it out and keep its refusal for the next who drives."""
+        try:
+            await what()
+            self._refusal = None
+        except FleetError as error:
+            self._vehicle.log.warning("%s", error)
+            self._refusal = error
+            self._again_at = self._vehicle.now() + _AGAIN
+        finally:
+            self._task = None
+
+    def _to(self, phase: StreamPhase) -> None:
+        """Change the phase."""
+        self.phase = phase
+        self._since_phase = self._vehicle.now()
+
+
+_STEPS: dict[StreamPhase, Callable[[VelocityStream, Flavour, str], None]] = {
+    STARTING: VelocityStream._starting,  # noqa: SLF001
+    DRIVING: VelocityStream._driving,  # noqa: SLF001
+    BRAKING: VelocityStream._braking,  # noqa: SLF001
+}
+
+
+def _below(velocity: Velocity, ceiling: float, altitude: float | None) -> Velocity:
+    """Return the velocity without its climb where the ceiling is reached or the altitude is unknown."""
+    if velocity.linear.z <= 0 or (altitude is not None and altitude < ceiling):
+        return velocity
+    return Velocity(Vector3(velocity.linear.x, velocity.linear.y, 0.0), velocity.yaw_rate)

@@ -1,0 +1,29 @@
+"""Whether nobody else speaks to a dog's drives: two controllers at once make it fall."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from fleet.clock import Clock
+from fleet.errors import LinkLost
+from fleet_quadruped.can.frame import CanBus
+
+LISTEN = 0.25  # s: the slowest controller speaks 10 times a second
+Address = tuple[str, int]
+"""A bus by its name, and the identifier of a frame."""
+
+
+def require_sole_controller(buses: Mapping[str, CanBus], ours: Collection[Address], clock: Clock) -> None:
+    """Listen before the first frame is sent; raises LinkLost when one of ``ours`` comes from somebody else.
+
+    That may be a second program, or the former controller, which still sits the dog down.
+    """
+    until = clock.monotonic() + LISTEN
+    while clock.monotonic() < until:
+        for name, bus in buses.items():
+            for frame in bus.receive(0.02):
+                if (name, frame.id) in ours:
+                    raise LinkLost(
+                        f"bus {name!r}: another controller speaks to the drives (frame {frame.id:03X}h); "
+                        "only one may: end the other, or wait until it has sat the dog down"
+                    )

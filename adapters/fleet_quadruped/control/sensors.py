@@ -1,0 +1,74 @@
+"""The sensors that are not in the joints: IMU and battery, from CAN frames by map."""
+
+from __future__ import annotations
+
+import math
+
+from fleet import Quaternion, Vector3
+from fleet_quadruped.body.measured import Imu
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.frames import FrameDecoder
+from fleet_quadruped.robot.parts import Sensor
+
+_POSSIBLE = {"qw": 2.0, "qx": 2.0, "qy": 2.0, "qz": 2.0, "gx": 100.0, "gy": 100.0, "gz": 100.0}
+"""What an IMU can say at most, rad/s for its rates; one number beyond would be in the odometry for ever."""
+
+
+class Values:
+    """The newest values of one sensor, by name; a value that is told to be invalid is not known any more.
+
+    ``whole``: a frame with an invalid value, or with one that no IMU can say, does not count at all.
+    """
+
+    def __init__(self, sensor: Sensor, *, whole: bool = False) -> None:
+        self.frames = frozenset((sensor.bus, frame.id) for frame in sensor.frames)
+        self._names = {frame.id: frame.fields.keys() for frame in sensor.frames}
+        self._whole = whole
+        self._doubtful = {
+            frame.id: [
+                name for name, field in frame.fields.items() if field.farthest > _POSSIBLE.get(name, math.inf)
+            ]
+            for frame in sensor.frames
+            if whole
+        }
+        self._decoder = FrameDecoder(sensor.frames)
+        self._times: dict[int, float] = {}
+        self.values: dict[str, float] = {}
+
+    def take(self, frame: CanFrame, now: float) -> None:
+        """Take one of ``frames`` (bus, id) that was received at ``now``."""
+        found = self._decoder.decode(frame.id, frame.data)
+        if not found or not self._is_possible(frame.id, found):
+            return
+        if len(found) < len(self._names[frame.id]):
+            if self._whole:
+                return
+            for name in self._names[frame.id] - found.keys():
+                self.values.pop(name, None)
+        self.values.update(found)
+        self._times[frame.id] = now
+
+    def _is_possible(self, identifier: int, found: dict[str, float]) -> bool:
+        """Return False for a frame in which a value is beyond what there is."""
+        doubtful = self._doubtful.get(identifier)
+        return not doubtful or all(abs(found.get(name, 0.0)) <= _POSSIBLE[name] for name in doubtful)
+
+    def age(self, now: float) -> float:
+        """Return the age of the oldest frame; infinite while one has never come."""
+        if len(self._times) < len(self.frames):
+            return math.inf
+        return now - min(self._times.values())
+
+
+def imu_of(values: dict[str, float]) -> Imu | None:
+    """Return the IMU from its values; None when one is missing or the rotation is none."""
+    try:
+        w, x, y, z = values["qw"], values["qx"], values["qy"], values["qz"]
+        gyro = Vector3(values["gx"], values["gy"], values["gz"])
+        accel = Vector3(values.get("ax", 0.0), values.get("ay", 0.0), values.get("az", 0.0))
+    except KeyError:
+        return None
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if not 0.5 < length < 1.5:
+        return None
+    return Imu(Quaternion(w / length, x / length, y / length, z / length), gyro, accel)

@@ -1,0 +1,95 @@
+"""What is asked of a machine that walks by itself: repeated until its state shows that it was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.safety.stages import Mode
+
+NAMES: Mapping[BodyRequest, str] = MappingProxyType(
+    {
+        BodyRequest.STAND: "stand_up",
+        BodyRequest.SIT: "sit_down",
+        BodyRequest.RECOVER: "recovery_stand",
+        BodyRequest.RESET: "reset_faults",
+    }
+)
+TAKEN: Mapping[BodyRequest, frozenset[Mode]] = MappingProxyType(
+    {
+        BodyRequest.STAND: frozenset({Mode.ENABLING, Mode.RISING, Mode.STANDING, Mode.WALKING}),
+        BodyRequest.SIT: frozenset({Mode.SITTING, Mode.SETTLING, Mode.OFF}),
+        BodyRequest.RECOVER: frozenset(
+            {Mode.ENABLING, Mode.RECOVERING, Mode.RISING, Mode.STANDING, Mode.WALKING}
+        ),
+    }
+)
+"""The modes that show that an ask was taken; the others are taken when the machine has no error."""
+
+EVERY = 0.1  # s between two repeats
+WITHIN = 1.0  # s in which the state must show it
+_HEIGHT_REPEATS = 3
+
+
+class PendingRequest(NamedTuple):
+    """One ask under way."""
+
+    number: int
+    ask: BodyRequest
+    frame: CanFrame
+    since: float
+
+
+class RequestTracker:
+    """The one ask under way. ``answered`` is the number of the last that ended, ``refusal`` why it failed."""
+
+    def __init__(self) -> None:
+        self.answered = 0
+        self.refusal = ""
+        self._pending: PendingRequest | None = None
+        self._next = 0.0
+
+    def begin(self, number: int, ask: BodyRequest, frame: CanFrame | None, refusal: str, now: float) -> None:
+        """Begin an ask, or answer it at once: with a refusal, or without a frame as done."""
+        self.end("another command came first")
+        self._next = now
+        self._pending = None
+        if refusal or frame is None:
+            self.answered, self.refusal = number, refusal
+            return
+        self._pending = PendingRequest(number, ask, frame, now)
+
+    def end(self, refusal: str = "") -> None:
+        """Answer what is under way."""
+        if self._pending is not None:
+            self.answered, self.refusal, self._pending = self._pending.number, refusal, None
+
+    def step(self, now: float, mode: Mode, error: str) -> CanFrame | None:
+        """Return the frame to be sent now, None without; ends an ask that was taken, or was not in time."""
+        pending = self._pending
+        if pending is None:
+            return None
+        asked = now > pending.since
+        if asked and _is_taken(pending, mode, error, now):
+            self.end()
+            return None
+        if now - pending.since > WITHIN:
+            name = NAMES.get(pending.ask, pending.ask.value)
+            self.end(f"{name} was not taken within {WITHIN:g} s: it is {mode.value}{error and f', {error}'}")
+            return None
+        if now < self._next:
+            return None
+        self._next = now + EVERY
+        return pending.frame
+
+
+def _is_taken(pending: PendingRequest, mode: Mode, error: str, now: float) -> bool:
+    """Return True when the state shows it; a height is not told and is sent a few times."""
+    if pending.ask is BodyRequest.HEIGHT:
+        return now - pending.since > _HEIGHT_REPEATS * EVERY
+    if pending.ask is BodyRequest.RESET:
+        return not error
+    return mode in TAKEN[pending.ask]

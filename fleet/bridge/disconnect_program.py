@@ -1,0 +1,78 @@
+"""Tells the cloud, after an edge died, that all its twins are disconnected: a program of a second.
+
+An MQTT connection has one will, for one twin. The supervisor starts this with what the edge left on its
+standard input (``DisconnectPlan``): ``python -m fleet.bridge.disconnect_program``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+
+import msgspec
+
+from fleet.clock import Clock, SystemClock
+from fleet.cloud.client import CloudClient
+from fleet.cloud.credentials import client_id
+from fleet.cloud.values import CloudSettings, CloudState
+from fleet.errors import FleetError
+from fleet.model.report import TelemetryReport
+from fleet.runtime.decoding import decode_json
+from fleet.wire.reports import sender, to_mqtt
+
+WITHIN = 10.0  # s for all of it
+LOOK = 0.01  # s between looks whether the broker has taken all
+REASON = "the edge died"
+
+
+class DisconnectPlan(msgspec.Struct, frozen=True):
+    """How to reach the broker, on which topics to tell it, and the edge's ``session`` that they carry."""
+
+    settings: CloudSettings
+    session: str
+    topics: tuple[str, ...]
+
+
+async def publish_disconnected(words: DisconnectPlan, clock: Clock) -> bool:
+    """Say ``disconnected`` on each topic; return whether the broker has taken all of it in time."""
+    settings = msgspec.structs.replace(
+        words.settings, will=None, client_id=client_id("fleet-farewell", simulated=False)
+    )
+    client = CloudClient(
+        settings,
+        {},
+        on_message=lambda _messages: None,
+        on_read=lambda: False,
+        on_state=lambda _state, _cause: None,
+        clock=clock,
+    )
+    report = TelemetryReport(clock.time(), "disconnected", {"reason": REASON})
+    ((_, payload),) = to_mqtt(report, sender(source_type="edge", session=words.session))
+    for topic in words.topics:
+        client.publish(topic, payload, qos=1, later=True)
+    client.start()
+    client.flush()
+    end, topics = clock.monotonic() + WITHIN, len(words.topics)
+    while (open_ := _is_open(client, topics)) and clock.monotonic() < end:  # noqa: ASYNC110 - it only counts
+        await asyncio.sleep(LOOK)
+    await asyncio.to_thread(client.close)
+    return not open_
+
+
+def _is_open(client: CloudClient, topics: int) -> bool:
+    """Return True while the broker has not answered for everything, and may still."""
+    return client.stats.acked + client.stats.refused < topics and client.state is not CloudState.REFUSED
+
+
+def main() -> int:
+    """Read what was left and tell it; a broker that is away is no error of ours."""
+    try:
+        words = decode_json(sys.stdin.buffer.read(), DisconnectPlan)
+        return 0 if asyncio.run(publish_disconnected(words, SystemClock())) else 1
+    except (msgspec.DecodeError, FleetError) as error:
+        sys.stderr.write(f"fleet: the cloud is not told that the edge died: {error}\n")
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""What the edge says itself to the cloud: heartbeats, pings, who came and went, what was lost, answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from fleet.bridge.command_replies import RobotPort
+from fleet.bridge.counters import ClassCounts
+from fleet.clock import Clock
+from fleet.model.report import TelemetryReport
+from fleet.model.state import EdgeState, RobotState
+from fleet.spool.losses import Gap
+from fleet.wire.health import edge_health, edge_state
+from fleet.wire.ping import ping, pong
+from fleet.wire.reports import sender, to_mqtt
+from fleet.wire.rules import TrafficClass, rule_of
+from fleet.wire.topics import Topics
+
+
+class EdgePublisher:
+    """Says it on the topics of twins; ``publish`` is the client's, ``session`` stands on every message.
+
+    ``said`` counts the messages. What is queued only leaves when the client is flushed.
+    """
+
+    def __init__(
+        self, topics: Topics, *, edge: str, session: str, publish: Callable[..., bool], clock: Clock
+    ) -> None:
+        self.said = ClassCounts()
+        self._topics = topics
+        self._edge = edge
+        self._session = session
+        self._publish = publish
+        self._clock = clock
+        self._began = clock.monotonic()
+
+    def telemetry(self, port: RobotPort, kind: str, fields: dict[str, Any]) -> tuple[str, bytes]:
+        """Return topic and payload of a telemetry message."""
+        report = TelemetryReport(self._clock.time(), kind, fields)
+        ((suffix, payload),) = to_mqtt(report, sender(source_type=port.source_type, session=self._session))
+        return self._topics.twin(port.twin, suffix), payload
+
+    def tell(self, port: RobotPort, kind: str, fields: dict[str, Any]) -> None:
+        """Queue a telemetry message."""
+        self.said.add(TrafficClass.EVENT)
+        self._publish(*self.telemetry(port, kind, fields), qos=1, later=True)
+
+    def tell_gap(self, port: RobotPort, suffix: str, gap: Gap) -> None:
+        """Queue that messages of a twin's topic were lost."""
+        fields = {
+            "leaf": suffix,
+            "reason": gap.reason,
+            "lost": gap.lost,
+            "since": gap.since,
+            "until": gap.until,
+        }
+        self.tell(port, "gap", fields)
+
+    def beat_edge(self, edge: EdgeState, robots: Iterable[RobotState]) -> None:
+        """Queue the edge's own roll-up."""
+        self.said.add(TrafficClass.LATEST)
+        payload = edge_state(edge, robots, session=self._session)
+        self._publish(self._topics.edge(self._edge), payload, later=True)
+
+    def beat(
+        self, port: RobotPort, extra: Mapping[str, Any], streams: Mapping[str, Mapping[str, Any]]
+    ) -> None:
+        """Queue the heartbeat of a twin; ``extra``: figures of the host, and how the robot is.
+
+        ``streams`` are those of the bus's programs.
+        """
+        payload = edge_health(
+            twin=port.twin,
+            edge_id=self._edge,
+            uptime=self._clock.monotonic() - self._began,
+            stamp=self._clock.time(),
+            source_type=port.source_type,
+            session=self._session,
+            extra=extra,
+            streams=streams,
+        )
+        self.said.add(TrafficClass.LATEST)
+        self._publish(self._topics.twin(port.twin, "edge_health"), payload, later=True)
+
+    def ping(self, twin: str) -> None:
+        """Ask how far the cloud is, at once, for it is timed."""
+        payload = ping(stamp=self._clock.time(), session=self._session)
+        self.said.add(TrafficClass.LATEST)
+        self._publish(self._topics.twin(twin, "ping:request"), payload)
+
+    def pong(self, port: RobotPort) -> None:
+        """Answer a ping at a twin, at once, for it is timed."""
+        payload = pong(
+            stamp=self._clock.time(),
+            edge_id=self._edge,
+            source_type=port.source_type,
+            session=self._session,
+        )
+        self.said.add(TrafficClass.LATEST)
+        self._publish(self._topics.twin(port.twin, "pong:response"), payload)
+
+    def answer(self, topic: str, payload: bytes, *, correlation: bytes | None = None) -> None:
+        """Publish an answer at once; nobody waits for it longer than its rule says."""
+        parsed = self._topics.parse(topic)
+        rule = rule_of(parsed.suffix) if parsed else None
+        self.said.add(TrafficClass.REPLY)
+        self._publish(
+            topic,
+            payload,
+            qos=1,
+            expiry=(rule and rule.max_age) or None,
+            correlation=correlation,
+            content_type="application/json",
+            traffic=TrafficClass.REPLY,
+        )

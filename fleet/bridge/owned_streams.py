@@ -1,0 +1,62 @@
+"""The streams that programs on the bus own, until they end or are not told any more."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection
+from typing import Any
+
+from fleet.clock import Clock
+from fleet.errors import WireError
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
+from fleet.wire.streams import CHANNEL, LIFETIME, StreamState, health_of, read_stream
+from fleet.wire.topics import parse_data_key
+
+MOST = 16  # streams of one twin
+
+
+class OwnedStreams:
+    """What is told of the streams of some twins; any thread."""
+
+    def __init__(self, twins: Collection[str], refusals: RateLimitedCounter, clock: Clock) -> None:
+        self._told: dict[str, dict[str, tuple[StreamState, float]]] = {twin: {} for twin in twins}
+        self._lock = threading.Lock()
+        self._refusals = refusals
+        self._clock = clock
+
+    def listen(self, subscribe: Callable[[str, Callable[[str, bytes], None]], None]) -> None:
+        """Have ``subscribe`` call with what programs tell."""
+        subscribe(f"cw/*/data/{CHANNEL}/*", self.heard)
+
+    def heard(self, key: str, sample: bytes) -> None:
+        """Take what a program tells of one stream; an empty sample ends it. Other twins' are left alone."""
+        parsed = parse_data_key(key)
+        if parsed is None or parsed.sensor is None or parsed.twin not in self._told:
+            return
+        try:
+            stream = read_stream(sample)
+        except WireError as error:
+            self._refusals.add("unreadable", "a stream on %s cannot be read: %s", key, error)
+            return
+        with self._lock:
+            told = self._current(parsed.twin)
+            told.pop(parsed.sensor, None)
+            if stream is not None and len(told) < MOST:
+                told[parsed.sensor] = (stream, self._clock.monotonic())
+            elif stream is not None:
+                self._refusals.add("too many", "%s has more than %d streams", parsed.twin, MOST)
+
+    def of(self, twin: str) -> dict[str, dict[str, Any]]:
+        """Return ``edge_health.streams`` of a twin."""
+        now = self._clock.time()
+        with self._lock:
+            told = dict(self._current(twin))
+        return {name: health_of(name, stream, now=now) for name, (stream, _) in sorted(told.items())}
+
+    def _current(self, twin: str) -> dict[str, tuple[StreamState, float]]:
+        """Return what is told of a twin, without what has not been told again in time."""
+        since = self._clock.monotonic() - LIFETIME
+        told = self._told[twin]
+        for name in [name for name, (_, at) in told.items() if at < since]:
+            del told[name]
+        return told

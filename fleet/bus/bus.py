@@ -1,0 +1,141 @@
+"""The bus of one process: the reports' lane and the control lane."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from fleet.bus.settings import (
+    BusSettings,
+    is_running,
+    socket_path,
+    users_file,
+    zenoh_settings,
+)
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.errors import BusError
+
+
+class Bus:
+    """Two lanes that share nothing but the process; ``connect`` is where they are to join others."""
+
+    def __init__(self, reports: ZenohSession, control: ZenohSession, connect: tuple[str, ...] = ()) -> None:
+        self.reports = reports
+        self.control = control
+        self._connect = connect
+
+    @property
+    def problem(self) -> str:
+        """What keeps us from others whom we are to join; empty when nothing does."""
+        reached = {_place(endpoint) for endpoint in self.reports.reached()} if self._connect else set()
+        missing = [endpoint for endpoint in self._connect if _place(endpoint) not in reached]
+        return _shut_out(missing) if missing else ""
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self.control.close()
+        self.reports.close()
+
+
+def open_edge(settings: BusSettings, directory: Path) -> Bus:
+    """Open the bus of an edge, listening; raises BusError (an edge of this id runs already, port taken)."""
+    if is_running(settings.edge, directory):
+        raise BusError(
+            f"edge {settings.edge!r} runs already on this machine (fleet ps); stop it, or change edge.id"
+        )
+    users = users_file(settings, directory)
+    try:
+        return _listening(settings, directory, users)
+    finally:
+        if users is not None:
+            users.unlink()
+
+
+def _listening(settings: BusSettings, directory: Path, users: Path | None) -> Bus:
+    """Open both lanes, listening on the sockets too; those of an edge that died are Zenoh's to clear away."""
+    reports_socket = socket_path(settings.edge, "reports", directory)
+    control_socket = socket_path(settings.edge, "control", directory)
+    # A client cannot listen, so an edge that joins a router opens peers that connect to it.
+    reports = ZenohSession(
+        zenoh_settings(
+            settings,
+            mode="router" if settings.mode == "router" else "peer",
+            listen=(reports_socket, *settings.listen),
+            connect=settings.connect,
+            users=users,
+        )
+    )
+    try:
+        control = ZenohSession(
+            zenoh_settings(
+                settings,
+                mode="peer",
+                listen=(control_socket, *(_beside(endpoint) for endpoint in settings.listen)),
+                connect=(reports_socket, *settings.connect),
+                users=users,
+            )
+        )
+    except BusError:
+        reports.close()
+        raise
+    _keep_locks(directory)
+    return Bus(reports, control, settings.connect)
+
+
+def _keep_locks(directory: Path) -> None:
+    """Keep Zenoh's lock files from our child processes: one that outlives us would keep the next edge out."""
+    for link in Path("/proc/self/fd").glob("*"):
+        with contextlib.suppress(OSError):  # closed meanwhile
+            if link.readlink().is_relative_to(directory) and link.readlink().suffix == ".lock":
+                os.set_inheritable(int(link.name), False)
+
+
+def join(settings: BusSettings, directory: Path) -> Bus:
+    """Join an edge's bus from another process of this machine, or over ``connect`` from anywhere."""
+    reports = _join(settings, "reports", directory)
+    try:
+        control = _join(settings, "control", directory)
+    except BusError:
+        reports.close()
+        raise
+    return Bus(reports, control)
+
+
+def join_control(settings: BusSettings, directory: Path) -> ZenohSession:
+    """Join only the control lane (the command line does); raises BusError when no edge answers."""
+    return _join(settings, "control", directory)
+
+
+def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSession:
+    """Join one lane: by the socket of an edge on this machine, which no network can take away, if any."""
+    here = is_running(settings.edge, directory)
+    if not here and not settings.connect:
+        raise BusError(f"edge {settings.edge!r} does not run here; start it, or set bus.connect to reach it")
+    endpoints = (socket_path(settings.edge, bus_session, directory),) if here else settings.connect
+    try:
+        return ZenohSession(zenoh_settings(settings, mode="client", listen=(), connect=endpoints))
+    except BusError:
+        raise BusError(_shut_out(endpoints)) from None
+
+
+def _shut_out(endpoints: Iterable[str]) -> str:
+    """Say that nobody answers there; Zenoh does not tell a wrong password from silence."""
+    return f"nobody lets us in at {', '.join(endpoints)}: gone, frozen, or with other user, password or tls"
+
+
+def _place(endpoint: str) -> tuple[str, str]:
+    """Return protocol and port, or path, of an endpoint: what is left of it when its name was resolved."""
+    protocol, _, rest = re.split("[?#]", endpoint)[0].partition("/")
+    return protocol, rest.rpartition(":")[2]
+
+
+def _beside(endpoint: str) -> str:
+    """Return where the control lane listens beside a reports' endpoint (gossip tells it to who asks).
+
+    That is a port of the system's choice, or for an endpoint without ports another name.
+    """
+    found, places = re.subn(r":\d+(?=$|[?#])", ":0", endpoint)
+    return found if places else f"{endpoint}.control"

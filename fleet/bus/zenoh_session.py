@@ -1,0 +1,351 @@
+"""One Zenoh session, in the few verbs that the project uses. The only module that imports zenoh.
+
+Callbacks are direct, but for ``gather``: they run on Zenoh's own threads, synchronously for what this
+session itself publishes. They must only store or hand over; one that blocks would hold up everything that
+arrives on its link.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import zenoh
+
+from fleet.errors import BusError
+
+log = logging.getLogger(__name__)
+
+OnSample = Callable[[str, bytes], None]
+OnNoted = Callable[[bytes, bytes], None]
+OnSamples = Callable[[list[tuple[str, bytes]]], None]
+
+GATHERED = 128
+"""Samples that may wait for the thread that takes them; more wait in the socket, then who publishes.
+
+Each may keep the 64 KiB alive in which it came: a thousand of them took 30 MiB of a busy edge.
+"""
+AT_ONCE = 200
+"""Samples that are taken at once at most."""
+UNSURE = 100
+"""Samples of a new publisher that go whoever listens: Zenoh tells a moment later whether somebody does."""
+LAST_CALL = 2.0
+"""Seconds that a call with samples may still take when the lane is closed."""
+
+
+class Publisher:
+    """A declared publisher to others; ``wanted``: one of them subscribes to what it publishes."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self.wanted = False
+        self._publisher = session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+        self._publisher.declare_matching_listener(_direct(self._changed))
+
+    def put(self, payload: bytes) -> None:
+        """Publish; never blocks, drops when the way is full."""
+        self._publisher.put(payload)
+
+    def _changed(self, status: zenoh.MatchingStatus) -> None:
+        """Note whether anybody listens; on Zenoh's thread."""
+        self.wanted = status.matching
+
+
+class Publishers:
+    """Publishers of keys under ``pattern``; none is declared before somebody listens to any of them.
+
+    Zenoh keeps 3 kB for each, and most edges have no listener but the bridge of their own process.
+    """
+
+    def __init__(self, session: zenoh.Session, pattern: str) -> None:
+        self._session = session
+        self._any = Publisher(session, pattern)
+        self._made: dict[str, Publisher] = {}
+        self._unsure: dict[str, int] = {}  # samples that still go though nobody is known to listen
+
+    def wanted(self, key: str) -> Publisher | None:
+        """Return what publishes to those who listen to a key; None when nobody does."""
+        publisher = self._made.get(key)
+        if publisher is None:
+            if not self._any.wanted:
+                return None
+            publisher = self._made[key] = Publisher(self._session, key)
+            self._unsure[key] = UNSURE
+        if publisher.wanted:
+            return publisher
+        left = self._unsure.get(key, 0)
+        if not left:
+            return None
+        self._unsure[key] = left - 1
+        return publisher
+
+
+class Query:
+    """One query that arrived; may be answered later, from any thread, more than once, until ``close``.
+
+    ``key`` is the one it was declared on, ``asked`` the one that was asked for (it may have wildcards).
+    """
+
+    def __init__(self, query: zenoh.Query, key: str) -> None:
+        self._query: zenoh.Query | None = query
+        self.key = key
+        self.asked = str(query.key_expr)
+        self.payload = query.payload.to_bytes() if query.payload is not None else b""
+        pairs = str(query.parameters).split(";")
+        self.parameters = {name: value for name, _, value in (pair.partition("=") for pair in pairs)}
+
+    def reply(self, payload: bytes, key: str | None = None) -> None:
+        """Send one answer (on ``key``, where many are answered at once); the asker may be gone."""
+        if self._query is not None:
+            self._query.reply(key or self.key, payload)
+
+    def close(self) -> None:
+        """Say that there are no more answers."""
+        if self._query is not None:
+            self._query.drop()
+            self._query = None
+
+
+class ZenohSession:
+    """An open session; ``settings`` are Zenoh's own, by path. Raises BusError when it cannot open."""
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        try:
+            self._session = zenoh.open(_config(settings))
+        except zenoh.ZError as error:
+            raise BusError(f"the bus cannot be opened: {_first_line(error)}") from None
+        self._kept: list[Any] = []
+        self._threads: list[threading.Thread] = []
+
+    def close(self) -> None:
+        """Leave the bus; tokens and queryables vanish for everyone at once."""
+        self._kept.clear()
+        self._session.close()
+        for thread in self._threads:  # one that comes out of Zenoh after the interpreter's end would abort
+            thread.join(LAST_CALL)
+
+    def reached(self) -> list[str]:
+        """Return the endpoints of all links that are up, as Zenoh writes them (names are resolved)."""
+        return [link.dst for link in self._session.info.links()]
+
+    def publisher(self, key: str) -> Publisher:
+        """Declare a publisher for state: never blocking, dropped when the way is full; not for this lane."""
+        return Publisher(self._session, key)
+
+    def publishers(self, pattern: str) -> Publishers:
+        """Return publishers like it for all keys under a pattern."""
+        return Publishers(self._session, pattern)
+
+    def put(self, key: str, payload: bytes, *, urgent: bool = False, note: bytes | None = None) -> None:
+        """Publish once; ``urgent`` overtakes everything and is not dropped.
+
+        A ``note`` goes beside the payload, in the same message; only who subscribes to notes reads it.
+        """
+        if urgent:
+            self._session.put(
+                key,
+                payload,
+                priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=True,
+                attachment=note,
+            )
+        else:
+            self._session.put(key, payload, attachment=note)
+
+    def subscribe(self, key: str, call: OnSample) -> None:
+        """Call with key and payload of everything published under ``key``."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            call(*_read(sample))
+
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def subscribe_noted(self, key: str, call: OnNoted) -> None:
+        """Call with payload and note of everything published under ``key``; empty where there is no note."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            note = sample.attachment
+            call(sample.payload.to_bytes(), note.to_bytes() if note is not None else b"")
+
+        self._kept.append(self._session.declare_subscriber(key, _direct(arrived)))
+
+    def subscribe_many(self, pattern: str, calls: Mapping[str, Callable[[bytes], None]]) -> None:
+        """Call what belongs to the very key of each sample published under ``pattern``, if anything does.
+
+        A subscription for each key would cost as many times more: a session compares every sample that it
+        gets, whatever its key, with every subscription that it has.
+        """
+
+        def arrived(key: str, payload: bytes) -> None:
+            call = calls.get(key)
+            if call is not None:
+                call(payload)
+
+        self.subscribe(pattern, arrived)
+
+    def gather(self, key: str, call: OnSamples) -> None:
+        """Call with all that others (not this lane) have just published under ``key``, in order.
+
+        The call comes on a thread of its own and may work, but not wait. A callback for each sample takes
+        the interpreter from whoever has it each time, which costs more than all that is done with many.
+        """
+        origin = zenoh.Locality.REMOTE
+        samples = self._session.declare_subscriber(
+            key, zenoh.handlers.FifoChannel(GATHERED), allowed_origin=origin
+        )
+        self._kept.append(samples)
+        work = (samples.handler, _guarded(call))
+        thread = threading.Thread(target=_gather, args=work, name="fleet-bus", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def answer(self, key: str, call: Callable[[Query], None]) -> None:
+        """Call with every question asked on ``key``; the call, or someone later, answers and closes it."""
+
+        def asked(query: zenoh.Query) -> None:
+            call(Query(query, key))
+
+        self._kept.append(self._session.declare_queryable(key, _direct(asked)))
+
+    def ask(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        timeout: float,
+        parameters: Mapping[str, str] | None = None,
+        urgent: bool = False,
+    ) -> Iterator[tuple[str, bytes]]:
+        """Ask at once; what is returned yields the answers (key, payload) as they come, for ``timeout`` s."""
+        replies = self._session.get(
+            key + _parameters(parameters),
+            payload=payload,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+        return _answers(replies)
+
+    def ask_later(
+        self,
+        key: str,
+        payload: bytes,
+        *,
+        timeout: float,
+        parameters: Mapping[str, str] | None = None,
+        on_answer: Callable[[bytes], None],
+        on_end: Callable[[], None],
+    ) -> None:
+        """Ask without waiting; both calls come on Zenoh's threads and must only hand over."""
+
+        def answered(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                on_answer(reply.ok.payload.to_bytes())
+
+        self._session.get(
+            key + _parameters(parameters),
+            _direct(answered, on_end),
+            payload=payload,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+
+    def token(self, key: str) -> Callable[[], None]:
+        """Show that ``key`` is alive; returns what takes it back."""
+        token = self._session.liveliness().declare_token(key)
+        self._kept.append(token)
+
+        def take_back() -> None:
+            if token in self._kept:
+                self._kept.remove(token)
+                token.undeclare()
+
+        return take_back
+
+    def watch_tokens(self, key: str, call: Callable[[str, bool], None]) -> None:
+        """Call with each key and whether it lives, for those there are and for every change."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            call(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._kept.append(self._session.liveliness().declare_subscriber(key, _direct(changed), history=True))
+
+
+def _config(settings: Mapping[str, Any]) -> zenoh.Config:
+    """Return Zenoh's configuration; raises BusError naming the setting that it does not take."""
+    config = zenoh.Config()
+    for path, value in settings.items():
+        try:
+            config.insert_json5(path, json.dumps(value))
+        except zenoh.ZError:
+            raise BusError(f"the bus cannot be opened: {path} cannot be {value!r}") from None
+    return config
+
+
+def keys_intersect(one: str, other: str) -> bool:
+    """Return True when two key expressions have a key in common."""
+    return zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
+
+
+def _read(sample: zenoh.Sample) -> tuple[str, bytes]:
+    """Return key and payload of a sample."""
+    return str(sample.key_expr), sample.payload.to_bytes()
+
+
+def _gather(samples: Any, call: OnSamples) -> None:
+    """Be the thread that takes samples, until the lane is closed."""
+    with contextlib.suppress(zenoh.ZError):
+        while True:
+            gathered = [_read(samples.recv())]
+            try:
+                while len(gathered) < AT_ONCE and (sample := samples.try_recv()) is not None:
+                    gathered.append(_read(sample))
+            finally:
+                call(gathered)
+
+
+def _answers(replies: Iterable[zenoh.Reply]) -> Iterator[tuple[str, bytes]]:
+    """Yield key and payload of each answer that is no error."""
+    for reply in replies:
+        if reply.ok is not None:
+            yield str(reply.ok.key_expr), reply.ok.payload.to_bytes()
+
+
+def _direct(call: Callable[[Any], None], end: Callable[[], None] | None = None) -> Any:
+    """Return a handler without a thread of its own."""
+    return zenoh.handlers.Callback(_guarded(call), end and _guarded(end), indirect=False)
+
+
+def _guarded(call: Callable[..., None]) -> Callable[..., None]:
+    """Return a callback whose failures are logged and not lost."""
+
+    def guarded(*arguments: Any) -> None:
+        try:
+            call(*arguments)
+        except Exception:  # the bus must go on for the others
+            log.exception("a bus callback failed")
+
+    return guarded
+
+
+def _parameters(parameters: Mapping[str, str] | None) -> str:
+    """Return a selector's parameters."""
+    if not parameters:
+        return ""
+    return "?" + ";".join(f"{name}={value}" for name, value in parameters.items())
+
+
+def _first_line(error: BaseException) -> str:
+    """Return the part of Zenoh's message that says what is wrong."""
+    return str(error).split(" at /")[0].splitlines()[0]

@@ -1,0 +1,198 @@
+"""The way from a command to the edges that run: over their control lanes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Self, TypeVar
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.bus import join_control
+from fleet.bus.settings import BusSettings, running_edges, runtime_dir
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.cli.output import NotRunning
+from fleet.config.text import nearest
+from fleet.errors import BusError, Refused, TimedOut
+from fleet.history.event_filter import EventFilter, newest
+from fleet.history.record import Record
+from fleet.model.command import Reply
+from fleet.model.description import RobotDescription
+from fleet.model.state import EdgeState, RobotState
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+ANSWER_WITHIN = 2.0  # s for what an edge knows without asking a robot
+HISTORY_WITHIN = 10.0  # s for what it has to read from its disk
+START = "start one with: fleet run fleet.yaml (or: fleet demo)"
+
+T = TypeVar("T")
+
+
+class UnknownRobot(Refused):
+    """No running edge has a robot, or a group, of this name; or several have."""
+
+
+class Edges:
+    """The edges that can be reached: all that run on this machine, or the one of a fleet file.
+
+    ``joined`` are those that let us in, ``unreached`` says in words which of them run but let nobody in.
+    """
+
+    def __init__(self, bus_sessions: Mapping[str, ZenohSession], unreached: list[str]) -> None:
+        self.unreached = unreached
+        self.joined = tuple(bus_sessions)
+        self._lanes = tuple(bus_sessions.values())
+        self._ways: dict[tuple[str, str], ZenohSession] = {}
+
+    @classmethod
+    def reach(cls, file: str | None) -> Self:
+        """Join them, all at once; raises NotRunning when there is none."""
+        directory = runtime_dir()
+        wanted = [_of(file)] if file else [BusSettings(edge) for edge in running_edges(directory)]
+        if not wanted:
+            raise NotRunning(f"no edge is running here; {START}")
+        with ThreadPoolExecutor(len(wanted)) as pool:
+            joined = list(pool.map(lambda settings: _joined(settings, directory), wanted))
+        found = [(settings.edge, bus_session) for settings, bus_session in zip(wanted, joined, strict=True)]
+        bus_sessions = {
+            edge: bus_session for edge, bus_session in found if isinstance(bus_session, ZenohSession)
+        }
+        unreached = [
+            f"edge {edge}: {bus_session}"
+            for edge, bus_session in found
+            if not isinstance(bus_session, ZenohSession)
+        ]
+        if not bus_sessions:
+            advice = "" if file else "; if it has a password, give its file: -f fleet.yaml"
+            raise NotRunning("; ".join(unreached) + advice)
+        return cls(bus_sessions, unreached)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for bus_session in self._lanes:
+            bus_session.close()
+
+    def states(self) -> list[RobotState]:
+        """Return the robots' states, by edge and name; the newest where several speak for a robot."""
+        found: dict[tuple[str, str], RobotState] = {}
+        for bus_session, _, state in self._asked(keys.state("*", "*"), RobotState):
+            robot = (state.edge, state.name)
+            self._ways.setdefault(robot, bus_session)
+            if robot not in found or state.stamp > found[robot].stamp:
+                found[robot] = state
+        return [found[robot] for robot in sorted(found)]
+
+    def edges(self) -> list[EdgeState]:
+        """Return the edges' own states, by name."""
+        found = {state.edge: state for _, _, state in self._asked(keys.health("*"), EdgeState)}
+        return [found[edge] for edge in sorted(found)]
+
+    def silent(self, found: Iterable[EdgeState]) -> list[str]:
+        """Return in words which of the edges that let us in are not among those that answered."""
+        answered = {state.edge for state in found}
+        return [
+            f"edge {edge} runs but does not answer: its event loop hangs"
+            for edge in self.joined
+            if edge not in answered
+        ]
+
+    def are_all(self, file: str | None) -> bool:
+        """Return whether the edges that run now are those that let us in (one of a file: always)."""
+        return file is not None or set(running_edges(runtime_dir())) == set(self.joined)
+
+    def named(self, name: str) -> list[RobotState]:
+        """Return the robot of this name, or the robots of this group; raises UnknownRobot.
+
+        ``edge/robot`` says which one is meant where several edges have a robot of this name.
+        """
+        states, edges = self.states(), self.edges()
+        found = [state for state in states if name in (state.name, f"{state.edge}/{state.name}")]
+        if len(found) > 1:
+            which = ", ".join(f"{state.edge}/{state.name}" for state in found)
+            raise UnknownRobot(f"there are several robots {name!r}", hint=f"say which one: {which}")
+        found = found or _members(name, states, edges)
+        if not found and any(name in edge.groups for edge in edges):
+            raise UnknownRobot(f"the group {name!r} is empty: none of its robots runs")
+        if not found:
+            known = [state.name for state in states]
+            near = nearest(name, [*known, *(group for edge in edges for group in edge.groups)])
+            hints = [near or f"there are: {', '.join(known) or 'none'}", *self.unreached, *self.silent(edges)]
+            raise UnknownRobot(f"there is no robot {name!r}", hint="; ".join(hints))
+        return found
+
+    def description(self, robot: RobotState) -> RobotDescription:
+        """Return what a robot takes; raises TimedOut when its process does not answer."""
+        for _, _, found in self._asked(keys.description(robot.edge, robot.name), RobotDescription):
+            return found
+        raise TimedOut(f"{robot.name} does not say what it takes: {robot.cause or 'its process is silent'}")
+
+    def command(
+        self, robot: RobotState, payload: bytes, *, kind: str, wait: bool, timeout: float
+    ) -> Iterator[Reply]:
+        """Ask a robot at once; what is returned yields the receipt and, when waited for, the end."""
+        bus_session = self._ways.get((robot.edge, robot.name))
+        if bus_session is None:
+            return iter(())
+        parameters = {"kind": kind, "wait": "1" if wait else "0"}
+        key = keys.command(robot.edge, robot.name)
+        answers = bus_session.ask(key, payload, timeout=timeout, parameters=parameters)
+        return (reply for _, reply in decoded(answers, Reply))
+
+    def history(self, wanted: EventFilter) -> list[Record]:
+        """Return what the edges know of what happened to their robots, the oldest first."""
+        asked = msgspec.json.encode(wanted)
+        parts = self._asked(keys.history("*"), list[Record], asked, HISTORY_WITHIN)
+        told = ((key.split("/")[1], record) for _, key, part in parts for record in part)
+        return newest((msgspec.structs.replace(record, edge=edge) for edge, record in told), wanted)
+
+    def _asked(
+        self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
+    ) -> Iterator[tuple[ZenohSession, str, T]]:
+        """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
+        asked = [(bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self._lanes]
+        for bus_session, answers in asked:
+            for answered, answer in decoded(answers, kind):
+                yield bus_session, answered, answer
+
+
+def decoded(answers: Iterator[tuple[str, bytes]], kind: type[T]) -> Iterator[tuple[str, T]]:
+    """Yield the answers that can be read, with their keys; one that cannot must not hide the others."""
+    for key, data in answers:
+        try:
+            yield key, decode_json(data, kind)
+        except msgspec.DecodeError as error:
+            log.warning("an answer on %s cannot be read: %s", key, error)
+
+
+def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> list[RobotState]:
+    """Return the robots of a group, those included that nobody speaks for."""
+    known = {(state.edge, state.name): state for state in states}
+    return [
+        known.get((edge.edge, name))
+        or RobotState(name, "", "", edge.edge, 0.0, cause=f"it does not run on {edge.edge}")
+        for edge in edges
+        for name in edge.groups.get(group, ())
+    ]
+
+
+def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
+    """Join an edge's control lane, or return why not."""
+    try:
+        return join_control(settings, directory)
+    except BusError as error:
+        return error
+
+
+def _of(file: str) -> BusSettings:
+    """Return how to reach the edge of a fleet file."""
+    from fleet.config.load import sections_of  # noqa: PLC0415 - pydantic is not needed without a file
+    from fleet.host.process.component_settings import bus_settings  # noqa: PLC0415
+
+    return bus_settings(sections_of(file))

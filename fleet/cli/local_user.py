@@ -1,0 +1,16 @@
+"""Who asks from this command line: what robots and the history are told, and can only take as claimed."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Mapping
+
+
+def local_user(environ: Mapping[str, str] = os.environ) -> str:
+    """Return ``user@host``: by the environment, for a directory service may wait, and a stop must not.
+
+    Who became root by sudo is told with the name from before.
+    """
+    user = environ.get("SUDO_USER") or environ.get("USER") or environ.get("LOGNAME") or f"uid-{os.getuid()}"
+    return f"{user}@{socket.gethostname()}"

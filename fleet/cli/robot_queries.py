@@ -1,0 +1,74 @@
+"""Asking robots for something, for the commands that show what they answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from fleet.cli.edges import Edges
+from fleet.cli.send import stamped
+from fleet.errors import FleetError, Refused, TimedOut
+from fleet.model.command import Reply, ReplyStatus
+from fleet.model.state import RobotState
+
+
+class QueryResult(msgspec.Struct, frozen=True):
+    """What one robot answered: ``data``, or why it did not (``error``)."""
+
+    robot: RobotState
+    data: Any = None
+    error: FleetError | None = None
+
+    def get(self) -> Any:
+        """Return the data; raises the error."""
+        if self.error is not None:
+            raise self.error
+        return self.data
+
+
+class RobotQuery:
+    """One robot that is asked; raises UnknownRobot, and Refused for a group."""
+
+    def __init__(self, edges: Edges, name: str) -> None:
+        found = edges.named(name)
+        if len(found) > 1:
+            raise Refused(f"{name} is a group", hint="name one robot")
+        self.robot: RobotState = found[0]
+        self._edges = edges
+
+    def ask(self, command: str, data: dict[str, Any] | None = None, *, timeout: float) -> Any:
+        """Return what the robot answers to a command; raises TimedOut, or Refused in its own words."""
+        (answered,) = query_all(self._edges, [self.robot], command, data, timeout=timeout)
+        return answered.get()
+
+
+def query_all(
+    edges: Edges,
+    robots: Iterable[RobotState],
+    command: str,
+    data: dict[str, Any] | None = None,
+    *,
+    timeout: float,
+) -> list[QueryResult]:
+    """Ask robots the same, all at once; return what each answered."""
+    payload = stamped({"command": command, "data": data or {}})  # it is sent now
+    asked = [
+        (robot, edges.command(robot, payload, kind="command", wait=True, timeout=timeout)) for robot in robots
+    ]
+    return [_answered(robot, command, replies, timeout) for robot, replies in asked]
+
+
+def _answered(robot: RobotState, command: str, replies: Iterator[Reply], timeout: float) -> QueryResult:
+    """Wait for a robot's last reply; return what it means."""
+    last: Reply | None = None
+    for last in replies:
+        if last.done is not None or not last.ok:
+            break
+    if last is None or (last.ok and last.done is None) or last.status is ReplyStatus.TIMEOUT:
+        reason = last.reason if last is not None and last.reason else f"no answer within {timeout:g} s"
+        return QueryResult(robot, error=TimedOut(f"{robot.name}: {command}: {reason}"))
+    if not last.ok or not last.done:
+        return QueryResult(robot, error=Refused(f"{robot.name}: {command}: {last.reason}", hint=last.hint))
+    return QueryResult(robot, last.data)

@@ -1,0 +1,254 @@
+"""One MQTT session as a pure machine: packets and time in, packets and messages out; no I/O, no clock.
+
+A session lives as long as its network connection (clean start, session expiry 0). What was sent and not
+acknowledged goes back to the spool when it ends; the next session sends it again, in order, as duplicates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mqtt5
+import msgspec
+
+from fleet.cloud import reasons
+from fleet.cloud.inbound import Arrival, InboundPublish
+from fleet.cloud.inflight_window import InflightWindow
+from fleet.cloud.outbound_queue import OutboundQueue
+from fleet.cloud.packets import encode
+from fleet.cloud.values import PAYLOAD_LIMIT, CloudMessage, CloudSettings, CloudStats
+from fleet.errors import CloudError
+
+INBOUND = 100
+"""Most messages that the broker may have under way to us."""
+_FILTERS = 64
+"""Filters in one SUBSCRIBE."""
+
+
+class SessionRefused(CloudError):
+    """The broker refused the session, and asking again soon would not help."""
+
+
+class SessionEnded(CloudError):
+    """The session cannot go on; ``code`` is the reason to give the broker, None when it ended it."""
+
+    def __init__(self, message: str, code: mqtt5.DisconnectReasonCode | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class MqttSession:
+    """The client's side of one connection, from CONNECT on."""
+
+    def __init__(
+        self,
+        settings: CloudSettings,
+        subscriptions: Mapping[str, int],
+        outbox: OutboundQueue,
+        stats: CloudStats,
+    ) -> None:
+        self.connected = False
+        self.ready = False
+        self.keepalive = settings.keepalive
+        self.problems: list[str] = []
+        self._settings = settings
+        self._subscriptions = subscriptions
+        self._stats = stats
+        self._ours = InflightWindow(outbox, stats, settings.protocol)
+        self._subscribing: dict[int, list[str]] = {}
+        self._half_received: set[int] = set()
+        self._replies: list[mqtt5.Packet] = []
+        self._messages: list[CloudMessage] = []
+        self._handlers: dict[type, Callable[[Any, float], None]] = {
+            mqtt5.ConnAckPacket: self._on_connack,
+            mqtt5.SubAckPacket: self._on_suback,
+            mqtt5.PublishPacket: self._on_publish,
+            InboundPublish: self._on_plain,
+            mqtt5.PubRelPacket: self._on_pubrel,
+            mqtt5.PubAckPacket: self._ours.acknowledged,
+            mqtt5.PubRecPacket: self._on_pubrec,
+            mqtt5.PubCompPacket: self._on_pubcomp,
+            mqtt5.DisconnectPacket: self._on_disconnect,
+            mqtt5.PingRespPacket: self._on_pong,
+        }
+
+    def connect(self) -> bytes:
+        """Return CONNECT."""
+        chosen, will = self._settings, self._settings.will
+        packet = mqtt5.ConnectPacket(
+            chosen.client_id,
+            username=chosen.username,
+            password=None if chosen.password is None else chosen.password.encode(),
+            clean_start=True,
+            keep_alive=chosen.keepalive,
+            receive_max=INBOUND,
+            max_packet_size=PAYLOAD_LIMIT,
+            will=mqtt5.Will(will.topic, payload=will.payload, qos=mqtt5.QoS(will.qos)) if will else None,
+        )
+        return self._encode(packet)
+
+    def receive(self, packet: Arrival, now: float) -> None:
+        """Take one packet of the broker.
+
+        Raises SessionRefused when the broker says no and SessionEnded when the connection must be given up.
+        """
+        handler = self._handlers.get(type(packet))
+        # CONNACK comes first and never again.
+        if handler is None or self.connected == isinstance(packet, mqtt5.ConnAckPacket):
+            raise _broken(f"the broker sent {type(packet).__name__} out of place")
+        handler(packet, now)
+
+    def take_replies(self) -> bytes:
+        """Return the bytes that answer what was received, and forget them."""
+        replies, self._replies = self._replies, []
+        return b"".join(map(self._encode, replies))
+
+    @property
+    def answers(self) -> bool:
+        """True when what was received is to be answered, or lets more be sent."""
+        return self.owes or self._ours.answered
+
+    @property
+    def owes(self) -> bool:
+        """True when something that was received is not answered yet."""
+        return bool(self._replies)
+
+    def take_messages(self) -> list[CloudMessage]:
+        """Return the messages that were received, in order, and forget them."""
+        messages, self._messages = self._messages, []
+        return messages
+
+    def send(self, now: float) -> bytes:
+        """Return the bytes of the next messages of the outbox, joined; empty when nothing may be sent now."""
+        return self._ours.send(now) if self.ready else b""
+
+    def busy(self) -> bool:
+        """Tell whether messages could be sent or are not acknowledged yet."""
+        return self._ours.busy()
+
+    def end(self) -> None:
+        """Give what was not acknowledged back to the outbox, which is offline from now on."""
+        self.ready = False
+        self._ours.end()
+
+    def _encode(self, packet: mqtt5.Packet) -> bytes:
+        """Return the packet's bytes in the protocol that was chosen."""
+        return encode(packet, self._settings.protocol)
+
+    def _on_connack(self, packet: mqtt5.ConnAckPacket, _now: float) -> None:
+        """Note whether the broker lets us in, and subscribe to everything."""
+        if int(packet.reason_code):
+            raise SessionRefused(reasons.of(packet))
+        if int(packet.max_qos) == 0:
+            raise SessionRefused("the broker takes only QoS 0; replies and status need QoS 1")
+        self.connected = True
+        self.keepalive = packet.server_keep_alive or self._settings.keepalive
+        self._ours.agree(packet)
+        wanted = list(self._subscriptions.items())
+        for start in range(0, len(wanted), _FILTERS):
+            self._subscribe(wanted[start : start + _FILTERS])
+        self.ready = not wanted
+
+    def _subscribe(self, wanted: list[tuple[str, int]]) -> None:
+        """Ask for some filters; what we publish ourselves must not come back as if somebody asked for it."""
+        identifier = self._ours.next_id()  # nothing is sent before all filters are answered
+        filters = [
+            mqtt5.TopicFilter(pattern, max_qos=mqtt5.QoS(qos), no_local=True, retain_as_published=False)
+            for pattern, qos in wanted
+        ]
+        self._subscribing[identifier] = [pattern for pattern, _ in wanted]
+        self._replies.append(mqtt5.SubscribePacket(identifier, filters))
+
+    def _on_suback(self, packet: mqtt5.SubAckPacket, _now: float) -> None:
+        """Note which filters the broker took."""
+        patterns = self._subscribing.pop(packet.packet_id, [])
+        if len(patterns) != len(packet.reason_codes):
+            raise _broken("the broker answers a subscription that was not asked for")
+        for pattern, code in zip(patterns, packet.reason_codes, strict=True):
+            if int(code) >= 0x80:
+                self.problems.append(f"the broker refuses the subscription {pattern} ({code.name})")
+        self.ready = not self._subscribing
+
+    def _on_publish(self, packet: mqtt5.PublishPacket, _now: float) -> None:
+        """Take a message; one of QoS 2 is handed out once, however often it is sent."""
+        if packet.topic_alias is not None:
+            self._take_flawed(packet, "a topic alias that was not allowed")
+            raise _broken("the broker uses a topic alias that was not allowed")
+        identifier = packet.packet_id
+        if identifier is None:
+            self.take(_message_of(packet))
+        elif packet.qos == mqtt5.QoS.AT_LEAST_ONCE:
+            self.take(_message_of(packet))
+            self._replies.append(mqtt5.PubAckPacket(identifier))
+        else:
+            self._on_publish_twice(packet, identifier)
+
+    def _on_plain(self, plain: InboundPublish, _now: float) -> None:
+        """Take a message of the usual form."""
+        self.take(plain.message)
+        if plain.identifier:
+            self._replies.append(mqtt5.PubAckPacket(plain.identifier))
+
+    def _on_publish_twice(self, packet: mqtt5.PublishPacket, identifier: int) -> None:
+        """Take a message of QoS 2, remembering its identifier until the broker releases it."""
+        if identifier not in self._half_received:
+            if len(self._half_received) >= INBOUND:
+                self._take_flawed(packet, "it has too many before it")
+                code = mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
+                raise SessionEnded("the broker has too many QoS 2 messages under way", code)
+            self._half_received.add(identifier)
+            self.take(_message_of(packet))
+        self._replies.append(mqtt5.PubRecPacket(identifier))
+
+    def _take_flawed(self, packet: mqtt5.PublishPacket, why: str) -> None:
+        """Take a message that the broker may not send: it may be a stop."""
+        self.take(msgspec.structs.replace(_message_of(packet), flaw=why))
+
+    def take(self, message: CloudMessage) -> None:
+        """Add a message to those that are handed out."""
+        self._stats.received += 1
+        self._messages.append(message)
+
+    def _on_pubrel(self, packet: mqtt5.PubRelPacket, _now: float) -> None:
+        """Forget the identifier: the broker will not send that QoS 2 message again."""
+        known = packet.packet_id in self._half_received
+        self._half_received.discard(packet.packet_id)
+        code = mqtt5.PubCompReasonCode.SUCCESS if known else mqtt5.PubCompReasonCode.PACKET_ID_NOT_FOUND
+        self._replies.append(mqtt5.PubCompPacket(packet.packet_id, reason_code=code))
+
+    def _on_pubrec(self, packet: mqtt5.PubRecPacket, _now: float) -> None:
+        """Release a QoS 2 message of ours that the broker has."""
+        release = self._ours.received(packet)
+        if release is not None:
+            self._replies.append(release)
+
+    def _on_pubcomp(self, packet: mqtt5.PubCompPacket, _now: float) -> None:
+        """Note that the broker has a QoS 2 message of ours, once."""
+        self._ours.completed(packet)
+
+    def _on_disconnect(self, packet: mqtt5.DisconnectPacket, _now: float) -> None:
+        """End with the broker's reason."""
+        if reasons.is_permanent(int(packet.reason_code)):
+            raise SessionRefused(reasons.of(packet))
+        raise SessionEnded(reasons.of(packet))
+
+    def _on_pong(self, _packet: mqtt5.PingRespPacket, _now: float) -> None:
+        """Do nothing: the keepalive watch has already noted that the link is alive."""
+
+
+def _message_of(packet: mqtt5.PublishPacket) -> CloudMessage:
+    """Return the message that a packet carries."""
+    return CloudMessage(
+        packet.topic,
+        packet.payload,
+        int(packet.qos),
+        packet.retain,
+        packet.response_topic,
+        packet.correlation_data,
+    )
+
+
+def _broken(message: str) -> SessionEnded:
+    """Return the error for a broker that breaks the protocol."""
+    return SessionEnded(message, mqtt5.DisconnectReasonCode.PROTOCOL_ERROR)

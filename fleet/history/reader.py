@@ -1,0 +1,57 @@
+"""Reading an edge's history from its file, while the edge runs or not."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+from fleet.errors import StateError
+from fleet.history.event_filter import MOST, EventFilter
+from fleet.history.record import COLUMNS, Record, record_of
+from fleet.history.store import HISTORY, VERSION
+
+
+def read(folder: Path, wanted: EventFilter) -> list[Record]:
+    """Return events from a folder's file, the oldest first; none without a file. Raises StateError."""
+    path = folder / HISTORY
+    if not path.exists():
+        return []
+    try:
+        with _opened(path) as database:
+            return list(_records(database, wanted))[::-1]
+    except (sqlite3.Error, OSError) as error:
+        raise StateError(f"{path} cannot be read: {error}") from None
+
+
+def _records(database: sqlite3.Connection, wanted: EventFilter) -> Iterator[Record]:
+    """Yield what is wanted, the newest first; a row that is none of ours is left out."""
+    marks = ", ".join("?" * len(wanted.robots))
+    whose = f" AND robot IN ({marks})" if wanted.robots else ""
+    asked = f"SELECT {COLUMNS} FROM event WHERE stamp >= ?{whose} ORDER BY stamp DESC, id DESC LIMIT ?"  # noqa: S608
+    values = (wanted.since, *wanted.robots, max(1, min(wanted.most, MOST)))
+    for row in database.execute(asked, values):
+        with contextlib.suppress(ValueError):
+            yield record_of(row)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a file to read; on a disk that takes no writes it is read as it lies there."""
+    address = f"{path.absolute().as_uri()}?mode=ro"
+    with contextlib.ExitStack() as closing:
+        for each in (address, f"{address}&immutable=1"):
+            database = sqlite3.connect(each, uri=True, timeout=2.0)
+            closing.callback(database.close)
+            try:
+                version = int(database.execute("PRAGMA user_version").fetchone()[0])
+                database.execute("SELECT 1 FROM event LIMIT 1")
+            except sqlite3.OperationalError:
+                if each != address:
+                    raise
+            else:
+                break
+        if version != VERSION:
+            raise StateError(f"{path} has form {version}, this fleet reads {VERSION}")
+        yield database

@@ -1,0 +1,1 @@
+"""The edge process: the composition root, and what only it serves."""

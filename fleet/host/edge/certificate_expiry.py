@@ -1,0 +1,63 @@
+"""When the certificates of the edge's bus end: told in its health before they do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from fleet.clock import Clock
+from fleet.config.schema import BusTlsConfig
+
+SOON = timedelta(days=30)
+"""How long before its end a certificate is told of."""
+
+
+def ending(until: datetime, now: datetime) -> str:
+    """Return in words that a certificate ends soon, or has ended; empty when neither."""
+    left = until - now
+    if left > SOON:
+        return ""
+    day = f"{until:%Y-%m-%d}"
+    return f"has expired on {day}" if left <= timedelta() else f"expires in {left.days} days, on {day}"
+
+
+def files_of(tls: BusTlsConfig | None) -> tuple[Path, ...]:
+    """Return the certificates that an edge's bus stands on."""
+    return () if tls is None else (tls.root_ca, tls.cert)
+
+
+class CertificateExpiry:
+    """The ends of some certificates, as they were when the edge began: it reads them then, and Zenoh too."""
+
+    def __init__(self, files: Iterable[Path], clock: Clock) -> None:
+        self._clock = clock
+        self._ends: dict[Path, datetime] = {}
+        self._unreadable: list[str] = []
+        for file in files:
+            self._read(file)
+
+    def _read(self, file: Path) -> None:
+        """Note when a certificate ends."""
+        from fleet.config.certificates import first_end  # noqa: PLC0415 - slow to import; few have any
+
+        try:
+            self._ends[file] = first_end(file.read_bytes())
+        except (OSError, ValueError):
+            self._unreadable.append(f"{file.name} is no certificate that can be read")
+
+    @property
+    def problems(self) -> list[str]:
+        """Which of them have ended, or will within 30 days, and which cannot be read, in words."""
+        now = datetime.fromtimestamp(self._clock.time(), UTC)
+        told = ((file, ending(end, now)) for file, end in self._ends.items())
+        advice = "make a new one: fleet certs renew"
+        return [
+            *self._unreadable,
+            *(f"certificate {file.name} {said}; {advice}" for file, said in told if said),
+        ]
+
+    @property
+    def problem(self) -> str:
+        """All of them in one line; empty when there is none."""
+        return "; ".join(self.problems)

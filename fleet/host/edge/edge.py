@@ -1,0 +1,398 @@
+"""The composition root: fleet.yaml, loaded, to a running edge. Everything is built here, and only here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from fleet.bridge.bridge import Bridge
+from fleet.bridge.command_replies import RobotPort
+from fleet.bus import keys
+from fleet.bus.bus import open_edge
+from fleet.bus.zenoh_session import Query
+from fleet.clock import Clock
+from fleet.cloud.values import CloudState
+from fleet.config.load import Loaded
+from fleet.health.aggregate import edge_health, robots_by_health
+from fleet.health.load import read_load
+from fleet.host.edge.certificate_expiry import CertificateExpiry, files_of
+from fleet.host.edge.cloud_claims import CloudClaims
+from fleet.host.edge.cloud_presence import CloudPresence
+from fleet.host.edge.metrics_port import MetricsPort
+from fleet.host.edge.notifier import Notifier
+from fleet.host.journal.stores import history_bounds, open_stores
+from fleet.host.logs.setup import publish_robot_logs
+from fleet.host.process.component_settings import (
+    bridge_rules,
+    bus_access,
+    bus_settings,
+    cloud_settings,
+    settle_time,
+    spool_settings,
+    topics,
+    worker_of,
+)
+from fleet.host.process.history_service import HistoryService
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_inputs import TELL, StopInputs
+from fleet.host.process.stop_service import serve_stops, stop_everywhere
+from fleet.host.requests.stop_cause import local_cause
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.robot_positions import positions_of
+from fleet.host.workers.remote_robot import RemoteRobot
+from fleet.host.workers.worker_manager import WorkerManager, names_of
+from fleet.host.workers.worker_task import WorkerTask, specs_here, task_of
+from fleet.model.event import EventKind, EventReport, Severity
+from fleet.model.health import Health, Level
+from fleet.model.state import EdgeState, RobotState
+from fleet.robot_config import AdapterConfig
+from fleet.spool.spool import Spool
+from fleet.spool.state_folder import state_folder
+from fleet.supervisor.client import SupervisorClient
+from fleet.version import __version__
+
+if TYPE_CHECKING:
+    from fleet.host.edge.metrics import Metrics
+
+log = logging.getLogger(__name__)
+
+HEALTH_EVERY = 1.0  # s
+HEARTBEAT_EVERY = 5.0  # s, contract 9.2
+METRICS_EVERY = 5.0  # s between tries to open the port of the figures
+
+
+class Edge:
+    """One edge: its robots here and in workers, its bus, its bridge, its health.
+
+    Raises BusError when the bus cannot be opened, CloudError for unusable cloud settings.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        *,
+        directory: Path,
+        clock: Clock,
+        supervised: SupervisorClient | None = None,
+    ) -> None:
+        config = loaded.config
+        self._config = config
+        self._clock = clock
+        self._began = clock.monotonic()
+        self.bus = open_edge(bus_settings(config, bus_access(config)), directory)
+        with contextlib.ExitStack() as undo:
+            undo.callback(self.bus.close)
+            folder = state_folder(config.edge.id, config.edge.spool.path)
+            journal, history = open_stores(
+                config.edge.id, folder, history_bounds(config), directory, clock=clock
+            )
+            undo.callback(history.close)
+            undo.callback(journal.close)
+            self.process = RobotProcess(
+                config.edge.id,
+                self.bus,
+                specs_here(loaded),
+                journal=journal,
+                history=history,
+                clock=clock,
+                settle=settle_time(config),
+                supervised=supervised,
+                traffic=positions_of(config, clock),
+            )
+            self.remote = self._remote(loaded)
+            self.process.claims.add(robot.twin for robot in self.remote.values())
+            self.process.moves_elsewhere = self._moves
+            self.cloud_claims = CloudClaims(
+                {robot.twin: robot for robot in self.robots()},
+                hold=self.process.held_in_the_cloud,
+                tell=partial(self.bus.control.put, keys.holders(config.edge.id)),
+            )
+            self._workers = [
+                self._worker(task_of(loaded, name), directory)
+                for name in names_of(robot.worker for robot in self.remote.values())
+                if name not in config.remote_workers
+            ]
+            self.bridge = self._bridge([robot for robot, _ in loaded.robots])
+            self._presence = CloudPresence(self.bridge, self.process.supervised) if self.bridge else None
+            if self._presence is not None:
+                self.process.on_holder = self._presence.hold
+            self.metrics, self._metrics_port = self._make_metrics()
+            undo.pop_all()
+        self._groups = {name: list(robots) for name, robots in config.groups.items()}
+        self._stop_inputs = StopInputs(
+            config.stop_inputs,
+            self._groups,
+            {name: robot.controller.latch for name, robot in self.process.robots.items()},
+            self.remote,
+            stop=self._stop_robots,
+            renew=self._renew_stops,
+            clock=clock,
+        )
+        self._expiry = CertificateExpiry(files_of(config.bus.tls), clock)
+        self._recall = HistoryService(self.process.history)
+        self._notifier = Notifier(config.notify, config.edge.id, clock)
+        self.process.history.told = self._notifier.take
+
+    def _remote(self, loaded: Loaded) -> dict[str, RemoteRobot]:
+        """Build this side of the robots that run in workers."""
+        remote = {
+            robot.name: RemoteRobot(
+                robot,
+                adapter=plugin.name,
+                edge=self._config.edge.id,
+                control=self.bus.control,
+                clock=self._clock,
+                soon=self._soon,
+                arrival=self.process.watchdog.arrival,
+                worker=worker_of(robot, plugin),
+                publish=self.process.outbox.sender(str(robot.twin)),
+            )
+            for robot, plugin in loaded.robots
+            if worker_of(robot, plugin)
+        }
+        edge = self._config.edge.id
+        states = {keys.state(edge, name): robot.state_arrived for name, robot in remote.items()}
+        if states:
+            self.bus.control.subscribe_many(keys.state(edge, "*"), states)
+        return remote
+
+    def _worker(self, task: WorkerTask, directory: Path) -> WorkerManager:
+        """Build what watches one worker process."""
+        return WorkerManager(
+            task.worker,
+            edge=task.edge,
+            task=msgspec.json.encode(task),
+            directory=directory,
+            control=self.bus.control,
+            clock=self._clock,
+            told=self._worker_is,
+            halt=self._halt_worker,
+        )
+
+    async def run(self, ended: asyncio.Event) -> None:
+        """Serve until ``ended`` is set, then bring every robot to a standstill and close everything."""
+        stop_logs = publish_robot_logs(self.process, self.remote)
+        workers: list[asyncio.Task[None]] = []
+        try:
+            if self._metrics_port is not None:
+                self._metrics_port.serve()
+            self._declare(ended)
+            self.process.start()
+            self._stop_inputs.start(self.process.watchdog.add)
+            if self.bridge is not None:
+                self.process.scheduler.at_end(self.bridge.turn)
+                self.bridge.start()
+            workers += [
+                asyncio.create_task(worker.run(), name=f"worker:{worker.name}") for worker in self._workers
+            ]
+            self.process.supervised.running()
+            await ended.wait()
+            self.process.supervised.ending()
+        finally:
+            for task in workers:
+                task.cancel()
+            await asyncio.to_thread(self._stop_inputs.end)
+            await self.process.stop()
+            await asyncio.gather(*workers, return_exceptions=True)
+            if self.bridge is not None:
+                for _ in self.bridge.turn():
+                    pass
+                await asyncio.to_thread(self.bridge.close)
+            if self.metrics is not None:
+                self.metrics.close()
+            stop_logs()
+            self.bus.close()
+            await asyncio.to_thread(self._recall.close)
+            await self.process.close()
+            await asyncio.to_thread(self._notifier.close)
+
+    def _make_metrics(self) -> tuple[Metrics | None, MetricsPort | None]:
+        """Build what serves the edge's figures, where fleet.yaml asks for it."""
+        if self._config.metrics is None:
+            return None, None
+        from fleet.host.edge.metrics import Metrics  # noqa: PLC0415 - not needed by who does not ask for it
+
+        metrics = Metrics(self)
+        return metrics, MetricsPort(metrics, self._config.metrics)
+
+    def robots(self) -> list[LocalRobot | RemoteRobot]:
+        """Return every robot of this edge, also those in its workers."""
+        return [*self.process.robots.values(), *self.remote.values()]
+
+    def states(self) -> list[RobotState]:
+        """Return the state of every robot of this edge."""
+        return [robot.state() for robot in self.robots()]
+
+    def state(self) -> EdgeState:
+        """Return the edge's own state: its robots rolled up, its bus, its cloud, its host."""
+        states = self.states()
+        cloud = self._cloud_health()
+        kept = (self.process.journal.problem, self.process.history.problem)
+        metrics = self._metrics_port.problem if self._metrics_port else ""
+        claims, expiry = self.cloud_claims.problem, self._expiry.problem
+        busy = self.process.starvation.problem
+        problems = (self.bus.problem, *kept, self._stop_inputs.problem, metrics, expiry, claims, busy)
+        health = edge_health(states, [cloud, *map(_degraded, problems)])
+        load = read_load()
+        bridge = self.bridge
+        stats = bridge.client.stats if bridge else None
+        return EdgeState(
+            edge=self._config.edge.id,
+            version=__version__,
+            stamp=self._clock.time(),
+            uptime=round(self._clock.monotonic() - self._began, 1),
+            health=health.level.word,
+            cause=health.cause,
+            robots=robots_by_health(states),
+            bus="alone" if problems[0] else "ok",
+            cloud=self.bridge.client.state.value if self.bridge else "none",
+            cloud_cause=cloud.cause,
+            queued=stats.queued if stats else 0,
+            queued_bytes=stats.queued_bytes if stats else 0,
+            spooled=bridge.client.spool.waiting if bridge else 0,
+            unheard=bridge.client.spool.unheard if bridge else 0,
+            waiting=bridge.uplink.waiting if bridge else 0,
+            refused=bridge.refusals.total if bridge else 0,
+            round_trip=bridge.round_trip.seconds if bridge else None,
+            dropped=self._dropped(),
+            load=load.load,
+            memory_percent=load.memory_percent,
+            threads=load.threads,
+            groups=self._groups,
+        )
+
+    def _dropped(self) -> int:
+        """Return how many messages were lost on the way out, at the robots, the bridge or the cloud."""
+        bridge = self.bridge
+        return self.process.outbox.dropped + (
+            bridge.uplink.dropped.total + bridge.client.stats.dropped if bridge else 0
+        )
+
+    def _soon(self, call: Callable[[], None]) -> None:
+        """Run a call on the event loop; from any thread."""
+        self.process.loop.call_soon_threadsafe(call)
+
+    def _bridge(self, robots: Iterable[AdapterConfig]) -> Bridge | None:
+        """Build the bridge, where fleet.yaml has a cloud."""
+        cloud = self._config.cloud
+        if cloud is None:
+            return None
+        ports: dict[str, RobotPort] = {}
+        for local in self.process.robots.values():
+            ports[local.twin] = local
+        for remote in self.remote.values():
+            ports[remote.twin] = remote
+        simulated = all(port.source_type == "sim" for port in ports.values())
+        return Bridge(
+            cloud_settings(cloud, simulated=simulated),
+            topics(cloud),
+            ports,
+            edge=self._config.edge.id,
+            rules=bridge_rules(cloud, robots),
+            put=self.bus.reports.put,
+            alive=self._alive,
+            claimed=self.cloud_claims.heard,
+            clock=self._clock,
+            spool=Spool(spool_settings(self._config), self._clock),
+        )
+
+    def _declare(self, ended: asyncio.Event) -> None:
+        """Show the edge on the bus, and begin what it says about itself."""
+        edge = self._config.edge.id
+        stop = serve_stops(self.process, self.bus, self._groups, self.remote.values())
+        self.process.follow_supervisor(stop, ended)
+        if self._presence is not None:
+            self._presence.leave_words()
+        if self.bridge is not None:
+            self.process.outbox.bridge = self.bridge.uplink
+            self.bridge.uplink.own(robot.twin for robot in self.process.robots.values())
+            self.bus.reports.gather("cw/*/data/**", self.bridge.heard)
+            self.bridge.streams.listen(self.bus.reports.subscribe)
+        self.bus.control.answer(keys.health(edge), self._asked_health)
+        self.bus.control.answer(keys.history(edge), self._recall.asked)
+        self._notifier.hear(self.bus.reports, {robot.twin: robot.name for robot in self.remote.values()})
+        health = self.bus.control.publisher(keys.health(edge))
+
+        def tell_health() -> None:
+            if health.wanted:
+                health.put(msgspec.json.encode(self.state()))
+
+        self.process.scheduler.every(HEALTH_EVERY, tell_health)
+        if self.remote and self.bridge is not None:  # again and again: a worker may be started anew
+            self.process.scheduler.every(HEALTH_EVERY, self.cloud_claims.tell_workers)
+        if self.remote and self._config.stop_inputs:
+            held = self.bus.control.publisher(keys.held(edge))
+            self.process.scheduler.every(TELL, lambda: held.put(self._stop_inputs.held))
+        if self.bridge is not None:
+            self.process.scheduler.every(HEARTBEAT_EVERY, self._beat)
+        if self._metrics_port is not None:
+            self.process.scheduler.every(METRICS_EVERY, self._metrics_port.serve)
+        self.bus.control.token(keys.edge(edge))
+
+    def _moves(self, twin: str) -> bool:
+        """Return True while a worker's robot does something for somebody."""
+        return any(bool(robot.state().activity) for robot in self.remote.values() if robot.twin == twin)
+
+    def _beat(self) -> None:
+        """Publish every twin's heartbeat, and the edge's own."""
+        assert self._presence is not None
+        self._presence.beat(self.state(), self.states())
+
+    def _asked_health(self, question: Query) -> None:
+        """Answer with the edge's state; on the bus's thread."""
+
+        def tell() -> None:
+            question.reply(msgspec.json.encode(self.state()))
+            question.close()
+
+        self._soon(tell)
+
+    def _cloud_health(self) -> Health:
+        """Return how the cloud's connection is."""
+        if self.bridge is None:
+            return Health()
+        client = self.bridge.client
+        if client.state is CloudState.CONNECTED:  # its cause is what the broker does not let us hear
+            return _degraded(client.cause or client.spool.problem)
+        level = Level.FAULT if client.state is CloudState.REFUSED else Level.DEGRADED
+        return Health(level, f"cloud {client.state.value}: {client.cause}")
+
+    def _alive(self, name: str) -> bool:
+        """Return True while a robot answers."""
+        robot = self.process.robots.get(name) or self.remote.get(name)
+        return robot is not None and robot.state().reachable
+
+    def _worker_is(self, worker: str, cause: str) -> None:
+        """Pass on what is wrong with a worker to its robots."""
+        for robot in self.remote.values():
+            if robot.worker == worker:
+                robot.worker_is(cause)
+                if cause:
+                    lost = EventReport(self._clock.time(), EventKind.LOST, cause, Severity.ERROR)
+                    self.process.history.add(robot.name, lost)
+
+    def _stop_robots(self, names: tuple[str, ...], why: str) -> None:
+        """Set the emergency stop of robots, here and in workers; no name means all. From any thread."""
+        stop_everywhere(self.process, self.remote.values(), names, local_cause("", why))
+
+    def _renew_stops(self, names: tuple[str, ...], why: str) -> None:
+        """Set the stop again of robots in workers that do not have it; from any thread."""
+        for robot in self.remote.values():
+            if not names or robot.name in names:
+                robot.renew_stop(local_cause("", why))
+
+    def _halt_worker(self, worker: str) -> None:
+        """Halt the robots of a worker that hangs, before it is killed; nobody asked for a stop that stays."""
+        self.bus.control.put(keys.halt(self._config.edge.id, worker), b"", urgent=True)
+
+
+def _degraded(problem: str) -> Health:
+    """Return the health of something that works with a problem, or without."""
+    return Health(Level.DEGRADED, problem) if problem else Health()

@@ -1,0 +1,122 @@
+"""Leads a robot that does not navigate by itself: its newest pose in, 20 velocities a second out."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from typing import Any, Protocol
+
+from fleet.adapter import Adapter
+from fleet.clock import Clock
+from fleet.errors import NotReady
+from fleet.host.follow.leg_follower import TOLERANCE, LegFollower
+from fleet.host.follow.legs import legs_of
+from fleet.host.follow.motion_laws import NO_LIMIT, MotionLimits
+from fleet.model.geodesy import GeoOrigin
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity
+from fleet.model.navigation import Progress, Task
+from fleet.model.report import PoseReport, Report
+from fleet.robot_config import AdapterConfig, Limits
+from fleet.runtime.decoding import convert
+
+PERIOD = 0.05  # s between two looks
+STALE = 0.5  # s after which a pose is too old to drive by
+LOST = 2.0  # s after which the action fails
+LEASE = 0.5  # s that each velocity of the follower is held
+SHARE = 0.9  # of the robot's yaw rate that is used, so that its own clamp does not bend the way
+
+
+class GoalNavigator(Protocol):
+    """Who can lead a robot to a goal: an adapter, or the host's follower."""
+
+    def navigate(self, task: Task) -> AsyncIterator[Progress]:
+        """Carry out a task, yielding progress."""
+
+
+class GoalFollower:
+    """The follower of one robot. ``drive`` is the desk's, with its clamp and dead-man."""
+
+    def __init__(
+        self,
+        *,
+        drive: Callable[[Velocity], None],
+        limits: Limits,
+        holonomic: bool,
+        origin: GeoOrigin | None,
+        clock: Clock,
+    ) -> None:
+        self._drive = drive
+        self._limits = limits
+        self._holonomic = holonomic
+        self._origin = origin
+        self._clock = clock
+        self._pose: Pose | None = None
+        self._seen = 0.0
+
+    @property
+    def has_pose(self) -> bool:
+        """True once the robot has told where it is."""
+        return self._pose is not None
+
+    def see(self, report: Report) -> None:
+        """Take a report; poses count."""
+        if isinstance(report, PoseReport):
+            self._pose = Pose(report.position, report.rotation)
+            self._seen = self._clock.monotonic()
+
+    async def navigate(self, task: Task) -> AsyncIterator[Progress]:
+        """Carry out a task; return at the goal. Raises Refused, NotReady or TimedOut; the caller stops it."""
+        pose = self._fresh()
+        if pose is None:
+            raise NotReady("the robot's pose is too old", hint="is it reporting?")
+        follower = LegFollower(
+            legs_of(task, pose, self._origin),
+            pose,
+            self._pace(task),
+            tolerance=task.constraints.tolerance or TOLERANCE,
+            holonomic=self._holonomic,
+            now=self._clock.monotonic(),
+        )
+        while not follower.done:
+            pose = self._fresh()
+            self._drive(ZERO_VELOCITY if pose is None else follower.step(pose, self._clock.monotonic()))
+            yield follower.progress()
+            await asyncio.sleep(PERIOD)
+        self._drive(ZERO_VELOCITY)
+
+    def _fresh(self) -> Pose | None:
+        """Return the pose, None when it is too old to drive by; raises NotReady when it is lost."""
+        age = self._clock.monotonic() - self._seen
+        if self._pose is None or age > LOST:
+            raise NotReady(f"no pose for {age:.1f} s" if self._pose else "the robot has told no pose")
+        return self._pose if age <= STALE else None
+
+    def _pace(self, task: Task) -> MotionLimits:
+        """Return how the robot may be led for a task."""
+        fastest = self._limits.speed or NO_LIMIT
+        asked = task.constraints.max_speed
+        yaw_rate = (self._limits.yaw_rate or NO_LIMIT) * SHARE
+        return MotionLimits(min(fastest, asked) if asked else fastest, yaw_rate)
+
+
+def goal_navigator(
+    adapter: Adapter[Any] | None, leader: GoalFollower, *, navigates: bool, drives: bool
+) -> GoalNavigator | None:
+    """Return who leads a robot to a goal: itself, or the host; None when neither can."""
+    if adapter is not None and navigates:
+        return adapter
+    return leader if adapter is not None and drives and leader.has_pose else None
+
+
+def goal_follower_of(
+    config: AdapterConfig,
+    drive: Callable[[Velocity], None],
+    limits: Limits,
+    clock: Clock,
+    *,
+    holonomic: bool,
+) -> GoalFollower:
+    """Return the follower of a robot of fleet.yaml."""
+    place = config.origin
+    origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
+    return GoalFollower(drive=drive, limits=limits, holonomic=holonomic, origin=origin, clock=clock)

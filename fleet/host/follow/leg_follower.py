@@ -1,0 +1,250 @@
+"""The state machine that leads a robot along the legs of a task; pure, fed with poses.
+
+=======  ==========================================  =======================================
+phase    what the robot does                         what leads on
+=======  ==========================================  =======================================
+turn     turns on the spot towards the way           it looks along it: drive
+drive    follows the way                             near the end: align; the way is abeam: turn
+align    turns to the goal's heading                 it has it: hold
+hold     stands for a moment, then for the wait      time: the next leg, or done; drifted: drive
+blocked  stands                                      time: turn (another try)
+done     stands
+=======  ==========================================  =======================================
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+
+from fleet.errors import TimedOut
+from fleet.host.follow.legs import Leg
+from fleet.host.follow.motion_laws import (
+    MotionLimits,
+    bearing,
+    distance,
+    glide,
+    pursue,
+    ramp,
+    turning,
+)
+from fleet.host.follow.path import Path
+from fleet.host.follow.stuck import StuckDetector
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Velocity, wrap_angle
+from fleet.model.navigation import Progress
+
+TOLERANCE = 0.10  # m
+TIGHTEST, WIDEST = 0.05, 2.0  # m that an asker may set
+NEAR = 0.5  # share of the tolerance at which driving ends
+HEADING = 0.035  # rad of heading that is good enough
+HEADING_LOST = 0.07  # rad from which it is turned again
+TURN_ABOVE = 0.7  # rad beside the way from which the robot turns on the spot
+TURN_UNTIL = 0.12  # rad
+HOLD = 0.4  # s at the goal until it counts as reached
+LOOK_SHORTEST, LOOK_LONGEST = 0.25, 0.6  # m ahead on the path
+LOOK_TIME = 0.8  # s ahead
+REST = 2.0  # s that a blocked robot stands before it tries again
+GIVE_UP = 30.0  # s of tries without getting on
+
+
+class FollowPhase(enum.StrEnum):
+    """What the robot does."""
+
+    TURN = "turn"
+    DRIVE = "drive"
+    ALIGN = "align"
+    HOLD = "hold"
+    BLOCKED = "blocked"
+    DONE = "done"
+
+
+class LegFollower:
+    """One task under way; ``step`` is called with each new pose, about 20 times a second."""
+
+    def __init__(
+        self,
+        legs: Sequence[Leg],
+        pose: Pose,
+        pace: MotionLimits,
+        *,
+        tolerance: float,
+        holonomic: bool,
+        now: float,
+    ) -> None:
+        self._legs = tuple(legs)
+        self._pace = pace
+        self._tolerance = min(max(tolerance, TIGHTEST), WIDEST)
+        self._holonomic = holonomic
+        self._stuck = StuckDetector()
+        self._asked = ZERO_VELOCITY
+        self._number = -1
+        self._leg = self._legs[0]
+        self._path = Path([self._leg.points[0], *self._leg.points])
+        self._way = 0.0
+        self._reached = 0
+        self._at = now
+        self._since = now
+        self._blocked_at: float | None = None
+        self._blocked_remaining = 0.0
+        self._percent = 0.0
+        self.phase = FollowPhase.DONE
+        self._begin_leg(pose, now)
+        self._total = max(self._remaining(), 1e-3)
+
+    @property
+    def done(self) -> bool:
+        """True once the last goal is reached."""
+        return self.phase is FollowPhase.DONE
+
+    def step(self, pose: Pose, now: float) -> Velocity:
+        """Return the velocity to hold from now on; raises TimedOut when the robot stays blocked."""
+        elapsed, self._at = min(max(now - self._at, 0.0), 0.5), now
+        wanted = self._STEPS[self.phase](self, pose, now)
+        resting = wanted.is_zero and self.phase is not FollowPhase.DRIVE
+        self._asked = wanted if resting else ramp(self._asked, wanted, self._pace, elapsed)
+        self._watch(pose, now)
+        return self._asked
+
+    def progress(self) -> Progress:
+        """Return how far it is; never less than before, 100 only at the end."""
+        left = self._remaining()
+        self._percent = max(self._percent, min(99.0, 100.0 * (1.0 - left / self._total)))
+        blocked = self.phase is FollowPhase.BLOCKED
+        message = "blocked: it is commanded and does not get on" if blocked else ""
+        return Progress(self._percent, message, blocked, self._reached + self._path.passed(self._way), left)
+
+    # -- the phases ------------------------------------------------------------------------------------
+
+    def _turn(self, pose: Pose, now: float) -> Velocity:
+        """Turn towards the way."""
+        self._advance(pose)
+        error = self._error(pose)
+        if self._holonomic or abs(error) < TURN_UNTIL or self._is_near(pose):
+            return self._enter(FollowPhase.DRIVE, now)
+        return Velocity(yaw_rate=turning(error, self._pace))
+
+    def _drive(self, pose: Pose, now: float) -> Velocity:
+        """Follow the way."""
+        self._advance(pose)
+        if self._is_near(pose):
+            return self._enter(FollowPhase.ALIGN, now)
+        target, left = self._path.aim(self._way, self._look()), self._left(pose)
+        if self._holonomic:
+            yaw = pose.rotation.yaw if self._leg.yaw is None else self._leg.yaw
+            return glide(pose, target, left, yaw, self._pace)
+        if abs(self._error(pose)) > TURN_ABOVE:
+            return self._enter(FollowPhase.TURN, now)
+        return pursue(pose, target, left, self._pace, backwards=self._leg.backwards)
+
+    def _align(self, pose: Pose, now: float) -> Velocity:
+        """Turn to the goal's heading."""
+        error = self._heading_error(pose)
+        if abs(error) < HEADING:
+            return self._enter(FollowPhase.HOLD, now)
+        return Velocity(yaw_rate=turning(error, self._pace))
+
+    def _hold(self, pose: Pose, now: float) -> Velocity:
+        """Stand; what drifted away is driven again."""
+        if distance(pose, self._path.end) > self._tolerance:
+            return self._enter(FollowPhase.TURN, now)
+        if abs(self._heading_error(pose)) > HEADING_LOST:
+            return self._enter(FollowPhase.ALIGN, now)
+        if now - self._since >= HOLD + self._leg.wait:
+            self._begin_leg(pose, now)
+        return ZERO_VELOCITY
+
+    def _rest(self, _pose: Pose, now: float) -> Velocity:
+        """Stand, then try again."""
+        if now - self._since >= REST:
+            self._stuck.reset()
+            self._enter(FollowPhase.TURN, now)
+        return ZERO_VELOCITY
+
+    def _stand(self, _pose: Pose, _now: float) -> Velocity:
+        """Stand: it is over."""
+        return ZERO_VELOCITY
+
+    _STEPS = {  # noqa: RUF012 - a table
+        FollowPhase.TURN: _turn,
+        FollowPhase.DRIVE: _drive,
+        FollowPhase.ALIGN: _align,
+        FollowPhase.HOLD: _hold,
+        FollowPhase.BLOCKED: _rest,
+        FollowPhase.DONE: _stand,
+    }
+
+    # -- what they use ---------------------------------------------------------------------------------
+
+    def _enter(self, phase: FollowPhase, now: float) -> Velocity:
+        """Begin a phase; it says what to do from its next step on."""
+        self.phase, self._since = phase, now
+        return ZERO_VELOCITY
+
+    def _begin_leg(self, pose: Pose, now: float) -> None:
+        """Begin the next leg, or end."""
+        if self._number >= 0:
+            self._reached += len(self._leg.points)
+        self._number += 1
+        self._way = 0.0
+        if self._number == len(self._legs):
+            self._number -= 1
+            self._path = Path([self._path.end, self._path.end])
+            self._enter(FollowPhase.DONE, now)
+            return
+        self._leg = self._legs[self._number]
+        self._path = Path([(pose.position.x, pose.position.y), *self._leg.points])
+        self._enter(FollowPhase.TURN, now)
+
+    def _advance(self, pose: Pose) -> None:
+        """Note where on the way the robot is; never backwards."""
+        self._way = self._path.ahead((pose.position.x, pose.position.y), self._way)
+
+    def _error(self, pose: Pose) -> float:
+        """Return the angle between the robot and the way."""
+        return bearing(pose, self._path.aim(self._way, self._look()), backwards=self._leg.backwards)
+
+    def _heading_error(self, pose: Pose) -> float:
+        """Return the angle to the goal's heading, 0 when any will do."""
+        return 0.0 if self._leg.yaw is None else wrap_angle(self._leg.yaw - pose.rotation.yaw)
+
+    def _look(self) -> float:
+        """Return how far ahead to aim."""
+        return min(max(LOOK_TIME * self._asked.linear.horizontal(), LOOK_SHORTEST), LOOK_LONGEST)
+
+    def _left(self, pose: Pose) -> float:
+        """Return the metres until the robot must be slow."""
+        left = self._path.to_corner(self._way)
+        return max(left, min(left + 0.1, distance(pose, self._path.end)))
+
+    def _is_near(self, pose: Pose) -> bool:
+        """Return True at the end of the way: near it, or past it within the tolerance."""
+        apart = distance(pose, self._path.end)
+        ends = self._path.length - self._way < LOOK_SHORTEST
+        behind = abs(bearing(pose, self._path.end, backwards=self._leg.backwards)) > math.pi / 2
+        return ends and (apart < NEAR * self._tolerance or (behind and apart < 0.9 * self._tolerance))
+
+    def _remaining(self) -> float:
+        """Return the metres of the whole way that are left."""
+        if self.phase is FollowPhase.DONE:
+            return 0.0
+        rest, last = self._path.length - self._way, self._path.end
+        for leg in self._legs[self._number + 1 :]:
+            rest += Path([last, *leg.points]).length
+            last = leg.points[-1]
+        return rest
+
+    def _watch(self, pose: Pose, now: float) -> None:
+        """Notice that the robot is stuck, and give up when it stays so."""
+        if self.phase in {FollowPhase.BLOCKED, FollowPhase.DONE}:
+            return
+        remaining = self._remaining()
+        if self._blocked_at is not None and remaining < self._blocked_remaining - self._tolerance:
+            self._blocked_at = None
+        if not self._stuck.look(pose, self._asked, remaining, now):
+            return
+        if self._blocked_at is None:
+            self._blocked_at, self._blocked_remaining = now, remaining
+        if now - self._blocked_at > GIVE_UP:
+            raise TimedOut(f"blocked for {GIVE_UP:g} s with {remaining:.2f} m to go")
+        self._asked = self._enter(FollowPhase.BLOCKED, now)

@@ -1,0 +1,78 @@
+"""The laws of motion of the follower: how fast, which way, and never more suddenly than allowed; pure."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from fleet.host.follow.legs import Point
+from fleet.model.geometry import Pose, Vector3, Velocity, rotate_to_world, wrap_angle
+
+BRAKING = 0.25  # m/s2 that the way to the goal is planned with
+TURN_BRAKING = 1.5  # rad/s2
+CREEP = 0.05  # m/s; slower is lost in the wheels' stiction
+LEAST_TURN = 0.2  # rad/s; slower is lost as well
+NO_LIMIT = 1.0  # m/s and rad/s for a robot that declares no limit
+
+
+class MotionLimits(msgspec.Struct, frozen=True):
+    """How a robot may be led: m/s, rad/s, m/s2, rad/s2."""
+
+    speed: float
+    yaw_rate: float
+    acceleration: float = 0.5
+    yaw_acceleration: float = 3.0
+
+
+def bearing(pose: Pose, target: Point, *, backwards: bool = False) -> float:
+    """Return the angle from the robot's front (its back: ``backwards``) to a point, left positive."""
+    at = pose.position
+    heading = pose.rotation.yaw + (math.pi if backwards else 0.0)
+    return wrap_angle(math.atan2(target[1] - at.y, target[0] - at.x) - heading)
+
+
+def distance(pose: Pose, target: Point) -> float:
+    """Return the metres to a point on the plane."""
+    return math.dist((pose.position.x, pose.position.y), target)
+
+
+def turning(error: float, pace: MotionLimits) -> float:
+    """Return the yaw rate that takes away a heading error, and can still stop there."""
+    fastest = min(pace.yaw_rate, max(LEAST_TURN, math.sqrt(2 * TURN_BRAKING * abs(error)) * 0.6))
+    return math.copysign(min(fastest, max(LEAST_TURN, 2.5 * abs(error))), error)
+
+
+def approach(way: float, pace: MotionLimits) -> float:
+    """Return the speed from which the robot can still stop within ``way`` metres."""
+    return min(pace.speed, max(CREEP, min(math.sqrt(2 * BRAKING * way), 1.2 * way)))
+
+
+def pursue(pose: Pose, target: Point, way: float, pace: MotionLimits, *, backwards: bool) -> Velocity:
+    """Return the velocity along the arc to a point (pure pursuit); ``way`` is left until the robot slows."""
+    error, apart = bearing(pose, target, backwards=backwards), max(distance(pose, target), 0.05)
+    curvature = 2 * math.sin(error) / max(apart, 0.15)
+    speed = approach(way, pace) * max(0.3, math.cos(error))
+    speed = min(speed, pace.yaw_rate / max(abs(curvature), 1e-6))
+    yaw_rate = min(max(speed * curvature, -pace.yaw_rate), pace.yaw_rate)
+    return Velocity(Vector3(-speed if backwards else speed), yaw_rate)
+
+
+def glide(pose: Pose, target: Point, way: float, yaw: float, pace: MotionLimits) -> Velocity:
+    """Return the velocity of a robot that also moves sideways: straight to a point, turning as it goes."""
+    angle = bearing(pose, target)
+    speed = approach(way, pace)
+    error = wrap_angle(yaw - pose.rotation.yaw)
+    yaw_rate = turning(error, pace) if abs(error) > 0.1 else 0.0
+    return Velocity(rotate_to_world(Vector3(speed), angle), yaw_rate)
+
+
+def ramp(now: Velocity, wanted: Velocity, pace: MotionLimits, elapsed: float) -> Velocity:
+    """Return the velocity nearest to ``wanted`` that the limits of acceleration allow."""
+    change = wanted.linear - now.linear
+    most = pace.acceleration * elapsed
+    if change.norm() > most:
+        change = change.scaled(most / change.norm())
+    turn = wanted.yaw_rate - now.yaw_rate
+    most_turn = pace.yaw_acceleration * elapsed
+    return Velocity(now.linear + change, now.yaw_rate + min(max(turn, -most_turn), most_turn))

@@ -1,0 +1,1 @@
+"""Logs of an edge's processes: format, files with rotation, flood filter."""

@@ -1,0 +1,128 @@
+"""Where log lines go: to stderr for who runs the edge, and a robot's own to its ``driverlog``."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Protocol
+
+import msgspec
+
+from fleet.host.logs.flood_filter import FloodFilter
+from fleet.host.logs.line_format import Format, JsonFormatter, formatter_of
+from fleet.host.logs.rotating_file import RotatingLogFile
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.requests.event_reporter import ROBOT_LOGGER
+from fleet.model.report import LogReport
+
+FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
+"""Variables of the environment by which workers hear how to log."""
+
+
+class _Robot(Protocol):
+    """A robot whose log lines are published."""
+
+    def publish(self, report: LogReport, /) -> None:
+        """Send a line on its way."""
+
+
+class _ToDriverlog(logging.Handler):
+    """Publishes what is logged about a robot, warnings and worse."""
+
+    def __init__(self, process: RobotProcess, remote: Mapping[str, _Robot]) -> None:
+        super().__init__(logging.WARNING)
+        self._process = process
+        self._remote = remote
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hand a line to its robot, on the loop; from any thread."""
+        name = record.name.removeprefix(ROBOT_LOGGER)
+        robot = self._process.robots.get(name) or self._remote.get(name)
+        if robot is None:
+            return
+        try:
+            report = LogReport(record.created, record.levelname, record.getMessage())
+            self._process.loop.call_soon_threadsafe(robot.publish, report)
+        except (TypeError, ValueError, RuntimeError):  # a line that cannot be put together; a closed loop
+            self.handleError(record)
+
+
+def publish_robot_logs(
+    process: RobotProcess, remote: Mapping[str, _Robot] = MappingProxyType({})
+) -> Callable[[], None]:
+    """Send the robots' warnings to their twins from now on; returns what ends it.
+
+    ``remote``: robots in workers, of which this process warns too.
+    """
+    handler = _ToDriverlog(process, remote)
+    logger = logging.getLogger(ROBOT_LOGGER.rstrip("."))
+    logger.addHandler(handler)
+    return lambda: logger.removeHandler(handler)
+
+
+class _ToStderr(logging.Handler):
+    """Writes to whatever stderr is at the time: a live table on the terminal replaces it."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self._flood = FloodFilter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line, unless there were too many like it."""
+        more = self._flood.admit((record.name, str(record.msg)), record.created)
+        if more is None:
+            return
+        told = f" ({more} more like this before)" if more else ""
+        try:
+            sys.stderr.write(f"{self.format(record)}{told}\n")
+        except (OSError, ValueError):
+            self.handleError(record)
+
+
+class LogSettings(msgspec.Struct, frozen=True):
+    """What somebody wants of the log: from which ``level`` on stderr, in which form, and in which file.
+
+    Workers get form and file by the environment; each writes to a file of its own.
+    """
+
+    level: int = logging.WARNING
+    form: Format = "text"
+    file: Path | None = None
+
+    def told(self) -> None:
+        """Leave form and file to the workers that are started from here."""
+        os.environ[FORM] = self.form
+        if self.file is not None:
+            os.environ[FILE] = str(self.file.absolute())
+
+    @classmethod
+    def of_a_worker(cls, name: str, environ: Mapping[str, str] = os.environ) -> LogSettings:
+        """Return what the edge wants of a worker's log."""
+        given = environ.get(FILE)
+        path = Path(given) if given else None
+        own = path.with_name(f"{path.stem}.{name}{path.suffix}") if path else None
+        return cls(logging.INFO, "json" if environ.get(FORM) == "json" else "text", own)
+
+
+def start_logging(wanted: LogSettings, kept: Path | None = None) -> Callable[[], None]:
+    """Log to stderr, to the file that is wanted, and to ``kept`` for ``fleet logs``; return what ends it."""
+    stderr = _ToStderr(wanted.level)
+    stderr.setFormatter(formatter_of(wanted.form))
+    files = [RotatingLogFile(wanted.file, formatter_of(wanted.form))] if wanted.file else []
+    files += [RotatingLogFile(kept, JsonFormatter())] if kept else []
+    for file in files:
+        file.setLevel(min(wanted.level, logging.INFO))
+    root = logging.getLogger()
+    root.handlers[:] = [stderr, *files]
+    root.setLevel(min(handler.level for handler in root.handlers))
+
+    def end() -> None:
+        for file in files:
+            root.removeHandler(file)
+            file.close()
+
+    return end

@@ -1,0 +1,138 @@
+"""fleet.yaml's models, as the bus, the cloud and the processes want them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from fleet.bridge.bridge import BridgeRules
+from fleet.bus.access import Access
+from fleet.bus.settings import BusSettings, BusTls
+from fleet.cloud.credentials import PLACEHOLDER, client_id, credentials
+from fleet.cloud.values import CloudSettings
+from fleet.config.schema import CloudConfig, FleetConfig, Sections
+from fleet.host.process.twin_claims import SETTLE
+from fleet.plugins.registry import Plugin
+from fleet.robot_config import MAIN, AdapterConfig
+from fleet.spool.spool import SpoolSettings
+from fleet.spool.state_folder import state_folder
+from fleet.wire.rulebook import of_a_twin, of_an_environment, of_any_run, rulebook
+from fleet.wire.rules import TrafficClass
+from fleet.wire.topics import Topics, prefix_from
+
+
+def worker_of(config: AdapterConfig, plugin: Plugin) -> str:
+    """Return the worker that a robot runs in, empty for the edge's own process.
+
+    A drop-in file is not trusted with the edge's process unless its robot says ``worker: main``.
+    """
+    if config.worker == MAIN:
+        return ""
+    if config.worker is None and Path(plugin.origin).suffix == ".py":
+        return config.name
+    return config.worker or ""
+
+
+def bus_settings(config: Sections, access: Access | None = None) -> BusSettings:
+    """Return the bus's settings; ``access`` is what an edge lets others do."""
+    bus = config.bus
+    tls = BusTls()
+    if bus.tls is not None:
+        tls = BusTls(
+            root_ca=str(bus.tls.root_ca),
+            certificate=str(bus.tls.cert),
+            key=str(bus.tls.key),
+            mutual=bus.tls.mutual,
+            verify_name=bus.tls.verify_name,
+        )
+    return BusSettings(
+        edge=config.edge.id,
+        mode=bus.mode,
+        listen=bus.listen,
+        connect=bus.connect,
+        tls=tls,
+        user=bus.user,
+        password=bus.password.get_secret_value() if bus.password else None,
+        scouting=bus.scouting,
+        access=access,
+    )
+
+
+def bus_access(config: FleetConfig) -> Access | None:
+    """Return who may do what on the edge's bus; None when fleet.yaml does not say it."""
+    if config.bus.access is None:
+        return None
+    twins = tuple(str(robot.twin) for robot in config.robots)
+    return Access(config.bus.access, twins, tuple(config.cloud.channels) if config.cloud else ())
+
+
+def settle_time(config: Sections) -> float:
+    """Return how long a twin is wanted before it is had: no time where no other edge is to be met.
+
+    A port that the system chooses (0) is known to nobody.
+    """
+    bus = config.bus
+    known = [end for end in bus.listen if not end.endswith(":0")]
+    return SETTLE if known or bus.connect or bus.scouting else 0.0
+
+
+def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeRules:
+    """Return what crosses: the table, changed by the profile, by the cloud's rules, and by a robot's own."""
+    channels = {name: rule.channel() for name, rule in cloud.channels.items()}
+    general = cloud.changes()
+    everyone = rulebook(cloud.profile, (general,), channels)
+    usual = of_a_twin(everyone)  # one for all robots that say nothing of their own: each is 16 kB
+    twins = {
+        str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
+        if robot.rules or robot.listen
+        else usual
+        for robot in robots
+    }
+    any_run = of_any_run(everyone)
+    return BridgeRules(
+        twins,
+        {str(uuid): of_an_environment(everyone) for uuid in cloud.environments},
+        any_run if any_run.inward else None,
+        cloud.ignore_edges,
+    )
+
+
+def cloud_settings(cloud: CloudConfig, *, simulated: bool) -> CloudSettings:
+    """Return the cloud's settings, with the credentials as the SDK derives them."""
+    login = credentials(
+        cloud.token.get_secret_value() if cloud.token else None,
+        cloud.username or PLACEHOLDER,
+        cloud.password.get_secret_value() if cloud.password else None,
+    )
+    return CloudSettings(
+        host=cloud.host,
+        port=cloud.port,
+        tls=cloud.tls,
+        insecure=cloud.insecure,
+        ca_file=str(cloud.ca_file) if cloud.ca_file else None,
+        username=login.username if login else None,
+        password=login.password if login else None,
+        client_id=client_id("fleet", simulated=simulated),
+        protocol=cloud.protocol,
+        keepalive=cloud.keepalive,
+    )
+
+
+def spool_settings(config: FleetConfig) -> SpoolSettings:
+    """Return where and how much of what the cloud has not taken is kept."""
+    spool = config.edge.spool
+    ages = {
+        TrafficClass.REPLY: spool.ages.reply,
+        TrafficClass.STATUS: spool.ages.status,
+        TrafficClass.EVENT: spool.ages.event,
+    }
+    return SpoolSettings(
+        folder=state_folder(config.edge.id, spool.path), size=spool.size * 1024 * 1024, ages=ages
+    )
+
+
+def topics(cloud: CloudConfig, environ: Mapping[str, str] = os.environ) -> Topics:
+    """Return the topics with the prefix of the file, be it empty, or of the environment."""
+    given = cloud.prefix if "prefix" in cloud.model_fields_set else None
+    return Topics(prefix_from(given, environ))

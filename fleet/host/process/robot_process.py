@@ -1,0 +1,403 @@
+"""What the edge's process and a worker's have in common: robots on a wheel, a watchdog, and the bus."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any, cast, get_args
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.bus import Bus
+from fleet.bus.zenoh_session import Query
+from fleet.clock import Clock
+from fleet.history.store import History
+from fleet.host.journal.journal import Journal
+from fleet.host.logs.rotating_file import log_and_flush
+from fleet.host.process.twin_claims import TwinClaims
+from fleet.host.process.video_relay import relay_video
+from fleet.host.requests.stop_cause import StopCause, local_cause
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.host.robot.report_queue import ReportQueue
+from fleet.host.robot.robot_positions import RobotPositions, exchange
+from fleet.host.runtime.cpu_starvation import CpuStarvation
+from fleet.host.runtime.loop_monitor import LoopMonitor
+from fleet.host.runtime.shared_resources import SharedResources
+from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.host.runtime.watchdog import LoopWatch, Watchdog
+from fleet.model.command import Reply, ReplyStatus, Transport
+from fleet.robot_config import MAIN
+from fleet.runtime.decoding import decode_json
+from fleet.supervisor.client import SupervisorClient
+from fleet.supervisor.protocol import StopRequest
+from fleet.wire.rules import Kind
+from fleet.wire.stops import stop_in
+
+log = logging.getLogger(__name__)
+
+SETTLED = 5.0  # s after which most of what lives long is there
+YOUNG = 20_000  # objects made and not yet done with, after which the garbage collector looks at them
+STATE_EVERY = 1.0  # s between states of a robot that does not change
+SHUTDOWN = 8.0  # s for all robots to come to a standstill when the process ends
+LAST_WORDS = 1.0  # s for the log line of a process that ends itself
+KINDS = get_args(Kind)
+
+
+class RobotSpec(msgspec.Struct, frozen=True):
+    """A robot to run here: its config, its adapter's class and name, and its drop-in file if it has one."""
+
+    config: Any
+    plugin: Any
+    adapter: str
+    file: str = ""
+
+
+class RobotProcess:
+    """The robots of one process; ``close`` closes journal and history, after ``stop``.
+
+    ``history`` takes what is asked, by whom, and what came of it; the journal's thread writes it.
+    ``settle``: how many seconds other edges get to show which twins they have, before a robot is run.
+    ``traffic``: where all robots of the edge are; left out, they are not kept apart.
+    """
+
+    def __init__(
+        self,
+        edge: str,
+        bus: Bus,
+        specs: Iterable[RobotSpec],
+        *,
+        journal: Journal,
+        history: History,
+        clock: Clock,
+        worker: str = "",
+        settle: float = 0.0,
+        supervised: SupervisorClient | None = None,
+        traffic: RobotPositions | None = None,
+    ) -> None:
+        self.edge = edge
+        self.bus = bus
+        self.clock = clock
+        self.worker = worker
+        self.journal = journal
+        self.history = history
+        self.loop = asyncio.get_running_loop()
+        self.scheduler = TickScheduler(self.loop, clock)
+        self.outbox = ReportQueue(bus.reports)
+        self.supervised = supervised or SupervisorClient()
+        self._thread = LoopMonitor(self.loop)
+        self.starvation = CpuStarvation(clock.monotonic(), self._thread.waited())
+        self._shared = SharedResources()
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._states = bus.control.publishers(keys.state(edge, "*"))
+        self._settling: asyncio.TimerHandle | None = None
+        self.watchdog = Watchdog(
+            clock,
+            LoopWatch(
+                beat=lambda: self.scheduler.beat,
+                cpu=self._thread.cpu,
+                waited=self._thread.waited,
+                running=self._running,
+                blocked=self._blocked,
+                stuck=self._stuck,
+            ),
+        )
+        self.robots: dict[str, LocalRobot] = {spec.config.name: self._make(spec) for spec in specs}
+        if traffic is not None:
+            for robot in self.robots.values():
+                robot.share_space(traffic)
+            exchange(
+                traffic,
+                keys.places(edge, worker or MAIN),
+                keys.places(edge, "*"),
+                bus.control,
+                self.scheduler,
+            )
+        self.claims = TwinClaims(
+            edge,
+            [robot.twin for robot in self.robots.values()],
+            bus.control,
+            settle=settle,
+            changed=self.held_on_the_bus,
+            moves=self._moves,
+            clock=clock,
+        )
+        self.moves_elsewhere: Callable[[str], bool] = lambda _twin: False  # of robots in workers
+        self._holders: dict[str, dict[str, str]] = {}
+        self._ending = False
+        self.on_holder: Callable[[str, str], None] = lambda _twin, _holder: None
+
+    def _make(self, spec: RobotSpec) -> LocalRobot:
+        """Build one robot."""
+        return LocalRobot(
+            spec.config,
+            spec.plugin,
+            adapter=spec.adapter,
+            drop_in=spec.file,
+            edge=self.edge,
+            worker=self.worker,
+            clock=self.clock,
+            scheduler=self.scheduler,
+            shared=self._shared,
+            outbox=self.outbox,
+            journal=self.journal.robot(spec.config.name),
+            record=partial(self.history.add, spec.config.name),
+            arrival=self.watchdog.arrival,
+            changed=self.publish_state,
+            supervised=self.supervised,
+        )
+
+    def start(self) -> None:
+        """Start every robot; those that fail are tried again by their own runners."""
+        # A thread that wants to stop a robot must not wait long for the interpreter.
+        sys.setswitchinterval(0.0001)
+        # The garbage collector stops every thread while it looks at all there is: a quarter of a second with
+        # a thousand robots, in which no dead-man runs. What lives as long as the process is kept out of its
+        # sight: what is there now, and once more what the robots have made since.
+        gc.collect()
+        gc.freeze()
+        # One in the middle of a command costs it a third of a millisecond. What is done with is freed without
+        # it, all but what refers to itself, so it need not look often.
+        gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
+        self._settling = self.loop.call_later(SETTLED, gc.freeze)
+        for robot in self.robots.values():
+            self._declare(robot)
+            self.watchdog.add(robot.name, robot.watched())
+            self.scheduler.every(STATE_EVERY, partial(self.publish_state, robot.name))
+        drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
+        self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
+        self.scheduler.every(STATE_EVERY, self._look_at_processor)
+        self.claims.start()
+        self.scheduler.at_end(self.outbox.flushing)
+        self.scheduler.start()
+        self.watchdog.start()
+
+    def _moves(self, twin: str) -> bool:
+        """Return True while the robot of a twin moves because of us."""
+        here = any(robot.controller.in_motion for robot in self.robots.values() if robot.twin == twin)
+        return here or self.moves_elsewhere(twin)
+
+    def held_on_the_bus(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the tokens on the bus."""
+        self._held(twin, "bus", holder)
+
+    def held_in_the_cloud(self, twin: str, holder: str) -> None:
+        """Take note of who has a twin by the heartbeats in the cloud."""
+        self._held(twin, "cloud", holder)
+
+    def others_have(self, payload: bytes) -> None:
+        """Take the edge's word of who has which twins in the cloud; in a worker, on the bus's thread."""
+        try:
+            holders = decode_json(payload, dict[str, str])
+        except msgspec.DecodeError as error:
+            log.warning("who has our twins cannot be read: %s", error)
+            return
+        self.loop.call_soon_threadsafe(self._others_have, holders)
+
+    def _others_have(self, holders: Mapping[str, str]) -> None:
+        """Take note of what is new; what nothing proves takes no robot that was moved meanwhile."""
+        for robot in self.robots.values():
+            holder = holders.get(robot.twin, "")
+            known = self._holders.get(robot.twin, {}).get("cloud", "")
+            if holder != known and not (holder and robot.in_use):
+                self.held_in_the_cloud(robot.twin, holder)
+
+    def _held(self, twin: str, where: str, holder: str) -> None:
+        """Run the robot of a twin that is ours; let go of one that another edge has."""
+        holders = self._holders.setdefault(twin, {})
+        holders[where] = holder
+        first = next(filter(None, holders.values()), "")
+        self.on_holder(twin, first)
+        for robot in self.robots.values():
+            if robot.twin == twin and not first:
+                self._run(robot)
+            elif robot.twin == twin:
+                self._keep_out(robot, f"edge {first} has its twin; one of the two must leave it out")
+
+    def _run(self, robot: LocalRobot) -> None:
+        """Run a robot, once an earlier run of it has ended."""
+        task = self._tasks.get(robot.name)
+        if self._ending:
+            return
+        if task is None:
+            self._tasks[robot.name] = robot.start()
+        elif task.cancelling():
+            task.add_done_callback(lambda _: self._held(robot.twin, "bus", self._holders[robot.twin]["bus"]))
+
+    def _keep_out(self, robot: LocalRobot, why: str) -> None:
+        """End a robot's run, if there is one, and say why there is none."""
+        task = self._tasks.get(robot.name)
+
+        def ended(_task: asyncio.Task[None]) -> None:
+            self._tasks.pop(robot.name, None)
+            robot.stand_by(why)
+
+        if task is None:
+            robot.stand_by(why)
+        elif not task.cancelling():
+            task.add_done_callback(ended)
+            task.cancel()
+
+    async def stop(self) -> None:
+        """Bring every robot that we were moving to a standstill, then let go of them."""
+        self._ending = True
+        for task in self._tasks.values():
+            task.cancel()
+        if self._tasks:
+            _, late = await asyncio.wait(self._tasks.values(), timeout=SHUTDOWN)
+            for task in late:
+                log.error("%s did not end within %g s", task.get_name(), SHUTDOWN)
+        self.outbox.flush()
+        self.scheduler.stop()
+        if self._settling is not None:
+            self._settling.cancel()
+        gc.unfreeze()
+        if any(robot.runner.leftover for robot in self.robots.values()):
+            log.error("an adapter's run does not end: the watchdog ends this process if it never does")
+        else:
+            # To the watchdog a wheel that stands is a loop that is stuck.
+            self.watchdog.stop()
+        self.supervised.close()
+
+    async def close(self) -> None:
+        """Close journal and history: last, once nobody can ask for a stop that would have to be kept."""
+        await asyncio.to_thread(self.journal.close)
+        await asyncio.to_thread(self.history.close)
+
+    def stop_robots(self, names: tuple[str, ...], cause: StopCause) -> list[str]:
+        """Emergency-stop robots at once, from any thread; no name means all of this process."""
+        stopped = [robot for robot in self.robots.values() if not names or robot.name in names]
+        for robot in stopped:
+            robot.controller.latch.engage(cause.why)
+        # One whose halt is held up must not keep the next one moving.
+        run_in_turn((partial(robot.controller.halt, emergency=True) for robot in stopped), wait=HALT_WAIT)
+        run_in_turn((robot.controller.latch.record for robot in stopped), wait=HALT_WAIT)
+        for robot in stopped:
+            robot.follow_emergency(cause)
+        return [robot.name for robot in stopped]
+
+    def follow_supervisor(self, stop: Callable[[bytes, StopCause], list[str]], ended: asyncio.Event) -> None:
+        """Take the stops that the supervisor passes on, and end when it is gone; before the robots start."""
+
+        def end(why: str) -> None:
+            log.error("%s: this process ends", why)
+            self.loop.call_soon_threadsafe(ended.set)
+
+        def stop_named(asked: StopRequest) -> list[str]:
+            cause = local_cause(asked.by, asked.why, asked.request)
+            return stop(msgspec.json.encode(asked.names), cause)
+
+        self.supervised.begin(self.edge, self.worker, stop=stop_named, end=end)
+
+    def halt_robots(self) -> None:
+        """Halt all robots of this process at once, from any thread; no stop is set that stays."""
+        run_in_turn((robot.controller.halt for robot in self.robots.values()), wait=HALT_WAIT)
+
+    def publish_state(self, name: str) -> None:
+        """Publish a robot's state now."""
+        publisher = self._states.wanted(keys.state(self.edge, name))
+        if publisher is not None:
+            publisher.put(msgspec.json.encode(self.robots[name].state()))
+
+    def _declare(self, robot: LocalRobot) -> None:
+        """Show the robot on the bus and take what is asked of it there."""
+        control = self.bus.control
+        relay_video(robot, self.edge, self.bus.reports, self.loop, self.clock)
+        control.token(keys.robot(self.edge, robot.name))
+        control.answer(keys.command(self.edge, robot.name), self._asker(robot))
+        control.answer(keys.state(self.edge, robot.name), self._event_reporter(robot.state))
+        control.answer(keys.description(self.edge, robot.name), self._event_reporter(robot.describe))
+
+    def _asker(self, robot: LocalRobot) -> Callable[[Query], None]:
+        """Return what takes questions for a robot; on the bus's thread, so it hands over at once."""
+
+        def asked(question: Query) -> None:
+            self.loop.call_soon_threadsafe(self._read(robot, question))
+
+        return asked
+
+    def _event_reporter(self, what: Callable[[], msgspec.Struct]) -> Callable[[Query], None]:
+        """Return what answers with what is so then, on the loop."""
+
+        def tell(question: Query) -> None:
+            question.reply(msgspec.json.encode(what()))
+            question.close()
+
+        def asked(question: Query) -> None:
+            self.loop.call_soon_threadsafe(tell, question)
+
+        return asked
+
+    def _driver(self, robot: LocalRobot) -> Callable[[bytes], None]:
+        """Return what takes local setpoints."""
+
+        def arrived(payload: bytes) -> None:
+            take = robot.read("motion", payload, way=Transport.BUS)
+            if take is not None:
+                self.loop.call_soon_threadsafe(take, robot.tell_refused)
+
+        return arrived
+
+    def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
+        """Read a question for a robot, on the bus's thread; return what takes it, on the loop.
+
+        Its answers are the receipt and, when the asker waits, the end.
+        """
+        waits = question.parameters.get("wait") == "1"
+        kind = cast("Kind", question.parameters.get("kind", "command"))
+
+        def answer(reply: Reply) -> None:
+            question.reply(msgspec.json.encode(reply))
+            if not (waits and reply.ok and reply.done is None):
+                question.close()
+
+        if kind not in KINDS and stop_in(question.payload):
+            kind = "command"
+        if kind not in KINDS:
+            refusal = f"{kind!r} is no kind of message; one of {', '.join(KINDS)}"
+            return partial(answer, Reply(kind, ReplyStatus.REJECTED, refusal))
+        take = robot.read(
+            kind,
+            question.payload,
+            way=Transport.CLOUD if question.parameters.get("way") == "cloud" else Transport.BUS,
+            request_id=question.parameters.get("id", ""),
+            waits=waits,
+        )
+        return question.close if take is None else partial(take, answer)
+
+    def _look_at_processor(self) -> None:
+        """See whether the computer has time for this process."""
+        self.starvation.look(self.clock.monotonic(), self._thread.waited())
+
+    # -- who blocks the loop -------------------------------------------------------------------------
+
+    def _running(self) -> str:
+        """Return which robot the loop is busy with; on the watchdog's thread."""
+        return self.scheduler.owner or self._thread.owner()
+
+    def _blocked(self, name: str, seconds: float) -> None:
+        """Say who blocks the loop and where, and count it; on a thread of the watchdog's."""
+        where = self._thread.place()
+        robot = self.robots.get(name)
+        if robot is not None:
+            with contextlib.suppress(RuntimeError):  # the loop has just been closed
+                self.loop.call_soon_threadsafe(robot.runner.blocked, where, seconds)
+        log.error("%s blocks the event loop at %s", name, where)
+
+    def _stuck(self, name: str) -> None:
+        """Give the process up: it is restarted by who watches it; every robot has been halted."""
+        text = f"the event loop is stuck in {name}: this process ends now"
+        run_in_thread(partial(log_and_flush, log, text, within=LAST_WORDS), wait=LAST_WORDS)
+        os._exit(70)
+
+
+def _velocity_key(twin: str) -> str:
+    """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
+    return f"cw/{twin}/data/commands/velocity"

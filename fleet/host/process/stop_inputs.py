@@ -1,0 +1,295 @@
+"""Stop inputs: a device's heartbeat lets robots move, its absence stops them. It never releases a stop.
+
+========================  =====================================================================
+state of an input         what it does
+========================  =====================================================================
+not heard yet (start)     holds: nothing moves the robots; no stop is set
+heard                     nothing
+silent, lost, unopenable  sets the emergency stop once, and holds: it cannot be released
+heard again               no longer holds: a person can release the stop
+========================  =====================================================================
+
+The edge's own process reads them. It tells its workers many times a second which of their robots are held; a
+worker holds those that an input names from its start until it hears that they are not, and while the edge is
+silent.
+
+Each input is read by a thread of its own, and its silence is noticed by the watchdog's: neither needs the
+event loop. Not safety-rated: see docs/stops.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import os
+import select
+import threading
+from collections.abc import Callable, Iterable, Mapping
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.config.schema import StopInputConfig
+from fleet.host.process.heartbeat_devices import open_device
+from fleet.host.runtime.watchdog import Watched
+from fleet.host.safety.deadman import DeadMan
+from fleet.host.safety.emergency_stop import EmergencyStopLatch
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+LOOK = 0.1  # s between looks whether the input ends, or must be opened again
+MOST = 4096  # bytes of heartbeat that are read at once
+TELL = 0.1  # s between two words to the workers of which robots are held
+SILENT_AFTER = 1.5  # s without a word after which a worker holds its robots by itself
+REST = 0.005  # s between two reads of a device that says much
+
+
+class StopInput:
+    """One device; ``trouble`` says why its robots are held, empty while it is heard.
+
+    ``stop`` sets the emergency stop of its robots, ``hold`` is called when ``trouble`` has changed, ``renew``
+    sets the stop of those that were released nevertheless, in another process; all on any thread.
+    """
+
+    def __init__(
+        self,
+        config: StopInputConfig,
+        *,
+        stop: Callable[[str], None],
+        hold: Callable[[], None],
+        renew: Callable[[str], None],
+        clock: Clock,
+    ) -> None:
+        self.name = config.name
+        self.trouble = f"stop input {config.name} has not been heard yet"
+        self._config = config
+        self._stop = stop
+        self._hold = hold
+        self._renew = renew
+        self._clock = clock
+        self._stopped = False
+        self._heard_bytes = b""
+        self._deadman = DeadMan()
+        self._ended = threading.Event()
+        self._deciding = threading.Lock()  # the heartbeat comes on one thread, its absence is seen on another
+        self._thread = threading.Thread(target=self._run, name=f"fleet-stop-{config.name}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen; the first heartbeat must come within the time-out."""
+        self._feed()
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop listening; the robots stay as they are."""
+        self._deadman.clear()
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
+        self._deadman.clear()
+
+    def watched(self) -> Watched:
+        """Return what the watchdog needs to notice the silence."""
+        return Watched(self._deadman, halt=lambda: None, expired=self._silent)
+
+    def _feed(self) -> None:
+        """Let the robots move for one more time-out."""
+        self._deadman.feed(self._clock.monotonic(), self._config.timeout)
+
+    def _silent(self) -> None:
+        """Stop, since nothing came within the time-out; on a thread of the watchdog's."""
+        self._lost(f"no heartbeat for {self._config.timeout:g} s")
+
+    def _run(self) -> None:
+        """Open the device, listen, and begin anew for whatever ends that."""
+        while not self._ended.is_set():
+            try:
+                device = open_device(self._config)
+            except (OSError, ValueError) as error:
+                self._lost(f"{self._config.device}: {getattr(error, 'strerror', None) or error}")
+            else:
+                try:
+                    self._listen(device)
+                except OSError as error:
+                    self._lost(f"{self._config.device}: {error.strerror or error}")
+                finally:
+                    with contextlib.suppress(OSError):
+                        os.close(device)
+            self._ended.wait(LOOK)
+
+    def _listen(self, device: int) -> None:
+        """Take heartbeats until the end; raises OSError for a device that is gone."""
+        poll = select.poll()
+        poll.register(device, select.POLLIN)
+        while not self._ended.is_set():
+            if not poll.poll(LOOK * 1000):
+                if self._stopped:
+                    self._renew(self.trouble)
+                continue
+            with contextlib.suppress(BlockingIOError):
+                said = os.read(device, MOST)
+                if not said:
+                    raise OSError(errno.ENODEV, "it was unplugged")
+                if self._is_heartbeat(said):
+                    self._heard()
+            self._ended.wait(REST)
+
+    def _is_heartbeat(self, said: bytes) -> bool:
+        """Return True for what may be one: the text that is expected, where one is."""
+        expected = self._config.heartbeat.encode()
+        if not expected:
+            return True
+        window = self._heard_bytes + said
+        self._heard_bytes = window[-len(expected) + 1 :] if len(expected) > 1 else b""
+        return expected in window
+
+    def _heard(self) -> None:
+        """Take a heartbeat."""
+        self._feed()
+        with self._deciding:
+            if not self.trouble:
+                return
+            stopped, self.trouble, self._stopped = self._stopped, "", False
+        if stopped:
+            log.warning("stop input %s is heard again; the stop stays until it is released", self.name)
+        self._hold()
+
+    def _lost(self, why: str) -> None:
+        """Stop the robots, once for each time that the heartbeat goes."""
+        trouble = f"stop input {self.name}: {why}"
+        if self._ended.is_set():
+            return
+        with self._deciding:
+            before, self.trouble = self.trouble, trouble
+            again, self._stopped = self._stopped, True
+        self._hold()
+        (self._renew if again else self._stop)(trouble)
+        if trouble != before:  # last: a log may be held up
+            log.error("%s; its robots are stopped", trouble)
+
+
+class StopInputs:
+    """All inputs of an edge.
+
+    ``stop`` and ``renew`` get the names of robots, none for all, and why. ``here`` are the latches of the
+    robots of this process, by name: they are held while a stop cannot be released; ``elsewhere`` the names of
+    those in workers.
+    """
+
+    def __init__(
+        self,
+        inputs: Iterable[StopInputConfig],
+        groups: Mapping[str, Iterable[str]],
+        here: Mapping[str, EmergencyStopLatch],
+        elsewhere: Iterable[str],
+        *,
+        stop: Callable[[tuple[str, ...], str], None],
+        renew: Callable[[tuple[str, ...], str], None],
+        clock: Clock,
+    ) -> None:
+        self._here = here
+        self._elsewhere = tuple(elsewhere)
+        self._inputs: list[tuple[StopInput, tuple[str, ...]]] = []
+        for config in inputs:
+            names = _names(config, groups)
+            one = StopInput(
+                config,
+                stop=lambda why, names=names: stop(names, why),  # type: ignore[misc]
+                renew=lambda why, names=names: renew(names, why),  # type: ignore[misc]
+                hold=self._hold_all,
+                clock=clock,
+            )
+            self._inputs.append((one, names))
+        self._hold_all()
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the inputs; empty while all are heard."""
+        return "; ".join(one.trouble for one, _ in self._inputs if one.trouble)
+
+    def start(self, watch: Callable[[str, Watched], None]) -> None:
+        """Begin to listen; ``watch`` hands each input to the watchdog."""
+        for one, _ in self._inputs:
+            watch(f"stop input {one.name}", one.watched())
+            one.start()
+
+    def end(self) -> None:
+        """Stop listening."""
+        for one, _ in self._inputs:
+            one.end()
+
+    @property
+    def held(self) -> bytes:
+        """The word for the workers: which of their robots are held, and why."""
+        why = {robot: self._why(robot) for robot in self._elsewhere}
+        return msgspec.json.encode({robot: words for robot, words in why.items() if words})
+
+    def _hold_all(self) -> None:
+        """Hold each robot here for as long as it may not be released."""
+        for robot, latch in self._here.items():
+            latch.held = self._why(robot)
+
+    def _why(self, robot: str) -> str:
+        """Return what keeps a robot from being released, empty when nothing does."""
+        held = (one.trouble for one, names in self._inputs if not names or robot in names)
+        return "; ".join(filter(None, held))
+
+
+class HeldByEdge:
+    """What keeps robots of a worker from moving: stop inputs, of which the edge tells.
+
+    ``latches`` are theirs, by name. They are held from the start: whether the input was ever heard is not
+    known yet. ``ended`` is told a robot that is held from now on, and why, on any thread: it ends its motion.
+    """
+
+    def __init__(
+        self,
+        latches: Mapping[str, EmergencyStopLatch],
+        *,
+        ended: Callable[[str, str], None],
+        clock: Clock,
+    ) -> None:
+        self._latches = latches
+        self._ended = ended
+        self._clock = clock
+        self._heard = clock.monotonic()
+        for latch in self._latches.values():
+            latch.held = "the edge has not told yet that its stop input is heard"
+
+    def take(self, payload: bytes) -> None:
+        """Take the edge's word; on the bus's thread. One that cannot be read is none."""
+        try:
+            held = decode_json(payload, dict[str, str])
+        except msgspec.DecodeError as error:
+            log.warning("which robots are held cannot be read: %s", error)
+            return
+        self._heard = self._clock.monotonic()
+        for robot in self._latches:
+            self._hold(robot, held.get(robot, ""))
+
+    def look(self) -> None:
+        """Hold the robots again while the edge is silent: then nobody here knows of their stop inputs."""
+        if self._clock.monotonic() - self._heard > SILENT_AFTER:
+            for robot, latch in self._latches.items():
+                self._hold(robot, latch.held or "the edge, which reads its stop input, is silent")
+
+    def _hold(self, robot: str, why: str) -> None:
+        """Hold a robot, empty: do not; end its motion where it was not held until now."""
+        latch = self._latches[robot]
+        before, latch.held = latch.held, why
+        if why and not before:
+            self._ended(robot, why)
+
+
+def robots_of(
+    inputs: Iterable[StopInputConfig], groups: Mapping[str, Iterable[str]], robots: Iterable[str]
+) -> tuple[str, ...]:
+    """Return those of the robots that a stop input stops."""
+    named = [_names(config, groups) for config in inputs]
+    return tuple(robot for robot in robots if any(not names or robot in names for names in named))
+
+
+def _names(config: StopInputConfig, groups: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """Return the robots that an input stops, groups spelt out; none means all."""
+    return tuple(name for one in config.robots for name in (one, *groups.get(one, ())))

@@ -1,0 +1,172 @@
+"""Which edge has a twin, on the bus: tokens say so, and no two edges run its robot at once.
+
+An edge shows that it wants a twin (a token), waits as long as a token may take to be seen and once more, and
+has it (another token) only if meanwhile nobody had it and nobody wanted it before. So of two edges at least
+one sees the other in time (docs/adr/0013-claims-on-twins.md). Two that have it, because the network between
+them was cut, both see that later: the one that wanted it later gives way, once its robot does not move.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+
+log = logging.getLogger(__name__)
+
+SEEN_WITHIN = 1.0  # s in which others see a token: an edge tries to reach them every 0.5 s
+SETTLE = 2 * SEEN_WITHIN  # s for which a twin is wanted before it is had
+LOOK_AGAIN = 0.25  # s between looks whether a robot that is to be let go still moves
+
+
+class TwinClaim(msgspec.Struct, frozen=True, order=True):
+    """Since when (Unix milliseconds) which edge wants a twin; the smaller gets it. ``held``: it has it."""
+
+    began: int
+    edge: str
+    held: bool = False
+
+
+class _Mine(msgspec.Struct):
+    """Our claim on a twin, and what takes its token back."""
+
+    claim: TwinClaim
+    take_back: Callable[[], None]
+
+
+def holder(mine: TwinClaim | None, others: Iterable[TwinClaim]) -> str:
+    """Return the edge that has a twin, or will, before us; empty when none does.
+
+    ``mine`` is None while we do not want it. Who has it keeps it; of two that have it, or want it, the one
+    that wanted it first.
+    """
+    before = [other for other in others if mine is None or _precedes(other, mine)]
+    return min(before, key=lambda claim: (not claim.held, claim)).edge if before else ""
+
+
+def _precedes(other: TwinClaim, mine: TwinClaim) -> bool:
+    """Return True when another edge's claim goes before ours."""
+    if other.held != mine.held:
+        return other.held
+    return (other.began, other.edge) < (mine.began, mine.edge)
+
+
+def read_claim(key: str) -> tuple[str, TwinClaim] | None:
+    """Return twin and claim of a token's key; None when it is none."""
+    parts = key.split("/")
+    if len(parts) != 5 or parts[0] != "fleet" or parts[2] != "claims":
+        return None
+    since = parts[4].removesuffix(keys.HELD)
+    return (parts[3], TwinClaim(int(since), parts[1], since != parts[4])) if since.isdecimal() else None
+
+
+class TwinClaims:
+    """The claims of one process for its edge's twins. On the loop only.
+
+    ``changed`` hears twin and holder, empty when the twin is ours, once it is known and then for each change.
+    ``settle`` is how many seconds a twin is wanted before it is had: none where no other edge can be.
+    ``moves`` tells whether a twin's robot moves because of us: then it is not let go.
+    """
+
+    def __init__(
+        self,
+        edge: str,
+        twins: Iterable[str],
+        bus_session: ZenohSession,
+        *,
+        settle: float,
+        changed: Callable[[str, str], None],
+        moves: Callable[[str], bool],
+        clock: Clock,
+    ) -> None:
+        self._edge = edge
+        self._bus_session = bus_session
+        self._settle = settle
+        self._changed = changed
+        self._moves = moves
+        self._clock = clock
+        self._loop = asyncio.get_running_loop()
+        self._others: dict[str, set[TwinClaim]] = {twin: set() for twin in twins}
+        self._mine: dict[str, _Mine] = {}
+        self._told: dict[str, str] = {}
+        self._looking: set[str] = set()  # twins at which is looked again soon
+
+    def add(self, twins: Iterable[str]) -> None:
+        """Claim these twins too (of robots in workers); before ``start``."""
+        for twin in twins:
+            self._others[twin] = set()
+
+    def start(self) -> None:
+        """Listen, and claim what is free."""
+        self._bus_session.watch_tokens(keys.claims(), self._seen)
+        for twin in self._others:
+            self._look(twin)
+
+    def _seen(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        """Note a token that came or went; on the bus's thread."""
+        read = read_claim(key)
+        if read is not None and read[1].edge != self._edge and read[0] in self._others:
+            self._loop.call_soon_threadsafe(self._note, *read, alive)
+
+    def _note(self, twin: str, claim: TwinClaim, alive: bool) -> None:  # noqa: FBT001 - handed on
+        """Take another edge's claim into account."""
+        (self._others[twin].add if alive else self._others[twin].discard)(claim)
+        self._look(twin)
+
+    def _look(self, twin: str) -> None:
+        """Want a twin, give it up, or wait for it, as the tokens are now."""
+        mine = self._mine.get(twin)
+        before = holder(mine.claim if mine else None, self._others[twin])
+        if mine is None and not before:
+            self._want(twin)
+        elif mine is not None and before:
+            if mine.claim.held and self._moves(twin):
+                self._look_later(twin)
+                return
+            del self._mine[twin]
+            mine.take_back()
+            # What kept us may have been one that only wanted it, and is gone since.
+            self._loop.call_soon(self._look, twin)
+        if before:
+            self._tell(twin, before)
+
+    def _look_later(self, twin: str) -> None:
+        """Look again soon; one such look waits at a time."""
+        if twin not in self._looking:
+            self._looking.add(twin)
+            self._loop.call_later(LOOK_AGAIN, self._look_again, twin)
+
+    def _look_again(self, twin: str) -> None:
+        self._looking.discard(twin)
+        self._look(twin)
+
+    def _want(self, twin: str) -> None:
+        """Show that we want a twin, and have it if nobody is in the way for as long as it takes to know."""
+        claim = TwinClaim(int(self._clock.time() * 1000), self._edge)
+        self._mine[twin] = _Mine(claim, self._bus_session.token(keys.claim(self._edge, twin, claim.began)))
+        if self._settle:
+            self._loop.call_later(self._settle, self._have, twin, claim)
+        else:
+            self._have(twin, claim)
+
+    def _have(self, twin: str, claim: TwinClaim) -> None:
+        """Have a twin that we have wanted all the time."""
+        mine = self._mine.get(twin)
+        if mine is None or mine.claim != claim:
+            return
+        has = self._bus_session.token(keys.claim(self._edge, twin, claim.began, held=True))
+        mine.take_back()
+        self._mine[twin] = _Mine(msgspec.structs.replace(claim, held=True), has)
+        self._tell(twin, "")
+
+    def _tell(self, twin: str, who: str) -> None:
+        """Tell who has a twin, once."""
+        if self._told.get(twin) != who:
+            self._told[twin] = who
+            self._changed(twin, who)

@@ -1,0 +1,84 @@
+"""``start_video`` and ``stop_video``, passed on to the program on the bus that sends a robot's video.
+
+The host sends none itself. A robot whose adapter declares these commands is asked like for any other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.errors import Refused, TimedOut, WireError
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.local_robot import LocalRobot
+from fleet.model.command import Command
+from fleet.wire.video import VIDEO_TYPES, read_video_reply, video_request
+
+ANSWER_WITHIN = 4.0  # s that a program has; who asks by MQTT waits 5 s for us
+START = "start one on the robot's computer: fleet video"
+
+
+class VideoRelay:
+    """Asks the programs that send one robot's video; on the loop."""
+
+    def __init__(
+        self, robot: str, key: str, bus_session: ZenohSession, loop: asyncio.AbstractEventLoop, clock: Clock
+    ) -> None:
+        self._robot = robot
+        self._key = key
+        self._bus_session = bus_session
+        self._loop = loop
+        self._clock = clock
+
+    def take(self, ask: Command, receipt: Receipt) -> None:
+        """Pass a command on: it is done once a program says so, and refused when none is there to take it."""
+        refusals: list[str] = []
+        asked = self._clock.monotonic()
+
+        def answered(payload: bytes) -> None:
+            self._loop.call_soon_threadsafe(self._answered, payload, receipt, refusals)
+
+        def ended() -> None:
+            self._loop.call_soon_threadsafe(self._ended, asked, receipt, refusals)
+
+        request = video_request(ask)
+        self._bus_session.ask_later(
+            self._key, request, timeout=ANSWER_WITHIN, on_answer=answered, on_end=ended
+        )
+
+    def _answered(self, payload: bytes, receipt: Receipt, refusals: list[str]) -> None:
+        """Take one program's answer; there may be one for each camera, of which one takes what is asked."""
+        try:
+            reply = read_video_reply(payload)
+        except WireError as error:
+            refusals.append(f"the program that sends its video answers what cannot be read: {error}")
+            return
+        if reply.ok:
+            receipt.done()
+        else:
+            refusals.append(reply.reason)
+
+    def _ended(self, asked: float, receipt: Receipt, refusals: list[str]) -> None:
+        """Tell who asked when no program has done it."""
+        if receipt.first is not None:
+            return
+        if refusals:
+            receipt.fail(Refused("; ".join(refusals)))
+        elif self._clock.monotonic() - asked < ANSWER_WITHIN / 2:
+            receipt.reject(
+                f"no program on the bus sends video of {self._robot}", hint=f"{START} {self._robot}"
+            )
+        else:
+            receipt.fail(TimedOut(f"the program that sends video of {self._robot} does not answer"))
+
+
+def relay_video(
+    robot: LocalRobot, edge: str, bus_session: ZenohSession, loop: asyncio.AbstractEventLoop, clock: Clock
+) -> None:
+    """Have a robot's commands for video passed on, those that its adapter does not take itself."""
+    relay = VideoRelay(robot.name, keys.video(edge, robot.name), bus_session, loop, clock)
+    for name in VIDEO_TYPES:
+        if not robot.takes(name):
+            robot.controller.own[name] = relay.take

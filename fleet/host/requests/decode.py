@@ -1,0 +1,142 @@
+"""From a message on any way in to an ask at a robot's desk."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+
+import msgspec
+
+from fleet.errors import WireError
+from fleet.model.command import Answer, Command, Origin, Reply, Setpoint, Transport
+from fleet.model.navigation import Control, Navigate
+from fleet.robot_config import AdapterConfig
+from fleet.wire.commands import Defaults, decode_command, decode_motion
+from fleet.wire.joints import JOINT_TARGETS, decode_joints
+from fleet.wire.missions import decode_mission
+from fleet.wire.navigation import decode_navigate
+from fleet.wire.rules import MIB, Kind
+from fleet.wire.stops import STOP_WORDS, UNREAD, stop_in
+
+log = logging.getLogger(__name__)
+
+Ask = Command | Setpoint | Navigate
+
+LARGEST = MIB  # bytes of a message that is read
+
+
+class RequestDecoder:
+    """Decodes what is asked of one robot; raises WireError with the reason for what cannot be read.
+
+    ``defaults`` gives the magnitudes of a session's verbs that bring none, ``home_altitude`` metres above sea
+    level of the take-off point, from which geodetic goals count.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        defaults: Defaults,
+        *,
+        planar: bool,
+        home_altitude: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        self._twin = str(config.twin)
+        self._order = config.rotation_order
+        self._origin = config.origin
+        self._home_altitude = home_altitude
+        self._planar = planar
+        self._defaults = defaults
+        self._decoders: dict[Kind, Callable[..., Ask | None]] = {
+            "navigate": self._navigate,
+            "motion": decode_motion,
+            "joints": decode_joints,
+            "mission": self._mission,
+        }
+
+    def decode(
+        self, kind: Kind, payload: bytes, *, way: Transport, request_id: str = "", unread: str = ""
+    ) -> Ask | None:
+        """Return the ask in a message; None for one that asks nothing (a reply).
+
+        ``unread`` says why its payload must not be read, empty for one that is. A stop is returned whatever
+        is wrong with the rest of its message, with its ``flaw``.
+        """
+        if len(payload) > LARGEST:
+            unread = unread or f"{len(payload)} bytes are more than the {LARGEST} that are read"
+        if unread:
+            if stop := UNREAD.get(kind, ""):
+                return Command(stop, origin=Origin(way), flaw=unread)
+            raise WireError(unread)
+        # An error that is raised where a name holds it refers to itself: it would keep the payload until
+        # the garbage collector looks, which is seldom.
+        try:
+            return self._decode(kind, payload, way=way, request_id=request_id)
+        except WireError as error:
+            if stop := stop_in(payload, kind):
+                return Command(stop, origin=Origin(way), flaw=str(error))
+            raise
+        except Exception as error:
+            log.exception("a %s message could not be read", kind)
+            why = f"it could not be read ({type(error).__name__}); the edge's log says why"
+            if stop := stop_in(payload, kind):
+                return Command(stop, origin=Origin(way), flaw=why)
+            raise WireError(why) from None
+
+    def _decode(self, kind: Kind, payload: bytes, *, way: Transport, request_id: str) -> Ask | None:
+        """Decode a message strictly."""
+        if kind == "command":
+            return decode_command(
+                payload, way=way, request_id=request_id, defaults=self._defaults, twin=self._twin
+            )
+        return self._decoders[kind](payload, way=way, request_id=request_id, twin=self._twin)
+
+    def _navigate(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:
+        """Decode the ``navigate/command`` topic's messages."""
+        origin = self._origin
+        home = self._home_altitude()
+        return decode_navigate(
+            payload,
+            way=way,
+            request_id=request_id,
+            rotation_order=self._order,
+            planar=self._planar,
+            home_altitude=origin.altitude if home is None and origin else home,
+            origin_heading=origin.heading if origin else 0.0,
+            twin=twin,
+        )
+
+    def _mission(self, payload: bytes, *, way: Transport, request_id: str, twin: str) -> Ask | None:  # noqa: ARG002 - the others have it
+        """Decode the ``mission/command`` topic's messages."""
+        return decode_mission(payload, way=way, twin=twin)
+
+
+def is_stop(ask: Ask) -> bool:
+    """Return True for what can only end motion."""
+    if isinstance(ask, Navigate):
+        return ask.ask is Control.STOP
+    return isinstance(ask, Command) and ask.name in STOP_WORDS
+
+
+def is_discrete(ask: Ask) -> bool:
+    """Return True for what is no part of a stream: neither a velocity nor joint targets."""
+    return not isinstance(ask, Setpoint) and ask.name != JOINT_TARGETS
+
+
+def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
+    """Return what also tells the asker of a stop what was wrong with its message."""
+
+    def tell(reply: Reply) -> None:
+        words = f"taken for {reply.command}, though the message was refused: {flaw}"
+        reason = f"{reply.reason}; {words}" if reply.reason else words
+        answer(msgspec.structs.replace(reply, reason=reason))
+
+    return tell
+
+
+def max_wait(ask: Ask, config: AdapterConfig) -> float:
+    """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
+    if isinstance(ask, Setpoint):
+        return math.inf if ask.velocity.is_zero else config.max_age
+    holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
+    return math.inf if holds or is_stop(ask) else config.command_max_age

@@ -1,0 +1,26 @@
+"""The last thing that was asked of a robot, and how it went: for people."""
+
+from __future__ import annotations
+
+from fleet.host.requests.receipt import Receipt
+from fleet.model.command import Reply
+
+
+class LastCommand:
+    """One robot's."""
+
+    def __init__(self) -> None:
+        self.command = ""
+        self.outcome = ""
+
+    def follow(self, command: str, receipt: Receipt) -> None:
+        """Note a command that is under way, and from its ticket how it goes on."""
+        self.command, self.outcome = command, "under way"
+        receipt.watch(self._heard)
+
+    def accepted(self, command: str) -> None:
+        """Note a velocity that is held."""
+        self.command, self.outcome = command, "accepted"
+
+    def _heard(self, reply: Reply) -> None:
+        self.outcome = reply.outcome

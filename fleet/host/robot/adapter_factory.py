@@ -1,0 +1,130 @@
+"""Both kinds of adapter, Adapter and FrameAdapter, seen as one by the rest of the host."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter, FrameAdapter
+from fleet.commands import CommandSpec, arguments, commands_of
+from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
+from fleet.model.command import Command
+from fleet.model.geometry import Velocity
+from fleet.model.navigation import FlyMission, Task
+from fleet.robot_config import AdapterConfig, Limits, Separation
+
+AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
+_VERB_TIMEOUT = 10.0  # s
+_NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
+
+
+class Capabilities(msgspec.Struct, frozen=True):
+    """What a kind of robot declares; the host refuses the rest before it reaches the adapter."""
+
+    commands: Mapping[str, CommandSpec]
+    drives: bool
+    navigates: bool
+    limits: Limits
+    separation: Separation = Adapter.separation
+    holonomic: bool = False
+    combines_keys: bool = False
+
+    def refusal(self, velocity: Velocity) -> str | None:
+        """Return why the robot cannot move like this at all; None when it can."""
+        if not self.drives:
+            return "it takes no velocities"
+        if not self.holonomic and abs(velocity.linear.y) > _NOTHING:
+            return "it does not move sideways"
+        if self.limits.vertical_speed is None and abs(velocity.linear.z) > _NOTHING:
+            return "it stays on the ground"
+        return None
+
+    def cannot(self, task: Task) -> str | None:
+        """Return why the robot cannot carry out such a task at all; None when it can."""
+        if isinstance(task, FlyMission) and not self.navigates:
+            return "it carries out no missions: it has no autopilot with a memory for them; send it goals"
+        return None
+
+    @property
+    def moves(self) -> bool:
+        """True where anything that is declared may move the robot."""
+        return self.drives or self.navigates or any(spec.moves for spec in self.commands.values())
+
+    def hint(self, name: str) -> str:
+        """Say which command was perhaps meant by one that is not declared."""
+        near = difflib.get_close_matches(name, self.commands, n=1)
+        if near:
+            return f"did you mean {near[0]!r}?"
+        return f"it takes {', '.join(sorted(self.commands)) or 'no commands'}"
+
+
+def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
+    """Return capabilities whose commands are given up when the robot's config says so."""
+    commands = {
+        name: spec
+        if (limit := config.timeout_of(name)) is None
+        else msgspec.structs.replace(spec, timeout=limit)
+        for name, spec in can.commands.items()
+    }
+    return msgspec.structs.replace(can, commands=commands)
+
+
+class _NoParameters(msgspec.Struct):
+    """The parameters of a plain verb: its data goes to ``encode`` as it is."""
+
+
+@functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it
+def capabilities(plugin: AdapterClass) -> Capabilities:
+    """Return what the class declares."""
+    if issubclass(plugin, FrameAdapter):
+        verbs = {verb: _verb(verb) for verb in plugin.verbs}
+        commands, drives, navigates = verbs | dict(commands_of(plugin)), plugin.drives, False
+    else:
+        commands, drives, navigates = dict(plugin.commands()), plugin.drives(), plugin.navigates()
+    return Capabilities(
+        commands,
+        drives,
+        navigates,
+        plugin.limits,
+        plugin.separation,
+        plugin.holonomic,
+        plugin.combines_keys,
+    )
+
+
+def _verb(name: str) -> CommandSpec:
+    """Return a verb as a command. What only ``verbs`` names may move the robot and is not safe."""
+    return CommandSpec(
+        name=name,
+        method="encode",
+        timeout=_VERB_TIMEOUT,
+        safe=False,
+        moves=True,
+        streams=False,
+        parameters=_NoParameters,
+        summary="",
+    )
+
+
+def create_adapter(plugin: AdapterClass, config: AdapterConfig) -> Adapter[Any]:
+    """Return a new adapter for one attempt to run a robot.
+
+    Raises LinkRefused or Fault for a FrameAdapter whose link or halt is unusable.
+    """
+    if issubclass(plugin, FrameAdapter):
+        return FrameAdapterRunner(plugin(config))
+    return plugin(config)
+
+
+def start_command(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> Any:
+    """Begin a command: an async iterator of Progress when ``spec.streams``, else a coroutine.
+
+    Raises Refused for data that the command does not take.
+    """
+    if type(adapter) is FrameAdapterRunner:  # which has no kinds; to ask an abstract class takes a while
+        return adapter.perform(spec, command)
+    return getattr(adapter, spec.method)(**arguments(spec, command.data))

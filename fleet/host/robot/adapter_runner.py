@@ -1,0 +1,309 @@
+"""The wall around one robot: runs its adapter, again and again, and keeps its failures to itself.
+
+what ends a run        what happens                                                    health
+LinkLost               halted, opened again after a growing wait                       offline
+LinkRefused, Fault     halted, tried again at the longest wait: a person must act      fault
+anything else          traceback, halted, tried again; 3 in 60 s: quarantine           fault
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import deque
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter
+from fleet.clock import Clock
+from fleet.errors import Fault, LinkError, LinkLost, LinkRefused, NotReady
+from fleet.host.robot.controller import RobotController
+from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.runtime.cancellation import result_of, retrieve_exception
+from fleet.model.health import Health, Level
+from fleet.runtime.exception_barrier import call_guarded, failure_of, guarded
+
+STRIKES = 3
+STRIKE_WINDOW = 60.0  # s
+SLOW_RETRY = 30.0  # s between tries of what only a person can mend
+NOTHING_STOPS_IT = Health(
+    Level.DEGRADED,
+    "nothing stops it if this process dies: its adapter declares no failsafe and leaves no halt",
+)
+LEAVE_WITHIN = 2.0  # s that a run gets to end once it is cancelled
+COMING_UP = 10.0  # s in which the steps of a start are no trouble: a line that is silent yet, a set-up
+
+
+class _Restart(Exception):
+    """Somebody asked for the run to begin anew."""
+
+
+class _End(msgspec.Struct, frozen=True):
+    """What the end of a run means; ``slow``: only a person can mend it."""
+
+    health: Health
+    slow: bool = False
+
+
+_ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
+    (LinkLost, Level.OFFLINE, False),
+    (NotReady, Level.OFFLINE, False),
+    (_Restart, Level.OFFLINE, False),
+    (LinkRefused, Level.FAULT, True),
+    (Fault, Level.FAULT, True),
+)
+"""What an error means; whatever is not here is a failure of the adapter itself."""
+
+
+class AdapterRunner:
+    """One robot's life. ``make`` gives a fresh adapter, ``handle`` a fresh handle for each run.
+
+    ``told`` hears of each new level of its health, but for the steps of a start.
+    """
+
+    def __init__(
+        self,
+        controller: RobotController,
+        *,
+        make: Callable[[], Adapter[Any]],
+        handle: Callable[[AdapterRunner], RobotHandle],
+        waits: Callable[[], Iterator[float]],
+        clock: Clock,
+        changed: Callable[[], None],
+        told: Callable[[Health], None],
+    ) -> None:
+        self.controller = controller
+        self.health = Health(Level.OFFLINE, "starting")
+        self.leftover: asyncio.Future[None] | None = None  # a run that does not end when it is cancelled
+        self._make = make
+        self._handle = handle
+        self._new_waits = waits
+        self._clock = clock
+        self._changed = changed
+        self._level_changed = told
+        self._log = logging.getLogger(f"fleet.robot.{controller.name}")
+        self._crash: asyncio.Future[None] | None = None
+        self._strikes: deque[float] = deque(maxlen=STRIKES)
+        self._lifted = asyncio.Event()
+        self._leaving = False
+        self._told: Level | None = None
+        self._coming_up: asyncio.TimerHandle | None = None
+        self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
+
+    async def run(self) -> None:
+        """Serve the robot until cancelled; then bring it to a standstill."""
+        waits = self._new_waits()
+        while True:
+            self._lifted.clear()
+            began = self._clock.monotonic()
+            end = await self._once()
+            if self._clock.monotonic() - began > SLOW_RETRY:
+                waits = self._new_waits()
+            self._set(end.health)
+            await self._outlive()
+            if self._struck_out():
+                await self._quarantine(end.health)
+                waits = self._new_waits()
+            else:
+                await self._rest(SLOW_RETRY if end.slow else next(waits))
+
+    def crashed(self, error: Exception) -> None:
+        """End the run because the adapter raised what it may not; on the loop."""
+        if self._crash is not None and not self._crash.done():
+            self._crash.set_exception(failure_of(error))
+
+    def blocked(self, where: str, seconds: float) -> None:
+        """Count a block of the event loop, longer than ``seconds``, against this robot."""
+        self._log.error("blocked the event loop for more than %.2f s at %s", seconds, where)
+        self._strike()
+        if self.health.level < Level.OFFLINE:
+            self._set(Health(Level.DEGRADED, f"blocked the event loop at {where}"))
+        if self._struck_out():
+            advice = f"give {self.controller.name} a worker of its own (worker: {self.controller.name})"
+            self.crashed(
+                RuntimeError(f"blocked the event loop {STRIKES} times, the last at {where}; {advice}")
+            )
+
+    def restart(self) -> None:
+        """End a quarantine or a wait at once; a run that is under way ends and begins anew."""
+        self._lifted.set()
+        self.crashed(_Restart("it is being restarted, as somebody asked"))
+
+    def stand_by(self, cause: str) -> None:
+        """Note why the robot is not run at all."""
+        self._set(Health(Level.OFFLINE, cause))
+
+    async def _once(self) -> _End:
+        """Run the adapter once; return what its end means."""
+        self._leaving = False
+        loop = asyncio.get_running_loop()
+        self._crash = loop.create_future()
+        self._coming_up = loop.call_later(COMING_UP, self._is_up)
+        handle = self._handle(self)
+        end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
+        try:
+            adapter = call_guarded(self._make)
+            self._stopped_by = lambda: adapter.failsafe or handle.has_left_halt or not self.controller.moves
+            self.controller.attach(adapter)
+            await self._serve(adapter, handle)
+        except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's
+            end = self._judged(error)
+        finally:
+            handle.close()
+            self._forget_start()
+            self._crash.cancel()
+            retrieve_exception(self._crash)
+            self.controller.detach(end.health.cause)
+            await _uninterrupted(handle.take_halt_back())
+        return end
+
+    def _judged(self, error: Exception) -> _End:
+        """Return what an error means; count it when it is a failure of the adapter itself."""
+        cause = _cause(error)
+        for kind, level, slow in _ENDS:
+            if isinstance(cause, kind):
+                return _End(Health(level, str(cause)), slow)
+        self._log.error("the adapter failed", exc_info=error)
+        self._strike()
+        return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
+
+    async def _serve(self, adapter: Adapter[Any], handle: RobotHandle) -> None:
+        """Run until the adapter ends, crashes elsewhere, or we are cancelled; then stop the robot."""
+        assert self._crash is not None
+        work = asyncio.ensure_future(guarded(lambda: adapter.run(handle)))
+        why = "the host lets go of the robot"
+        try:
+            await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)
+            if self._crash.done():
+                self._crash.result()
+            result_of(work)
+        except Exception as error:
+            why = str(_cause(error))
+            raise
+        finally:
+            await _uninterrupted(self._leave(work, why))
+
+    async def _leave(self, work: asyncio.Future[None], why: str) -> None:
+        """Stop a robot that we were moving, while its link may still be open, and end the run."""
+        self._leaving = True
+        in_control = self.controller.in_control
+        self.controller.lost(why)
+        if in_control:
+            self.controller.halt()
+            with contextlib.suppress(Exception):  # the run is over; what matters was the halt
+                await self.controller.hold(why)
+                self.controller.may_be_moving &= work.done()  # where the run goes on, the link was open
+        work.cancel()
+        work.add_done_callback(retrieve_exception)
+        _, pending = await asyncio.wait({work}, timeout=LEAVE_WITHIN)
+        self.leftover = work if pending else None
+
+    async def _outlive(self) -> None:
+        """Wait for a run that goes on though it was cancelled: two of them must never have one robot."""
+        if self.leftover is None:
+            return
+        self._set(
+            Health(Level.FAULT, "its adapter does not end; restart the edge, and give it a worker of its own")
+        )
+        await asyncio.wait({self.leftover})
+        self.leftover = None
+
+    async def _quarantine(self, health: Health) -> None:
+        """Leave the robot alone until a person lifts it."""
+        self._set(
+            Health(
+                Level.FAULT,
+                f"quarantined after {STRIKES} failures in {STRIKE_WINDOW:g} s, the last: {health.cause}; "
+                f"fleet send {self.controller.name} restart_adapter",
+            )
+        )
+        self._lifted.clear()
+        await self._lifted.wait()
+        self._strikes.clear()
+        self._set(Health(Level.OFFLINE, "starting again"))
+
+    async def _rest(self, seconds: float) -> None:
+        """Wait before the next try, or until a person asks for it."""
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._lifted.wait(), seconds)
+
+    def _strike(self) -> None:
+        """Count a failure."""
+        self._strikes.append(self._clock.monotonic())
+
+    def _struck_out(self) -> bool:
+        """Return True when there were too many failures lately."""
+        return len(self._strikes) == STRIKES and self._strikes[-1] - self._strikes[0] <= STRIKE_WINDOW
+
+    def healthy(self, health: Health) -> None:
+        """Take the adapter's own word of how the way to the robot is."""
+        if self._leaving:
+            return
+        if health.level is Level.OK and not self._stopped_by():
+            health = NOTHING_STOPS_IT
+        if health.level is Level.FAULT:
+            self.controller.faulted(health.cause)
+        elif health.level is Level.OFFLINE:
+            self.controller.lost(health.cause)
+        else:
+            self.controller.found()
+        if health.level in {Level.OK, Level.FAULT}:
+            self._forget_start()
+        self._set(health)
+
+    def _is_up(self) -> None:
+        """End the time of the start; what is still wrong after it is told."""
+        self._coming_up = None
+        self._tell()
+
+    def _forget_start(self) -> None:
+        """End the time of the start early."""
+        if self._coming_up is not None:
+            self._coming_up.cancel()
+            self._coming_up = None
+
+    def _set(self, health: Health) -> None:
+        """Note a health and tell it."""
+        if health != self.health:
+            self.health = health
+            self._tell()
+            self._changed()
+
+    def _tell(self) -> None:
+        """Log the health: the first of a level aloud, what follows on it and the steps of a start quietly."""
+        level, cause = self.health.level, self.health.cause
+        is_new = level is not self._told and self._coming_up is None
+        loud = is_new and level >= Level.DEGRADED
+        if is_new:
+            self._told = level
+        self._log.log(
+            logging.WARNING if loud else logging.INFO, "%s%s", level.word, f": {cause}" * bool(cause)
+        )
+        if is_new:
+            self._level_changed(self.health)
+
+
+def _cause(error: BaseException) -> BaseException:
+    """Return what went wrong; of a task group's errors one that is not the link's, where there is one."""
+    leaves = [error]
+    while groups := [leaf for leaf in leaves if isinstance(leaf, BaseExceptionGroup)]:
+        leaves = [leaf for leaf in leaves if leaf not in groups]
+        leaves += [inner for group in groups for inner in group.exceptions]
+    return next((leaf for leaf in leaves if not isinstance(leaf, LinkError)), leaves[0])
+
+
+async def _uninterrupted(work: Coroutine[Any, Any, None]) -> None:
+    """Await to the end what is bounded in time, though we be cancelled meanwhile; then pass that on."""
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait({task})
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled
+    task.result()

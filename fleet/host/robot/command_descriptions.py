@@ -1,0 +1,96 @@
+"""What a robot takes, from what its adapter declares and what admission says now; pure."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.commands import CommandSpec
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
+from fleet.robot_config import Limits
+from fleet.wire.commands import VERBS
+from fleet.wire.stops import STOP_WORDS
+
+Refusal = Callable[[str, CommandSpec | None], str]
+"""Why a command would be refused now; None for the spec of one that the host answers itself."""
+_WORDS: Mapping[Any, str] = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+_HOST = {
+    "release_emergency_stop": "Let the robot move again after an emergency stop.",
+    "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
+    "set_linear_velocity": "Store the speed of later verbs, m/s.",
+    "set_angular_velocity": "Store the turning speed of later verbs, rad/s.",
+    "stop": "Bring the robot to a standstill and hold it.",
+    "emergency_stop": "Stop at once, and take no motion until released.",
+    "hover": "As stop.",
+    "brake": "As stop.",
+}
+"""What the host itself does for every robot."""
+
+
+def description(
+    robot: str,
+    adapter: str,
+    can: Capabilities,
+    *,
+    own: Iterable[str],
+    limits: Limits,
+    refusal: Refusal,
+) -> RobotDescription:
+    """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
+    names = [*sorted(STOP_WORDS), *sorted(own)]
+    hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
+    declared = [_command(spec, refusal(name, spec)) for name, spec in sorted(can.commands.items())]
+    return RobotDescription(
+        robot,
+        adapter,
+        (*declared, *(one for one in hosts if one.name not in can.commands)),
+        drives=can.drives,
+        verbs=tuple(VERBS) if can.drives else (),
+        goals=can.drives or can.navigates,
+        missions=can.navigates,
+        limits={name: value for name, value in limits if value is not None},
+    )
+
+
+def _command(spec: CommandSpec, refusal: str) -> CommandDescription:
+    """Return one declared command."""
+    parameters = tuple(_parameter(spec, field) for field in msgspec.structs.fields(spec.parameters))
+    return CommandDescription(
+        spec.name, spec.summary, parameters, spec.moves, spec.safe, spec.timeout, refusal
+    )
+
+
+def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> ParameterDescription:
+    """Return one parameter."""
+    bounds = spec.ranges.get(field.name)
+    default = "" if field.required or field.default in (None, msgspec.NODEFAULT) else str(field.default)
+    return ParameterDescription(
+        field.name,
+        words(field.type),
+        required=field.required,
+        default=default,
+        least=bounds.least if bounds else None,
+        most=bounds.most if bounds else None,
+        unit=bounds.unit if bounds else "",
+    )
+
+
+def words(kind: Any) -> str:
+    """Return a type in words for people."""
+    if kind in _WORDS:
+        return _WORDS[kind]
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(words(part) for part in parts if part is not type(None))
+    if origin is typing.Literal:
+        return " | ".join(map(str, parts))
+    if origin in (list, tuple, set, frozenset) and parts:
+        return f"list of {words(parts[0])}"
+    if origin is dict or kind is dict:
+        return "object"
+    return str(getattr(kind, "__name__", kind))

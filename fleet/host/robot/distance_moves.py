@@ -1,0 +1,48 @@
+"""A motion verb with a distance (``move_forward {"distance": 1}``): a goal, with a bound; pure."""
+
+from __future__ import annotations
+
+from fleet.errors import WireError
+from fleet.host.follow.leg_follower import TIGHTEST
+from fleet.host.requests.decode import Ask
+from fleet.host.robot.adapter_factory import Capabilities
+from fleet.model.command import Command
+from fleet.model.geometry import Vector3
+from fleet.model.navigation import Constraints, Navigate, RelativeMove
+from fleet.wire.commands import VERBS, Defaults, Verb
+from fleet.wire.envelope import BadCommand
+
+SHORTEST = 2 * TIGHTEST  # m; less is within what counts as arrived
+LONGEST = 30.0  # s that such a way may take
+
+
+def goal_of(ask: Ask | None, can: Capabilities, defaults: Defaults) -> Ask | None:
+    """Return the goal that a verb with a distance means; any other ask as it is.
+
+    Verbs that the adapter declares are its own business. Raises BadCommand for what is no way, with the
+    reason, and for one that takes longer than ``LONGEST`` at the speed of a verb, which ``defaults`` gives.
+    """
+    if not isinstance(ask, Command) or ask.name not in VERBS or ask.name in can.commands:
+        return ask
+    verb, distance = VERBS[ask.name], float(ask.data["distance"])
+    speed = getattr(defaults(ask.origin.session), verb.default)
+    refusal = _refusal(verb, can) or ("" if speed else "its speed is set to 0")
+    if not refusal and not SHORTEST <= distance <= speed * LONGEST:
+        refusal = f"{distance:g} m is not {SHORTEST:g} to {speed * LONGEST:g} m; send a goal for more"
+    if refusal:
+        raise BadCommand(WireError(refusal, where="data.distance"), command=ask.name)
+    way = Vector3(**{verb.axis: verb.sign * distance})
+    constraints = Constraints(max_speed=speed, tolerance=None if can.navigates else TIGHTEST)
+    # The id of the message becomes the action's, so that its repeat does not move the robot once more.
+    return Navigate(RelativeMove(way, constraints=constraints), ask.id, ask.origin, ask.stamp, ask.name)
+
+
+def _refusal(verb: Verb, can: Capabilities) -> str:
+    """Return why a robot cannot go along an axis for a distance; empty when it can."""
+    if verb.axis == "yaw":
+        return f"a turn has no distance; say {verb.own_field} (rad/s)"
+    if verb.axis == "y" and not can.holonomic:
+        return "it does not move sideways"
+    if verb.axis == "z" and can.limits.vertical_speed is None:
+        return "it stays on the ground"
+    return ""

@@ -1,0 +1,205 @@
+"""Runs discrete commands on an adapter: one moving command at a time, each answered exactly once."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable, Coroutine
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter
+from fleet.commands import CommandSpec, arguments
+from fleet.errors import CommandError, LinkError, Refused, TimedOut
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.adapter_factory import start_command
+from fleet.host.runtime.cancellation import cancel_and_wait, closing, was_cancelled
+from fleet.model.command import Command, ReplyStatus
+from fleet.runtime.event_loop import make_task
+from fleet.runtime.exception_barrier import failure_of
+
+log = logging.getLogger(__name__)
+
+AT_ONCE = 8  # commands that do not move, under way together; more are refused
+
+
+class _Job(msgspec.Struct, frozen=True):
+    """One command on its way; ``failed`` is called when it failed by itself."""
+
+    adapter: Adapter[Any]
+    spec: CommandSpec
+    ask: Command
+    receipt: Receipt
+    failed: Callable[[], None]
+
+
+class Executor:
+    """The running commands of one robot.
+
+    The asker is told at once when a command is ended or runs out of time; what its method does with its
+    cancellation is not waited for. Each is in the ``journal`` before its method is called; one that
+    moves waits until the stops before it have ended.
+    """
+
+    def __init__(
+        self, *, crashed: Callable[[Exception], None], journal: RobotJournal, log: logging.Logger = log
+    ) -> None:
+        self._crashed = crashed
+        self._log = log
+        self._journal = journal
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._stops: set[asyncio.Task[None]] = set()
+        self._mover: asyncio.Task[None] | None = None
+        self._receipt: Receipt | None = None  # the mover's
+        self.moving = ""
+        self.safe = False  # what moves it only makes things safer
+
+    def start(
+        self,
+        adapter: Adapter[Any],
+        spec: CommandSpec,
+        ask: Command,
+        receipt: Receipt,
+        *,
+        failed: Callable[[], None],
+    ) -> None:
+        """Run a command; a moving one takes the place of the moving one before it.
+
+        ``failed`` is called when it failed by itself: not for one that was ended, nor for a crash.
+        """
+        if spec.moves:
+            self.cancel(f"superseded by {ask.name}")
+        elif len(self._tasks) >= AT_ONCE:
+            receipt.reject(f"{AT_ONCE} commands are under way; try again")
+            return
+        job = _Job(adapter, spec, ask, receipt, failed)
+        task = self.spawn(self._run(job), name=ask.name)
+        if spec.moves:
+            self._mover, self._receipt, self.moving = task, receipt, ask.name
+            self.safe = spec.safe
+            task.add_done_callback(self._moved)
+        asyncio.get_running_loop().call_soon(self._limit, task, job)  # once it has begun: that comes first
+
+    def _limit(self, task: asyncio.Task[None], job: _Job) -> None:
+        """Give a command that did not end at once its time."""
+        if task.done():
+            return
+        name, seconds = job.ask.name, job.spec.timeout
+
+        def give_up() -> None:
+            self._moved(task)
+            job.receipt.fail(TimedOut(f"{name} was not seen done within {seconds:g} s"))
+            cancel_and_wait(task, "its time was over", self._crashed)
+            job.failed()
+
+        timer = asyncio.get_running_loop().call_later(seconds, give_up)
+        task.add_done_callback(lambda _: timer.cancel())
+
+    def cancel(self, why: str) -> None:
+        """End the moving command; its ticket is told why."""
+        if self._mover is not None and self._receipt is not None:
+            mover, receipt = self._mover, self._receipt
+            self._moved(mover)
+            receipt.reject(why)
+            cancel_and_wait(mover, why, self._crashed)
+
+    def stop(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        """Carry out a stop; what is asked from now on waits for its end."""
+        stop = self.spawn(work, name=name)
+        self._stops.add(stop)
+        stop.add_done_callback(self._stops.discard)
+
+    @property
+    def stopping(self) -> bool:
+        """True while a stop is under way."""
+        return bool(self._stops)
+
+    async def standing(self) -> None:
+        """Wait until the stops under way have ended, so that what was asked after a stop follows it."""
+        while self._stops:
+            await asyncio.wait(set(self._stops))
+
+    def spawn(self, work: Coroutine[Any, Any, None], *, name: str) -> asyncio.Task[None]:
+        """Run something of this robot's, kept alive until it ends."""
+        task = make_task(asyncio.get_running_loop(), work, name=f"command:{name}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    def _moved(self, task: asyncio.Task[None]) -> None:
+        """Note that the moving command has ended."""
+        if self._mover is task:
+            self._mover, self._receipt, self.moving, self.safe = None, None, "", False
+
+    async def _run(self, job: _Job) -> None:
+        """Run one command to its end and answer."""
+        try:
+            self._journal.note(job.ask.id, job.ask.name)
+            self._journal.follow(job.ask.id, job.receipt)
+            if job.spec.moves:
+                await self.standing()
+            call = start_command(job.adapter, job.spec, job.ask)
+            data = await (_stepped(call, job.receipt) if job.spec.streams else call)
+            msgspec.json.encode(data)  # what cannot be said is no answer, and the asker must have one
+            job.receipt.done(data)
+        except asyncio.CancelledError:
+            if was_cancelled():
+                raise
+            self._ended_badly(RuntimeError("it was cancelled from within"), job)
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:  # noqa: BLE001 - told to the asker, and to the runner when it is a crash
+            self._ended_badly(failure_of(error), job)
+
+    def _ended_badly(self, error: Exception, job: _Job) -> None:
+        """Answer a command that raised; what was cancelled has been answered, and says nothing more."""
+        name, receipt = job.ask.name, job.receipt
+        if isinstance(error, TimeoutError):
+            error = TimedOut(f"{name}: the robot did not answer in time")
+        if isinstance(error, CommandError | LinkError):
+            was_ended = receipt.ended is not None
+            receipt.fail(error)
+            if not was_ended:
+                job.failed()
+            return
+        self._log.error("the adapter failed in %s", name, exc_info=error)
+        receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        self._crashed(error)
+
+
+async def _stepped(call: AsyncIterator[Any], receipt: Receipt) -> None:
+    """Take the steps of a command; the first is the receipt."""
+    async with closing(call) as steps:
+        async for _ in steps:
+            receipt.accept()
+
+
+def takes(spec: CommandSpec, ask: Command, receipt: Receipt, doing: str) -> bool:
+    """Return whether a command takes its data, refused else: what the robot does is not broken off for it.
+
+    Nor for one that interrupts nothing, while the robot is ``doing`` something.
+    """
+    if doing and not spec.interrupts:
+        receipt.reject(f"busy with {doing}")
+        return False
+    try:
+        arguments(spec, ask.data)
+    except Refused as error:
+        receipt.fail(error)
+        return False
+    return True
+
+
+def may_still_move(spec: CommandSpec, receipt: Receipt, *, superseding: bool) -> bool:
+    """Return True when the robot may be moving after a command that failed, and has to be held.
+
+    One that the robot refused leaves it at what it did before. One that it took, or did not answer to, may
+    still move it; but what only makes things safer (a landing) is not broken off.
+    """
+    refused = receipt.first is not None and receipt.first.status in (
+        ReplyStatus.REJECTED,
+        ReplyStatus.DENIED,
+    )
+    return spec.moves and (superseding if refused else not spec.safe)

@@ -1,0 +1,232 @@
+"""The shell that runs a FrameAdapter as an Adapter: link, cutting, hello, tick, motion, silence.
+
+A FrameAdapter only translates. Here its frames are written and what arrives is handed to it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import struct
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from fleet.adapter import Adapter, FrameAdapter, Robot, Send
+from fleet.commands import CommandSpec, arguments
+from fleet.errors import Fault, LinkLost, NotReady, Refused
+from fleet.link.base import Address
+from fleet.link.framing import Framer
+from fleet.link.latest_motion import Frames, LatestMotion
+from fleet.link.motion_sender import LOOK, MotionSender
+from fleet.link.url import open_link, parse
+from fleet.model.command import Command
+from fleet.model.geometry import Velocity
+from fleet.model.health import Health, Level
+from fleet.model.report import Report
+from fleet.runtime.exception_barrier import failure_of
+
+_BAD_DATA = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, struct.error)
+_log = logging.getLogger(__name__)
+
+
+class FrameAdapterRunner(Adapter[Any]):
+    """One FrameAdapter and its link; raises LinkRefused for a bad ``link``, Fault when it cannot halt."""
+
+    def __init__(self, inner: FrameAdapter[Any]) -> None:
+        super().__init__(inner.config)
+        self.inner = inner
+        self.failsafe = inner.failsafe
+        self._last_resort = tuple(inner.halt())
+        if not self._last_resort:
+            raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
+        # One that listens does not know whom to greet until the robot speaks.
+        self._robot_speaks_first = parse(inner.config.link).scheme == "udpin"
+        self._slot: LatestMotion | None = None
+        self._motion: MotionSender | None = None
+        self._peer: Address = None
+        self._leave_halt: Callable[[], None] = lambda: None
+
+    async def run(self, robot: Robot) -> None:
+        """Open the link and serve it; raises LinkLost, LinkRefused, or what the translation raised."""
+        session = _Session(self, robot)
+        link = await open_link(self.config.link, session.arrived)
+        slot = LatestMotion(link, robot.clock, baud=parse(self.config.link).baud)
+        motion = MotionSender(
+            slot, robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
+        )
+        try:
+            slot.peer, self._slot, self._motion = self._peer, slot, motion
+            self._leave_halt = lambda: robot.leave_halt(link, self._last_resort, self._peer)
+            if self._peer is not None or not self._robot_speaks_first:
+                self._leave_halt()
+                self.write(self.inner.hello())
+            session.begin(motion)
+            await _first_failure(link.lost(), session.failure)
+        finally:
+            motion.halt()
+            self._slot = self._motion = None
+            self._leave_halt = lambda: None
+            await link.close()
+
+    def write(self, frames: Iterable[bytes]) -> None:
+        """Write frames that are not motion; raises LinkLost when the link is gone."""
+        ready = tuple(frames)
+        if self._slot is None:
+            raise LinkLost(f"{self.config.link}: not open")
+        self._slot.send(*ready)
+
+    @property
+    def held_back(self) -> int:
+        """How many motions a newer one replaced, because the line was not free."""
+        return self._slot.held_back if self._slot else 0
+
+    def greet(self, address: Address) -> bool:
+        """Return True for what comes from the robot; the first to speak on the link is the robot."""
+        if address is None or address == self._peer:
+            return True
+        if self._peer is not None:
+            return False
+        self._peer = address
+        if self._slot is not None:
+            self._slot.peer = address
+            self._leave_halt()
+            if self._robot_speaks_first:
+                self.write(self.inner.hello())
+        return True
+
+    def drive(self, velocity: Velocity) -> None:
+        """Write this velocity and go on repeating it; raises NotReady without a link."""
+        self._open_motion().drive(velocity)
+
+    def _encode(self, velocity: Velocity) -> Frames:
+        """Translate a velocity."""
+        return tuple(self.inner.encode(velocity))
+
+    def _open_motion(self) -> MotionSender:
+        """Return what moves the robot; raises NotReady without a link."""
+        if self._motion is None:
+            raise NotReady(f"{self.config.link}: not open", hint="the link is being opened again")
+        return self._motion
+
+    async def perform(self, spec: CommandSpec, command: Command) -> None:
+        """Write the frames of a declared command; raises Refused, Unsupported or NotReady."""
+        motion = self._open_motion()
+        turn = motion.turn
+        frames = self._frames_of(spec, command)
+        if spec.moves:
+            motion.carry_out(frames, turn)
+        else:
+            self._ready(frames)
+
+    def _frames_of(self, spec: CommandSpec, command: Command) -> Frames:
+        """Translate a command; what its data makes the translation raise is the asker's fault."""
+        try:
+            if spec.method == "encode":
+                return tuple(self.inner.encode(command))
+            return tuple(getattr(self.inner, spec.method)(**arguments(spec, command.data)))
+        except _BAD_DATA as error:
+            _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
+            raise Refused(f"{command.name} cannot be encoded: {error!r}", hint="check its data") from error
+
+    def _ready(self, frames: Frames) -> None:
+        """Write frames of a command that moves nothing."""
+        try:
+            self.write(frames)
+        except LinkLost as error:
+            raise NotReady(str(error), hint="the link is being opened again") from error
+
+    async def stop(self, reason: str) -> None:
+        """Write the safe-stop frames, now and a few times more."""
+        _log.info("%s: stop: %s", self.config.name, reason)
+        self.halt()
+
+    def halt(self) -> None:
+        """Write the safe-stop frames at once and forget the velocity; from any thread."""
+        motion = self._motion
+        if motion is not None:
+            motion.halt()
+
+    def _halt_frames(self) -> Frames:
+        """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
+        try:
+            return tuple(self.inner.halt()) or self._last_resort
+        except BaseException:  # noqa: BLE001 - whatever it raises, the robot must stop
+            _log.exception("%s: halt() raised; its first frames are used", self.config.name)
+            return self._last_resort
+
+
+class _Session:
+    """One opened link of a Framed: what arrives, what is due, and the first failure of either."""
+
+    def __init__(self, framed: FrameAdapterRunner, robot: Robot) -> None:
+        self.failure: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._framed = framed
+        self._inner = framed.inner
+        self._robot = robot
+        self._cutter: Framer = framed.inner.framing.cutter()
+        self._heard = 0.0
+        self._understood = False
+        self._slow = False
+
+    def begin(self, motion: MotionSender) -> None:
+        """Ask the host's wheel for what is due from time to time."""
+        inner = self._inner
+        self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
+        self._robot.every(LOOK, motion.look)
+        self._robot.every(inner.tick_every, self._tick)
+        if inner.silence > 0:
+            self._robot.every(inner.silence / 4, self._listen)
+            self._robot.health(Health(Level.OFFLINE, "the link is open, the robot has not spoken yet"))
+        else:
+            self._robot.health(Health())
+
+    def _tick(self) -> None:
+        """Write keep-alives and polls; say once when the line is too slow for what is asked."""
+        self._framed.write(self._inner.tick())
+        if self._framed.held_back and not self._slow:
+            self._slow = True
+            self._robot.log.warning("the line is slow: of several motions only the newest is written")
+
+    def _listen(self) -> None:
+        """Notice a robot that has gone silent; raises LinkLost."""
+        quiet = self._robot.clock.monotonic() - self._heard
+        if quiet > self._inner.silence:
+            raise LinkLost(f"{self._framed.config.link}: nothing heard for {quiet:.1f} s")
+
+    def arrived(self, data: bytes, address: Address) -> None:
+        """Take what the link received; a failure of the translation ends the run, not the loop."""
+        try:
+            if not self.failure.done() and self._framed.greet(address):
+                for frame in self._cutter.feed(data):
+                    self._decoded(frame)
+        except BaseException as error:  # noqa: BLE001 - handed to ``run``, which raises it
+            self.failure.set_exception(failure_of(error))
+
+    def _decoded(self, frame: bytes) -> None:
+        """Report or answer what one frame says."""
+        self._heard = self._robot.clock.monotonic()
+        for said in self._inner.decode(frame, self._robot.clock.time()):
+            self._say(said)
+            if not self._understood:
+                self._understood = True
+                self._robot.health(Health())
+
+    def _say(self, said: Report | Send) -> None:
+        """Publish a report, or write an answer."""
+        if isinstance(said, Send):
+            self._framed.write((said.frame,))
+        else:
+            self._robot.report(said)
+
+
+async def _first_failure(lost: Any, failure: asyncio.Future[None]) -> None:
+    """Wait for either, and raise what it raises."""
+    losing = asyncio.ensure_future(lost)
+    try:
+        done, _ = await asyncio.wait({losing, failure}, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        losing.cancel()
+        failure.cancel()
+        await asyncio.gather(losing, failure, return_exceptions=True)

@@ -1,0 +1,395 @@
+"""One robot of this process: its desk, its runner, its reports and its state, wired together."""
+
+from __future__ import annotations
+
+import asyncio
+import contextvars
+from collections.abc import Callable
+from functools import partial
+
+from fleet.clock import Clock
+from fleet.errors import WireError
+from fleet.host.journal.journal import RobotJournal
+from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
+from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
+from fleet.host.requests.history_recorder import HistoryRecorder, never_raises
+from fleet.host.requests.receipt import Receipt
+from fleet.host.requests.stop_cause import StopCause
+from fleet.host.requests.unrequested_events import UnrequestedEvents
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter, timed
+from fleet.host.robot.adapter_runner import AdapterRunner
+from fleet.host.robot.command_descriptions import description
+from fleet.host.robot.controller import RobotController
+from fleet.host.robot.distance_moves import goal_of
+from fleet.host.robot.dry_run import would_refuse
+from fleet.host.robot.report_queue import ReportQueue
+from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.robot.robot_positions import RobotPositions
+from fleet.host.robot.separation_keeper import LOOK, SeparationKeeper
+from fleet.host.robot.snapshot import Snapshot, is_known
+from fleet.host.runtime.shared_resources import SharedResources
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.host.runtime.watchdog import Watched
+from fleet.link.backoff import backoff
+from fleet.model.command import Answer, Command, Origin, Reply, Request, Transport
+from fleet.model.description import RobotDescription
+from fleet.model.event import EventReport
+from fleet.model.health import Health, Level
+from fleet.model.navigation import ActionState
+from fleet.model.report import (
+    BatteryReport,
+    FlightControllerReport,
+    FlightStateReport,
+    MetricsReport,
+    NavigationReport,
+    PoseReport,
+    Report,
+    TelemetryReport,
+)
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.event_loop import OWNER
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
+from fleet.supervisor.client import SupervisorClient
+from fleet.wire.rules import Kind
+from fleet.wire.stops import EMERGENCY
+
+READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
+"""What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
+
+
+def source_type(config: AdapterConfig) -> str:
+    """Return the source type of a robot's own state."""
+    if config.simulated:
+        return "sim"
+    return f"edge_{config.role}" if config.role else "edge"
+
+
+def _rounded(value: float | None) -> float | None:
+    """Return a figure for people."""
+    return None if value is None else round(value, 2)
+
+
+class LocalRobot:
+    """A robot whose adapter runs in this process."""
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        plugin: AdapterClass,
+        *,
+        adapter: str,
+        edge: str,
+        worker: str,
+        clock: Clock,
+        scheduler: TickScheduler,
+        shared: SharedResources,
+        outbox: ReportQueue,
+        journal: RobotJournal,
+        record: Callable[[EventReport], None],
+        arrival: Callable[[], float],
+        changed: Callable[[str], None],
+        supervised: SupervisorClient,
+        drop_in: str = "",
+    ) -> None:
+        self.config = config
+        self._drop_in = drop_in
+        self._supervised = supervised
+        self.name = config.name
+        self.twin = str(config.twin)
+        self.source_type = source_type(config)
+        self._simulated = config.simulated  # here once: the state is asked for often
+        self.legacy_status = config.legacy_status
+        self._adapter = adapter
+        self._edge = edge
+        self._worker = worker
+        self._clock = clock
+        self._scheduler = scheduler
+        self._shared = shared
+        self._send = outbox.sender(self.twin)
+        self._seen = Snapshot()
+        self._traffic: RobotPositions | None = None
+        self._loop = asyncio.get_running_loop()
+        self._context = contextvars.copy_context()
+        self._context.run(OWNER.set, config.name)
+        self._online = False
+        self.in_use = False  # somebody has moved it through this edge, and the edge did not let go since
+        self._log = robot_log(config.name)
+        self._refusals = RateLimitedCounter(self._log, clock)
+        self._record = never_raises(record)  # into the edge's history
+        self._recorder = HistoryRecorder(self.publish, clock)
+        self._can = can = timed(capabilities(plugin), config)
+        self.controller = RobotController(
+            config,
+            can,
+            publish=self.publish,
+            crashed=self._crashed,
+            restart=self._restart,
+            journal=journal,
+            clock=clock,
+        )
+        self.happenings = UnrequestedEvents(self.controller.event_reporter)
+        self._decoder = RequestDecoder(
+            config,
+            self.controller.speeds.of,
+            planar=can.limits.vertical_speed is None,
+            home_altitude=lambda: self._seen.home_altitude,
+        )
+        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
+        self._changed = changed
+        self.runner = AdapterRunner(
+            self.controller,
+            make=lambda: create_adapter(plugin, config),
+            handle=self._new_handle,
+            waits=backoff,
+            clock=clock,
+            changed=self._health_changed,
+            told=self.happenings.level_is,
+        )
+
+    def takes(self, name: str) -> bool:
+        """Return True for a command that the adapter declares."""
+        return name in self._can.commands
+
+    def share_space(self, traffic: RobotPositions) -> None:
+        """Be one of the robots of the edge that are kept apart from each other."""
+        guard = self.controller.guard
+        self._traffic = traffic
+        apart = SeparationKeeper(
+            self.config,
+            self.config.separation.over(self._can.separation),
+            self.config.limits.over(self._can.limits),
+            clock=self._clock,
+            others=traffic,
+            mover=self.controller,
+            led=not self._can.navigates,
+            held=lambda: guard.held,
+            points=guard.points,
+            event_reporter=self.controller.event_reporter,
+        )
+        traffic.join(apart)
+        guard.share_space(apart)
+
+        def look_on(error: Exception) -> None:
+            self.runner.crashed(error)
+            self._scheduler.every(LOOK, apart.look, owner=self.name, failed=look_on)
+
+        self._scheduler.every(LOOK, apart.look, owner=self.name, failed=look_on)
+
+    def read(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
+    ) -> Request | None:
+        """Read a message, from any thread; an emergency stop halts and latches there and then.
+
+        What is returned takes the message, on the loop: it stops, obeys, answers and records. The answers
+        are the receipt, and the end when the asker waits. None for a reply, which asks nothing. What waits
+        too long for a loop that is held up is refused. ``unread``: why the payload must not be read.
+        """
+        arrived = self._arrival()
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+            ask = goal_of(ask, self._can, self.controller.speeds.of)
+        except WireError as error:
+            name, action_id = getattr(error, "command", "") or kind, getattr(error, "action_id", "")
+            return Request(partial(self._refuse, kind, way, name, action_id, str(error)))
+        if ask is None:
+            return None
+        if ask.name == EMERGENCY:
+            self._stop_at_once(ask.origin, request_of(ask))
+        return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
+
+    def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
+        """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""
+        if isinstance(ask, Command) and ask.flaw:
+            self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
+            answer = reply_with_flaw(answer, ask.flaw)
+        receipt = Receipt(ask.name, answer, waits=waits)
+        self._recorder.asked(ask, receipt)
+        waited = self._clock.monotonic() - arrived
+        if waited <= max_wait(ask, self.config):
+            self._context.run(self.controller.receive, ask, receipt)
+            self.in_use = self.in_use or self.controller.in_control
+            return
+        why = f"it waited up to {waited:.1f} s: the edge was held up"
+        self._refusals.add("late", "refused %s: %s", ask.name, why)
+        receipt.reject(why)
+        self._tell_failed(kind, getattr(ask, "action_id", ""), why)
+
+    def tell_refused(self, reply: Reply) -> None:
+        """Say that a velocity was refused which was published on the bus: nobody waits for its answer."""
+        if not reply.ok:
+            self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
+
+    def _refuse(  # noqa: PLR0917 - by position
+        self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
+    ) -> None:
+        """Refuse a message that cannot be read; of the error nothing is kept that holds the message."""
+        self._refusals.add(kind, "refused a %s message: %s", kind, why)
+        receipt = Receipt(name, answer)
+        self._recorder.unread(kind, Origin(way), receipt)
+        receipt.reject(why)
+        self._tell_failed(kind, action_id, why)
+
+    def _stop_at_once(self, origin: Origin, request: str) -> None:
+        """Latch and halt, on whatever thread; when that fails, the loop still stops the orderly way."""
+        try:
+            self.controller.emergency(StopCause(requester_of(origin)).why)
+        except Exception:  # noqa: BLE001 - told below
+            self._log.exception("the emergency stop did not go through at once")
+        self._recorder.emergency(origin, request)
+
+    def _tell_failed(self, kind: Kind, action_id: str, why: str) -> None:
+        """Say that a goal or a mission that could not be read has failed, by its id where it had one."""
+        if kind in ("navigate", "mission"):
+            step = 0 if kind == "mission" else None
+            now = self._clock.time()
+            self.publish(NavigationReport(now, action_id, ActionState.FAILED, 0.0, why, step))
+
+    def start(self) -> asyncio.Task[None]:
+        """Begin to serve the robot."""
+        self.controller.recall()
+        return self._loop.create_task(self.runner.run(), name=f"robot:{self.name}", context=self._context)
+
+    def stand_by(self, why: str) -> None:
+        """Note that the robot is not run, and why: another edge has it."""
+        self.in_use = False
+        self.runner.stand_by(why)
+
+    def follow_emergency(self, cause: StopCause) -> None:
+        """Have the loop follow an emergency stop with the adapter's own stop; from any thread."""
+        self._loop.call_soon_threadsafe(self._follow_emergency, cause)
+        self._recorder.stopped(cause)
+
+    def watched(self) -> Watched:
+        """Return what the watchdog needs."""
+        return Watched(self.controller.deadman, self.controller.halt, self._expired)
+
+    def publish(self, report: Report) -> None:
+        """Send a report on its way; what happened goes into the edge's history too."""
+        if isinstance(report, EventReport):
+            self._record(report)
+        if type(report) in READ and is_known(report):
+            self._seen.take(report)
+            self.happenings.see(report)
+            self.controller.see(report)
+            self.controller.guard.see(report)
+        elif type(report) is NavigationReport:
+            self._seen.take(report)
+        elif type(report) is MetricsReport:
+            report = self._seen.with_way(report)
+        self._send(report)
+
+    def _reported(self, report: Report) -> None:
+        """Take a report of the adapter's: the robot was heard."""
+        self._seen.heard = self._clock.monotonic()
+        self.publish(report)
+
+    def state(self) -> RobotState:
+        """Return what the robot looks like now."""
+        health = self._health()
+        placed = self._traffic.in_site(self.name) if self._traffic else None
+        return RobotState(
+            name=self.name,
+            twin=self.twin,
+            adapter=self._adapter,
+            edge=self._edge,
+            stamp=self._clock.time(),
+            health=health.level.word,
+            cause=health.cause,
+            reachable=not self.controller.offline,
+            simulated=self._simulated,
+            worker=self._worker,
+            mode=self._seen.mode,
+            armed=self._seen.armed,
+            battery=self._seen.battery,
+            position=self._seen.position,
+            activity=self.controller.activity,
+            emergency_stop=self.controller.latched,
+            stop_cause=self.controller.latch.why,
+            last_command=self.controller.last.command,
+            last_outcome=self.controller.last.outcome,
+            senders=self.controller.senders(),
+            site=placed.at if placed else None,
+            placement=placed.placement if placed else None,
+            separation=self._traffic.unknown(self.name) if self._traffic else "",
+            in_use=self.in_use,
+            drop_in=self._drop_in,
+            speed=_rounded(self._seen.speed(self._clock.time())),
+            age=_rounded(self._seen.age(self._clock.monotonic())),
+        )
+
+    def describe(self) -> RobotDescription:
+        """Return what the robot takes, and whether it would now."""
+        return description(
+            self.name,
+            self._adapter,
+            self._can,
+            own=self.controller.own,
+            limits=self.config.limits.over(self._can.limits),
+            refusal=partial(would_refuse, self.controller),
+        )
+
+    def _health(self) -> Health:
+        """Return how the robot is: well, but for what its battery or another robot made us do with it."""
+        health, guard = self.runner.health, self.controller.guard
+        cause = guard.forced or (guard.apart.cause if guard.apart is not None else "")
+        return Health(Level.DEGRADED, cause) if cause and health.level is Level.OK else health
+
+    def _new_handle(self, runner: AdapterRunner) -> RobotHandle:
+        """Return the handle of a new run."""
+        return RobotHandle(
+            self.name,
+            clock=self._clock,
+            scheduler=self._scheduler,
+            shared=self._shared,
+            publish=self._reported,
+            healthy=runner.healthy,
+            lost_authority=self.controller.authority_lost,
+            failed=runner.crashed,
+            supervised=self._supervised,
+        )
+
+    def _crashed(self, error: Exception) -> None:
+        """Hand an adapter's failure to the runner."""
+        self.runner.crashed(error)
+
+    def _restart(self) -> None:
+        """Begin the adapter's run anew."""
+        self.runner.restart()
+
+    def _expired(self) -> None:
+        """Follow the watchdog's halt on the loop."""
+        self._loop.call_soon_threadsafe(self._lease_ran_out)
+
+    def _lease_ran_out(self) -> None:
+        """Follow the watchdog's halt."""
+        self._recorder.lease_ran_out()
+        self.controller.lease_ran_out()
+
+    def _follow_emergency(self, cause: StopCause) -> None:
+        """Let the adapter bring the robot to its own standstill."""
+        asker = cause.asker
+        ask = Command(EMERGENCY, origin=Origin(asker.way, session=asker.name or cause.why), id=cause.request)
+        receipt = Receipt(EMERGENCY, lambda _: None)
+        self._recorder.followed(cause, receipt)
+        self.controller.receive(ask, receipt)
+        self._changed(self.name)
+
+    def _health_changed(self) -> None:
+        """Say on the telemetry channel when the robot comes and goes, in the order of the SDK."""
+        online = not self.controller.offline
+        if online != self._online:
+            self._online = online
+            kind, session = ("connected", "telemetry_start") if online else ("disconnected", "telemetry_end")
+            fields = {} if online else {"reason": self.runner.health.cause}
+            now = self._clock.time()
+            self.publish(TelemetryReport(now, kind, fields))
+            self.publish(TelemetryReport(now, session))
+        self._changed(self.name)

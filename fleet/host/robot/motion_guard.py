@@ -1,0 +1,345 @@
+"""Keeps one robot in its fence, within its battery and apart from others.
+
+Goals before they begin, motion as it happens. It knows the robot by its reports: pose, home, battery.
+Whoever leads the robot (a person, the host's follower, its own autopilot) is judged alike.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from typing import Protocol
+
+from fleet.clock import Clock
+from fleet.errors import Refused
+from fleet.host.requests.event_reporter import EventReporter
+from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.battery_watch import BatteryWatch
+from fleet.host.robot.separation_keeper import SeparationKeeper
+from fleet.host.safety.fence import Fence
+from fleet.model.command import Command, Reply
+from fleet.model.event import EventKind
+from fleet.model.geodesy import GeoOrigin, GeoPoint, world_from_geo
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3, Velocity, rotate_to_world
+from fleet.model.navigation import FlyMission, FollowPath, Goal, GoTo, RelativeMove, Task
+from fleet.model.polygon import Polygon
+from fleet.model.report import BatteryReport, FlightControllerReport, PoseReport, Report
+from fleet.robot_config import AdapterConfig, FenceConfig, Limits
+from fleet.runtime.decoding import convert
+
+STALE = 1.0  # s after which a pose is too old to keep a fence by
+BEGINNINGS = frozenset({"takeoff", "arm"})
+"""Commands that begin a flight: refused outside the fence and with too little battery."""
+
+CLIMBS = {"takeoff": ("altitude", 0), "ascend": ("distance", 1), "descend": ("distance", -1)}
+"""Commands that lead straight up or down: the field that says how far, and which way (0: above home)."""
+
+LANDINGS = frozenset({"land", "return_to_home"})
+"""Commands that lead down, which is safe: they are never refused for another robot's sake, only told."""
+
+
+class GuardActions(Protocol):
+    """What the guard asks of the robot, at its desk."""
+
+    @property
+    def free(self) -> bool:
+        """True while nobody else has it, and nothing makes it safer already."""
+
+    def end(self, why: str) -> None:
+        """End what we do with the robot."""
+
+    def receive(self, ask: Command, receipt: Receipt) -> None:
+        """Take a command of ours."""
+
+
+class MotionGuard:
+    """One robot's fence, the watch on its battery, and on the other robots of its edge (``apart``).
+
+    ``robot`` is what is asked of it, its desk. ``held`` is the body velocity that is being held; ``taken``:
+    somebody took the robot, and it has done nothing for us since.
+    """
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        limits: Limits,
+        clock: Clock,
+        *,
+        robot: GuardActions,
+        event_reporter: EventReporter,
+    ) -> None:
+        self._config = config.fence
+        self._all = config
+        self._limits = limits
+        self._unbordered = config.fence is None and limits.distance is None
+        self._unfenced = self._unbordered and limits.altitude is None
+        self._clock = clock
+        self._robot = robot
+        self._event_reporter = event_reporter
+        self.held = ZERO_VELOCITY
+        self.taken = False
+        self.apart: SeparationKeeper | None = None
+        self._battery: BatteryWatch | None = None
+        if config.battery_policy is not None:
+            self._battery = BatteryWatch(
+                config.battery_policy,
+                event_reporter=event_reporter,
+                ask=robot.receive,
+                free=lambda: not self.taken and robot.free,
+            )
+        place = config.origin
+        self._origin = None if place is None else convert(place, GeoOrigin, from_attributes=True)
+        self._home: GeoPoint | None = None
+        self._pose: Pose | None = None
+        self._seen = 0.0
+        self._trouble = ""
+        self._fence: Fence | None = None
+        self._draw()
+
+    # -- what the robot tells ------------------------------------------------------------------------
+
+    def see(self, report: Report) -> None:
+        """Take a report; a pose out of bounds and a low battery are acted upon."""
+        match report:
+            case PoseReport():
+                self._pose = Pose(report.position, report.rotation)
+                self._seen = self._clock.monotonic()
+                if self.apart is not None:
+                    self.apart.see(self._pose)
+                self._look()
+            case BatteryReport():
+                self._charged(report.percent)
+            case FlightControllerReport() if report.home != self._home:
+                self._home = report.home
+                self._draw()
+            case _:
+                pass
+
+    def _charged(self, percent: float | None) -> None:
+        """Take how full the battery is."""
+        if self._battery is not None:
+            self._battery.see(percent)
+        if self.apart is not None:
+            self.apart.charged(percent)
+
+    def share_space(self, apart: SeparationKeeper) -> None:
+        """Keep the robot apart from the others from now on."""
+        self.apart = apart
+        apart.world_is(self._world())
+
+    def obeyed(self, reply: Reply) -> None:
+        """Take the answer to what moves the robot: one that did it is ours again."""
+        self.taken = self.taken and not reply.done
+        begins = reply.ok and reply.done is None
+        if begins:
+            self._tell_landing(reply.command)
+        if reply.command in LANDINGS and self.apart is not None:
+            self.apart.comes_down(self._way_down(reply.command) if begins else ())
+
+    def _look(self) -> None:
+        """Tell once that the robot is where it may not be, and end what leads it out."""
+        if self._unfenced or self._fence is None or self._pose is None:
+            return
+        before, self._trouble = self._trouble, self._fence.breach(self._pose.position, self._home_point())
+        if self._trouble and not before:
+            told = {"reason": self._trouble}
+            self._event_reporter.event(
+                EventKind.FENCE, f"it is {self._trouble}", telemetry="fence_breached", data=told
+            )
+            self._robot.end(f"fence: it is {self._trouble}")
+        elif self._inside(self.held) != self.held:
+            self._robot.end("fence: the velocity leads out of it")
+
+    @property
+    def forced(self) -> str:
+        """What the battery made us do with the robot; empty while that is nothing."""
+        return self._battery.forced if self._battery is not None else ""
+
+    # -- what may be asked of it ---------------------------------------------------------------------
+
+    def beginning(self, ask: Command) -> str | None:
+        """Return why a command may not begin a flight or change its height; None when it may, or does not."""
+        return self._start_trouble(ask.name) or self._climb_trouble(ask) or None
+
+    def _tell_landing(self, name: str) -> None:
+        """Say that a landing or a way home meets another robot; it goes on all the same."""
+        if name not in LANDINGS or self.apart is None:
+            return
+        trouble = self.apart.trouble_on(self._way_down(name))
+        if trouble:
+            why = f"{name}: {trouble}; it is let through all the same"
+            self._event_reporter.event(
+                EventKind.SEPARATION, why, telemetry="separation", data={"reason": why}
+            )
+
+    def _way_down(self, name: str) -> tuple[Vector3, ...]:
+        """Return where a landing leads: straight down, or home at the height that it has, and down there."""
+        pose, home = self._fresh(), self._home_point()
+        if pose is None:
+            return ()
+        here = pose.position
+        if name == "land":
+            return (Vector3(here.x, here.y, min(here.z, home.z)),)
+        return (Vector3(home.x, home.y, max(here.z, home.z)), home)
+
+    def _climb_trouble(self, ask: Command) -> str:
+        """Return why a robot may not go straight up, or down; empty when it may, or is not asked to."""
+        if ask.name not in CLIMBS or self.apart is None or not self.apart.is_judged:
+            return ""
+        pose, home = self._fresh(), self._home_point()
+        if pose is None:
+            return "where the robot is, is unknown, so its separation cannot be kept"
+        field, sign = CLIMBS[ask.name]
+        metres = ask.data.get(field, getattr(self._all, "takeoff_altitude", 0.0))
+        if not isinstance(metres, int | float) or not math.isfinite(metres):
+            return ""  # the command itself refuses it
+        rise = sign * abs(metres) if sign else home.z + metres - pose.position.z
+        task = RelativeMove(Vector3(0.0, 0.0, rise), body_frame=False)
+        return self.apart.task_trouble(task, (pose.position + task.translation,))
+
+    def _start_trouble(self, name: str) -> str | None:
+        """Return why a command may not begin a flight, None when it may, or begins none."""
+        if name not in BEGINNINGS:
+            return None
+        if self._trouble:
+            return f"it is {self._trouble}"
+        return (self._battery.start_trouble() or None) if self._battery else None
+
+    def task(self, task: Task | None) -> str | None:
+        """Return why a task may not begin, or go on, None when it may, or is none."""
+        shares = self.apart is not None and self.apart.is_judged
+        if task is None or (self._battery is None and self._unfenced and not shares):
+            return None
+        try:
+            start, points = self._way(task)
+        except Refused as error:
+            return str(error)
+        home = self._home_point()
+        trouble = self._fence.way_trouble(start, points, home) if self._fence else ""
+        if not trouble and self._battery is not None and isinstance(task, FlyMission):
+            trouble = self._battery.start_trouble()
+        if not trouble and self._battery is not None:
+            trouble = self._battery.trouble(_length((start, *points, home)), self._speed(task))
+        if not trouble and self.apart is not None:
+            trouble = self.apart.task_trouble(task, points)
+        return trouble or None
+
+    def points(self, task: Task) -> tuple[Vector3, ...]:
+        """Return where a task leads in the robot's world, nowhere while that is unknown."""
+        try:
+            return self._way(task)[1]
+        except Refused:
+            return ()
+
+    def within(self, velocity: Velocity) -> Velocity:
+        """Return the part of a body velocity that keeps the fence, and the robot apart from others.
+
+        Raises Refused while the fence is unknown.
+        """
+        velocity = self._inside(velocity)
+        return velocity if self.apart is None or velocity.is_zero else self.apart.within(velocity)
+
+    def _inside(self, velocity: Velocity) -> Velocity:
+        """Return the part of a body velocity that keeps the fence; raises Refused while that is unknown."""
+        if self._unfenced or (self._unbordered and velocity.linear.z <= 0) or velocity.is_zero:
+            return velocity
+        pose = self._fresh()
+        if pose is None or self._fence is None:
+            if self._config is None:
+                return velocity
+            raise Refused("the fence cannot be kept: where the robot is, is unknown")
+        yaw = pose.rotation.yaw
+        wanted = rotate_to_world(velocity.linear, yaw)
+        admitted = self._fence.admitted(pose.position, wanted, self._home_point())
+        if admitted == wanted:
+            return velocity
+        return Velocity(rotate_to_world(admitted, -yaw), velocity.yaw_rate)
+
+    # -- where things are ----------------------------------------------------------------------------
+
+    def _fresh(self) -> Pose | None:
+        """Return the pose, None when it is too old."""
+        return self._pose if self._clock.monotonic() - self._seen <= STALE else None
+
+    def _world(self) -> GeoOrigin | None:
+        """Return the world's origin: the one of fleet.yaml, else home."""
+        if self._origin is not None or self._home is None:
+            return self._origin
+        return GeoOrigin(self._home.latitude, self._home.longitude, self._home.altitude)
+
+    def _home_point(self) -> Vector3:
+        """Return home in the world; the origin for a robot that tells of none."""
+        if self._origin is None or self._home is None:
+            return Vector3()
+        return world_from_geo(self._origin, self._home)
+
+    def _draw(self) -> None:
+        """Make the fence of what is configured, as soon as its corners can be placed."""
+        config = self._config or FenceConfig()
+        world = self._world()
+        if config.frame == "geodetic" and world is None:
+            self._fence = None
+            return
+        self._fence = Fence(
+            tuple(_placed(corners, config, world) for corners in config.inclusion),
+            tuple(_placed(corners, config, world) for corners in config.exclusion),
+            self._limits.altitude,
+            self._limits.distance,
+            config.margin,
+        )
+        if self.apart is not None:
+            self.apart.world_is(world)
+
+    def _way(self, task: Task) -> tuple[Vector3, tuple[Vector3, ...]]:
+        """Return where a task begins and where it leads; raises Refused while that is unknown."""
+        pose = self._fresh()
+        if pose is None or self._fence is None:
+            raise Refused("where the robot is, is unknown: its fence, battery and separation cannot be kept")
+        match task:
+            case GoTo():
+                return pose.position, (self._place(task.goal),)
+            case FollowPath():
+                points = tuple(self._place(goal) for goal in task.goals)
+                return pose.position, points if task.loops == 1 else (*points, *points[:1])
+            case FlyMission():
+                return pose.position, tuple(self._points_of(task))
+        step = task.translation
+        if task.body_frame:
+            step = rotate_to_world(step, pose.rotation.yaw)
+        return pose.position, (pose.position + step,)
+
+    def _points_of(self, mission: FlyMission) -> Iterable[Vector3]:
+        """Yield the places of a mission in the world."""
+        ground = 0.0 if mission.above_sea or self._home is None else self._home.altitude
+        for item in mission.items:
+            if item.point is not None:
+                height = item.point.altitude + ground
+                yield self._place(Goal(geo=GeoPoint(item.point.latitude, item.point.longitude, height)))
+
+    def _place(self, goal: Goal) -> Vector3:
+        """Return a goal in the world; one that has no height of its own stays at the robot's."""
+        if goal.position is not None:
+            return goal.position
+        world = self._world()
+        if world is None or goal.geo is None:
+            raise Refused("a place on Earth needs an origin in fleet.yaml, or a home")
+        return world_from_geo(world, goal.geo)
+
+    def _speed(self, task: Task) -> float | None:
+        """Return the speed of a task, None when nobody says."""
+        return task.constraints.max_speed or self._limits.speed
+
+
+def _placed(corners: Iterable[tuple[float, float]], config: FenceConfig, world: GeoOrigin | None) -> Polygon:
+    """Return the corners of a polygon in the world."""
+    if config.frame == "world" or world is None:
+        return tuple(corners)
+    points = [world_from_geo(world, GeoPoint(*corner, world.altitude)) for corner in corners]
+    return tuple((point.x, point.y) for point in points)
+
+
+def _length(points: Iterable[Vector3]) -> float:
+    """Return metres along a way."""
+    points = tuple(points)
+    return sum((later - sooner).norm() for sooner, later in itertools.pairwise(points))

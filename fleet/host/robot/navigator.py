@@ -1,0 +1,252 @@
+"""Runs the navigation actions of one robot, one at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+import msgspec
+
+from fleet.clock import Clock
+from fleet.errors import CommandError, LinkError
+from fleet.host.follow.goal_follower import GoalNavigator
+from fleet.host.journal.journal import PastCommand, RobotJournal, answer_to
+from fleet.host.requests.action import Action
+from fleet.host.requests.receipt import Receipt
+from fleet.host.runtime.cancellation import cancel_and_wait, closing, no_wait, was_cancelled
+from fleet.model.command import Reply
+from fleet.model.navigation import ActionState, Navigate, RelativeMove, Task
+from fleet.model.report import NavigationReport
+from fleet.runtime.exception_barrier import guarded
+
+log = logging.getLogger(__name__)
+
+KEPT = 64  # actions remembered, to answer a repeated action id with its last status
+
+
+class _Known(msgspec.Struct):
+    """What was said last of an action id, and to whom."""
+
+    receipt: Receipt
+    status: NavigationReport
+
+
+class Navigator:
+    """The actions of one robot.
+
+    ``hold`` brings the robot to a standstill and never raises; ``crashed`` hears of an adapter that raised
+    what it may not; ``ready`` waits until stops that were asked before have ended. Each action is in the
+    ``journal`` before it begins.
+    """
+
+    def __init__(
+        self,
+        *,
+        publish: Callable[[NavigationReport], None],
+        hold: Callable[[str], Awaitable[None]],
+        crashed: Callable[[Exception], None],
+        clock: Clock,
+        journal: RobotJournal,
+        ready: Callable[[], Awaitable[None]] = no_wait,
+    ) -> None:
+        self._ready = ready
+        self._tell = publish
+        self._hold = hold
+        self._crashed = crashed
+        self._clock = clock
+        self._work: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[None]] = set()  # also those that are still being cancelled
+        self._journal = journal
+        self._known = {past.identity: _known_of(past, clock.time()) for past in journal.past if past.action}
+        self.action: Action | None = None
+
+    @property
+    def active(self) -> bool:
+        """True while an action is running or paused."""
+        return self.action is not None and not self.action.over
+
+    def doing(self) -> tuple[Task, int] | None:
+        """Return the task under way and how many of its goals are behind, None when there is none."""
+        if self.action is None or self.action.over or self.action.paused:
+            return None
+        return self.action.task, self.action.reached
+
+    @property
+    def ahead(self) -> Task | None:
+        """What is left of the paused action; None when none is paused."""
+        return self.action.ahead if self.active and self.action and self.action.paused else None
+
+    @property
+    def activity(self) -> str:
+        """What is under way, in a word or two; empty when nothing."""
+        if self.action is None or self.action.over:
+            return ""
+        return self.action.words
+
+    def recall(self) -> None:
+        """Say how the actions ended that an earlier process did not see to their end; once, at the start."""
+        for past in self._journal.past:
+            if past.action and not past.outcome:
+                self._publish(self._known[past.identity].status)
+
+    def knows(self, action_id: str) -> bool:
+        """Return True for the id of an action that was asked before."""
+        return action_id in self._known
+
+    def repeated(self, action_id: str, receipt: Receipt) -> bool:
+        """Say the last status and the answers again for an action id seen before; False for a new one."""
+        known = self._known.get(action_id)
+        if known is None:
+            return False
+        self._tell(known.status)
+        receipt.follow(known.receipt)
+        return True
+
+    def start(self, who: GoalNavigator, task: Task, action_id: str, receipt: Receipt) -> None:
+        """Begin a task, led by ``who``; whatever was under way is cancelled."""
+        self.cancel("superseded by a newer goal")
+        self.action = Action(
+            action_id,
+            task,
+            publish=self._publish,
+            ended=lambda status: _answer(receipt, status),
+            clock=self._clock,
+        )
+        self._remember(self.action.status, receipt)
+        self._begin(who, self.action)
+
+    def refuse(self, ask: Navigate, reason: str, receipt: Receipt) -> None:
+        """Say that an action failed before it began; a repeat of it is refused like it."""
+        step, now = 0 if ask.of_mission else None, self._clock.time()
+        status = NavigationReport(now, ask.action_id, ActionState.FAILED, 0.0, reason, step)
+        self._tell(status)
+        self._remember(status, receipt)
+
+    def controlled(self, ask: Navigate, reply: Reply) -> None:
+        """Say how a control message ended, when it has an action id of its own and has ended."""
+        if reply.done is None or not ask.action_id or self.knows(ask.action_id):
+            return
+        state, percent = (ActionState.COMPLETED, 100.0) if reply.done else (ActionState.FAILED, 0.0)
+        step = 0 if ask.of_mission else None
+        if ask.of_mission and reply.done:
+            state = ActionState.CANCELLED
+        self._tell(NavigationReport(self._clock.time(), ask.action_id, state, percent, reply.reason, step))
+
+    def cancel(self, why: str) -> None:
+        """End what is under way with ``cancelled``; the robot is not stopped here."""
+        self._end(ActionState.CANCELLED, why)
+
+    def fail(self, why: str) -> None:
+        """End what is under way with ``failed``; the robot is not stopped here."""
+        self._end(ActionState.FAILED, why)
+
+    def pause(self) -> bool:
+        """Interrupt what is under way; False when there is nothing."""
+        if self.action is None or self.action.over:
+            return False
+        if isinstance(self.action.task, RelativeMove):
+            self.cancel("a relative move cannot be paused: it would begin anew from another place")
+            return True
+        self._interrupt()
+        self.action.pause()
+        return True
+
+    def resume(self, who: GoalNavigator) -> bool:
+        """Go on with what was paused; False when nothing was."""
+        if self.action is None or self.action.over or not self.action.paused:
+            return False
+        self.action.resume()
+        self._begin(who, self.action)
+        return True
+
+    def _begin(self, who: GoalNavigator, action: Action) -> None:
+        """Run the task of an action."""
+        self._work = asyncio.create_task(self._run(who, action), name=f"action:{action.id}")
+        self._tasks.add(self._work)
+        self._work.add_done_callback(self._tasks.discard)
+
+    def _end(self, state: ActionState, why: str) -> None:
+        """Interrupt the work and say the terminal status."""
+        self._interrupt()
+        if self.action is not None:
+            self.action.move(state, message=why)
+            self.action = None
+
+    def _interrupt(self) -> None:
+        """Cancel the work, which then says nothing more."""
+        if self._work is not None:
+            cancel_and_wait(self._work, "the action was ended", self._crashed)
+            self._work = None
+
+    async def _run(self, who: GoalNavigator, action: Action) -> None:
+        """Drive the iteration of who leads and turn its end into the terminal status."""
+        action.move(ActionState.RUNNING)
+        try:
+            self._journal.note(action.id, "navigate", action=True)
+            await self._ready()
+            await guarded(lambda: self._follow(who, action))
+            if self._is_current():
+                action.complete()
+        except (CommandError, LinkError) as error:
+            await self._fail(action, str(error))
+        except asyncio.CancelledError:
+            if was_cancelled():
+                raise
+            await self._fail(action, "the adapter cancelled it")
+        except Exception as error:
+            log.exception("the adapter failed in navigate")
+            if self._is_current():
+                action.move(ActionState.FAILED, message=f"{type(error).__name__}: {error}")
+            self._crashed(error)
+
+    def _is_current(self) -> bool:
+        """Return False for work that was cancelled and goes on all the same: it has no say any more."""
+        return self._work is asyncio.current_task()
+
+    async def _follow(self, who: GoalNavigator, action: Action) -> None:
+        """Take the progress of who leads for as long as somebody wants it."""
+        async with closing(who.navigate(action.task)) as steps:
+            async for progress in steps:
+                if not self._is_current():
+                    return
+                action.progress(progress)
+
+    async def _fail(self, action: Action, why: str) -> None:
+        """Say that the work failed, and hold the robot."""
+        if self._is_current():
+            action.move(ActionState.FAILED, message=why)
+            await self._hold(f"navigation failed: {why}")
+
+    def _publish(self, status: NavigationReport) -> None:
+        """Say a status, and keep it for repeats of its id."""
+        known = self._known.get(status.action_id)
+        if known is not None:
+            known.status = status
+        if status.state.terminal:
+            self._journal.end(status.action_id, status.state.value)
+        self._tell(status)
+
+    def _remember(self, status: NavigationReport, receipt: Receipt) -> None:
+        """Keep an action for repeats of its id."""
+        if not status.action_id:
+            return
+        self._known[status.action_id] = _Known(receipt, status)
+        while len(self._known) > KEPT:
+            del self._known[next(iter(self._known))]
+
+
+def _known_of(past: PastCommand, now: float) -> _Known:
+    """Return what is known of an action of an earlier process; one that was cut off has failed."""
+    state = ActionState(past.outcome) if past.outcome else ActionState.FAILED
+    progress = 100.0 if state is ActionState.COMPLETED else 0.0
+    return _Known(answer_to(past), NavigationReport(now, past.identity, state, progress, past.verdict))
+
+
+def _answer(receipt: Receipt, status: NavigationReport) -> None:
+    """Tell whoever waits for an action how it ended."""
+    if status.state is ActionState.COMPLETED:
+        receipt.done()
+    else:
+        cancelled = f"{status.state.value}: " if status.state is ActionState.CANCELLED else ""
+        receipt.reject(f"{cancelled}{status.message}")

@@ -1,0 +1,217 @@
+"""Reports on their way to the bus: the newest of each state, every event, put once a turn of the wheel.
+
+What nobody on the bus listens to is not put: that costs more than all the rest. The bridge of this process
+gets the reports themselves.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol
+
+from fleet.bus.zenoh_session import Query, ZenohSession, keys_intersect
+from fleet.errors import WireError
+from fleet.model.event import EventReport
+from fleet.model.report import LogReport, NavigationReport, Report, TelemetryReport
+from fleet.wire.checks import check_report
+from fleet.wire.databus import encode_report
+from fleet.wire.topics import data_key
+
+log = logging.getLogger(__name__)
+
+EVENTS = (NavigationReport, TelemetryReport, LogReport, EventReport)
+ALL = "cw/*/data/**"
+STEP = 8  # states in one step of a flush: together they cost less than by themselves
+WAITING = 200  # events of one robot in one turn; a robot that reports more loses its newest, counted
+
+
+class BridgePort(Protocol):
+    """The bridge of this process, as reports see it."""
+
+    def open(self, key: str) -> Any:
+        """Return where the reports of a key cross; None where none do."""
+
+    def cross(self, batch: Sequence[tuple[Any, Report]]) -> None:
+        """Take reports, each with where it crosses."""
+
+
+class _Channel:
+    """One channel of one twin: its newest report, whether that waits, and how many samples were put.
+
+    ``last`` is the last that left; ``way`` is where they cross to the cloud, None where they do not.
+    """
+
+    __slots__ = ("key", "last", "newest", "refused", "sequence", "waits", "way")
+
+    newest: Report
+
+    def __init__(self, key: str, way: Any) -> None:
+        self.key = key
+        self.way = way
+        self.sequence = 0
+        self.waits = False
+        self.last: Report | None = None
+        self.refused = False
+
+    def refuse(self, line: str, *values: object) -> None:
+        """Tell why a report cannot be said, the first of a row only."""
+        if not self.refused:
+            self.refused = True
+            log.warning(line, *values)
+
+
+class _Robot:
+    """What one robot has to say: its channels, and the events that wait.
+
+    An adapter may report from a thread of its own: each step is whole, and what is to be found is there
+    before it can be found.
+    """
+
+    def __init__(self, twin: str, outbox: ReportQueue) -> None:
+        self.events: deque[Report] = deque()
+        self._twin = twin
+        self._outbox = outbox
+        self._states: dict[type[Report], _Channel] = {}  # of the kinds of which a robot has one
+        self._channels: dict[tuple[type[Report], str], _Channel] = {}
+
+    def put(self, report: Report) -> None:
+        """Take a report; it leaves with the next ``flush``."""
+        channel = self._states.get(type(report))
+        if channel is None:
+            if isinstance(report, EVENTS):
+                self._put_event(report)
+                return
+            channel = self._channel_of_state(report)
+        channel.newest = report
+        if not channel.waits:
+            channel.waits = True
+            self._outbox.states.append(channel)
+
+    def channel(self, report: Report) -> _Channel:
+        """Return the channel of a report."""
+        place = type(report), getattr(report, "sensor", "")
+        channel = self._channels.get(place)
+        if channel is None:
+            channel = self._channels[place] = self._outbox.open(self._twin, report.channel, place[1])
+        return channel
+
+    def _channel_of_state(self, report: Report) -> _Channel:
+        """Return the channel of the first state of its kind, or of one of several sensors of a kind."""
+        channel = self.channel(report)
+        if not hasattr(report, "sensor"):
+            self._states[type(report)] = channel
+        return channel
+
+    def _put_event(self, report: Report) -> None:
+        """Take an event, unless too many wait."""
+        if len(self.events) < WAITING:
+            self.events.append(report)
+            self._outbox.eventful.append(self)
+        else:
+            self._outbox.dropped += 1
+
+
+class ReportQueue:
+    """All reports of one process; ``bridge`` is the one of this process, where there is one."""
+
+    def __init__(self, bus_session: ZenohSession) -> None:
+        self._publishers = bus_session.publishers(ALL)
+        self._channels: list[_Channel] = []
+        self.states: deque[_Channel] = deque()  # which wait, each once
+        self.eventful: deque[_Robot] = deque()  # each once for each of its events
+        self.bridge: BridgePort | None = None
+        self.dropped = 0
+        bus_session.answer(ALL, self._asked)
+
+    def sender(self, twin: str) -> Callable[[Report], None]:
+        """Return what takes one robot's reports; they leave with the next ``flush``."""
+        return _Robot(twin, self).put
+
+    def flush(self) -> None:
+        """Put everything that waits."""
+        for _ in self.flushing():
+            pass
+
+    def flushing(self) -> Iterator[None]:
+        """Put everything that waits, a few reports a step; what comes meanwhile waits for the next time.
+
+        Who leaves off in the middle, or fails, loses nothing of the rest: the next time goes on with it.
+        """
+        for _ in range(len(self.eventful)):
+            if self.eventful:  # or somebody else has taken it meanwhile
+                robot = self.eventful.popleft()
+                report = robot.events.popleft()
+                self._send([(robot.channel(report), report)])
+                yield
+        left = len(self.states)
+        while left > 0:
+            self._send(self._newest(min(left, STEP)))
+            left -= STEP
+            yield
+
+    def _newest(self, most: int) -> list[tuple[_Channel, Report]]:
+        """Remove and return so many states that wait."""
+        batch: list[tuple[_Channel, Report]] = []
+        while self.states and len(batch) < most:  # or somebody else has taken one meanwhile
+            channel = self.states.popleft()
+            channel.waits = False
+            batch.append((channel, channel.newest))
+        return batch
+
+    def open(self, twin: str, name: str, sensor: str) -> _Channel:
+        """Begin a channel; that of a sensor that cannot be part of a key has no key, and nothing leaves."""
+        try:
+            key = data_key(twin, name, sensor or None)
+        except (WireError, TypeError) as error:
+            log.warning("the %s reports of %s are dropped: %s", name, twin, error)
+            return _Channel("", None)
+        channel = _Channel(key, self.bridge.open(key) if self.bridge else None)
+        self._channels.append(channel)
+        return channel
+
+    def _send(self, batch: Sequence[tuple[_Channel, Report]]) -> None:
+        """Put reports, where anybody listens; what cannot be said is dropped and counted."""
+        crossing = [
+            (channel.way, report)
+            for channel, report in batch
+            if self._say(channel, report) and channel.way is not None
+        ]
+        if crossing and self.bridge:
+            self.bridge.cross(crossing)
+
+    def _say(self, channel: _Channel, report: Report) -> bool:
+        """Say a report on the bus, where anybody listens; tell whether it can be said at all."""
+        if not channel.key:
+            self.dropped += 1
+            return False
+        try:
+            check_report(report)
+            publisher = self._publishers.wanted(channel.key)
+            if publisher is not None:
+                publisher.put(encode_report(report, channel.sequence))
+                channel.sequence += 1
+        except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+            self.dropped += 1
+            channel.refuse("a report on %s was dropped: %s", channel.key, error)
+            return False
+        channel.last, channel.refused = report, False
+        return True
+
+    def _asked(self, question: Query) -> None:
+        """Answer with the last report of each channel that was asked for; on the bus's thread."""
+        try:
+            for channel in list(self._channels):
+                if channel.last is not None and keys_intersect(question.asked, channel.key):
+                    _reply(question, channel, channel.last)
+        finally:
+            question.close()
+
+
+def _reply(question: Query, channel: _Channel, report: Report) -> None:
+    """Answer with one report; one that cannot be said, or sent, keeps the asker from no other."""
+    try:
+        question.reply(encode_report(report, channel.sequence), channel.key)
+    except Exception as error:  # noqa: BLE001 - the wall: an adapter may put anything into its reports
+        channel.refuse("%s cannot be told to who asks: %s", channel.key, error)

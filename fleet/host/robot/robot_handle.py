@@ -1,0 +1,133 @@
+"""What the host gives an adapter for one run: reports go out, health comes in, timers hang on the wheel."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable
+from contextlib import AbstractAsyncContextManager
+from functools import partial
+from typing import TypeVar
+
+from fleet.clock import Clock
+from fleet.host.runtime.shared_resources import SharedResources
+from fleet.host.runtime.tick_scheduler import PeriodicCall, TickScheduler
+from fleet.link.base import Address, Link
+from fleet.model.health import Health
+from fleet.model.report import Report
+from fleet.supervisor.client import SupervisorClient
+
+KEPT_WITHIN = 2.0  # s that the supervisor has to say that it keeps a halt
+LOOK = 0.5  # s between looks whether it has
+
+SharedT = TypeVar("SharedT")
+
+
+class RobotHandle:
+    """The ``Robot`` of one run. After ``close`` it does nothing more, whoever still holds it."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        clock: Clock,
+        scheduler: TickScheduler,
+        shared: SharedResources,
+        publish: Callable[[Report], None],
+        healthy: Callable[[Health], None],
+        lost_authority: Callable[[str], None],
+        failed: Callable[[Exception], None],
+        supervised: SupervisorClient,
+    ) -> None:
+        self.name = name
+        self._supervised = supervised
+        self._sent = self._kept = 0  # the halts that were left, and the one that the supervisor keeps
+        self._kept_by = 0.0  # when it must have said so (monotonic s)
+        self._counts = True  # what the runner was told of it last
+        self._watches = False
+        self._said: Health | None = None
+        self.clock = clock
+        self.log = logging.getLogger(f"fleet.robot.{name}")
+        self._scheduler = scheduler
+        self._shared = shared
+        self._publish = publish
+        self._healthy = healthy
+        self._lost_authority = lost_authority
+        self._failed = failed
+        self._periodics: list[PeriodicCall] = []
+        self._closed = False
+
+    def report(self, report: Report) -> None:
+        """Publish something learned."""
+        if not self._closed:
+            self._publish(report)
+
+    def health(self, health: Health) -> None:
+        """Say how the way to the robot is."""
+        if not self._closed:
+            self._said, self._counts = health, self.has_left_halt
+            self._healthy(health)
+
+    def authority_lost(self, reason: str) -> None:
+        """Say that somebody else took the robot."""
+        if not self._closed:
+            self._lost_authority(reason)
+
+    @property
+    def has_left_halt(self) -> bool:
+        """True while the supervisor keeps the robot's halt, or may still say in time that it does."""
+        return bool(self._sent) and (self._kept == self._sent or self.clock.monotonic() <= self._kept_by)
+
+    def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
+        """Leave what halts the robot with the supervisor, which answers; that is not waited for."""
+        if self._closed:
+            return
+        self._sent += 1
+        kept = partial(self._keeps, self._sent)
+        if self._supervised.keep(self.name, link.fileno(), frames, address, kept=kept):
+            self._kept_by = self.clock.monotonic() + KEPT_WITHIN
+            self._watch_halt()
+        else:
+            self._kept_by = -math.inf
+
+    def _keeps(self, number: int) -> None:
+        """Note that the supervisor keeps the halt of this number; on its thread."""
+        self._kept = number
+
+    def _watch_halt(self) -> None:
+        """Look from now on whether the halt that was left counts."""
+        if not self._watches:
+            self._watches = True
+            self.every(LOOK, self._look_at_halt)
+
+    def _look_at_halt(self) -> None:
+        """Say the health once more when the halt that was left has come to count, or does not any more."""
+        counts = self.has_left_halt
+        if counts == self._counts or self._said is None:
+            return
+        if not counts:
+            self.log.error("the supervisor did not keep its halt within %g s", KEPT_WITHIN)
+        self.health(self._said)
+
+    async def take_halt_back(self) -> None:
+        """Have the supervisor let go of the robot's link, so that it can be opened again; bounded in time."""
+        if self._sent:
+            self._sent = self._kept = 0
+            await self._supervised.drop(self.name)
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Call back about every ``seconds`` until the run ends."""
+        if not self._closed:
+            self._periodics.append(self._scheduler.every(seconds, call, owner=self.name, failed=self._failed))
+
+    def share(
+        self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
+    ) -> AbstractAsyncContextManager[SharedT]:
+        """Enter what all robots with the same key use together."""
+        return self._shared.share(key, make)
+
+    def close(self) -> None:
+        """End the run's timers and reports."""
+        self._closed = True
+        for periodic in self._periodics:
+            periodic.cancel()

@@ -1,0 +1,218 @@
+"""Where the robots of an edge are, as far as one of its processes knows: its own, and what others tell.
+
+Each process judges the motion of its own robots, against all. What it must know of the robots of another
+process comes over the bus, ten times a second. A process that falls silent leaves its robots where they were
+heard last; how far they may have gone since is part of the judgement.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable
+
+import msgspec
+
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.config.schema import FleetConfig
+from fleet.host.robot.separation_keeper import SeparationKeeper
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.host.safety.separation import Occupant, stopping
+from fleet.model.geodesy import GeoOrigin
+from fleet.model.geometry import Vector3
+from fleet.model.site import Placement, placed_on_earth
+from fleet.runtime.decoding import decode_json
+
+log = logging.getLogger(__name__)
+
+TELL = 0.1  # s between sheets for other processes
+SPEEDING_UP = 1.0  # m that a robot of another process may be nearer than its last speed lets it be
+
+
+class _Told(msgspec.Struct, frozen=True):
+    """A robot of another process; ``on_earth``: placed by its place on Earth; ``lost``: not any more."""
+
+    robot: Occupant
+    on_earth: bool
+    lost: bool = False
+
+
+class _Sheet(msgspec.Struct, frozen=True):
+    """What a process tells of its robots; ``anchor``: the origin of those on Earth, None without any."""
+
+    robots: tuple[_Told, ...]
+    anchor: GeoOrigin | None = None
+
+
+class RobotPositions:
+    """The robots of one edge, in the site's frame; ``names`` are those of all of them.
+
+    Without a site's origin, robots on Earth have a frame of their own, around the first that is known, and
+    nobody knows how far they are from the others.
+    """
+
+    def __init__(self, site: GeoOrigin | None, names: Iterable[str], clock: Clock) -> None:
+        self._names = tuple(names)
+        self._clock = clock
+        self._site = site
+        self._anchor = site
+        self._own: dict[str, SeparationKeeper] = {}
+        self._told: dict[str, tuple[float, _Told]] = {}
+
+    @property
+    def alone(self) -> bool:
+        """True on an edge of one robot."""
+        return len(self._names) < 2
+
+    def join(self, robot: SeparationKeeper) -> None:
+        """Have a robot of this process known to the others."""
+        self._own[robot.name] = robot
+
+    def place(self, world: GeoOrigin) -> Placement:
+        """Return where a world on Earth lies; the first one there is lies around the origin."""
+        if self._anchor is None:
+            self._anchor = world
+        return placed_on_earth(self._anchor, world)
+
+    def one(self, name: str) -> Occupant | None:
+        """Return a robot as it is now, None while nobody knows where."""
+        if name in self._own:
+            return self._own[name].occupant()
+        if name not in self._told:
+            return None
+        since, told = self._told[name]
+        return msgspec.structs.replace(told.robot, age=told.robot.age + self._clock.monotonic() - since)
+
+    def others(self, name: str) -> list[Occupant]:
+        """Return all robots but one whose place is known in the frame of that one."""
+        frame = self._frame(name)
+        there = (self.one(other) for other in self._names if other != name and self._frame(other) == frame)
+        return [robot for robot in there if robot is not None]
+
+    def near(self, name: str, at: Vector3, reach: float) -> tuple[Occupant, ...]:
+        """Return those of them that a robot may meet before long, by how far each of the two may go."""
+        frame = self._frame(name)
+        found = []
+        for other, own in self._own.items():
+            if own.at is not None and other != name and (at - own.at).norm() <= reach + own.reach:
+                found.append(other)
+        found += [other for other in self._told if other != name]
+        there = (self.one(other) for other in found if self._frame(other) == frame)
+        return tuple(robot for robot in there if robot is not None and _may_meet(robot, at, reach))
+
+    def _frame(self, name: str) -> str:
+        """Return the frame that a robot is placed in, empty while it is in none."""
+        own = self._own.get(name)
+        if own is not None:
+            placed, on_earth = own.at is not None, own.on_earth
+        else:
+            placed = name in self._told
+            on_earth = placed and self._told[name][1].on_earth
+        if not placed:
+            return ""
+        return "earth" if on_earth and self._site is None else "site"
+
+    def in_site(self, name: str) -> SeparationKeeper | None:
+        """Return a robot of this process, None unless it is placed in the site's frame."""
+        robot = self._own.get(name)
+        if robot is None or robot.placement is None or self._frame(name) != "site":
+            return None
+        return robot
+
+    def unknown(self, name: str) -> str:
+        """Return why nobody knows how far a robot is from others, empty when that is known of all."""
+        own = self._own.get(name)
+        if own is None or self.alone:
+            return ""
+        if own.lost:
+            return f"unknown: {own.lost}"
+        frame = self._frame(name)
+        if not frame:
+            placed = own.placement is not None
+            return "unknown: " + ("it has not told where it is" if placed else "it is not placed")
+        hidden = [
+            other
+            for other in self._names
+            if other != name and (self._frame(other) != frame or self._is_lost(other))
+        ]
+        return f"unknown to {', '.join(hidden)}" if hidden else ""
+
+    def _is_lost(self, name: str) -> bool:
+        """Return whether nobody knows any more where a robot is that was placed."""
+        if name in self._own:
+            return bool(self._own[name].lost)
+        return name in self._told and self._told[name][1].lost
+
+    # -- between processes -----------------------------------------------------------------------------
+
+    def sheet(self) -> bytes:
+        """Return what other processes must know of the robots of this one."""
+        robots = [
+            _Told(occupant, robot.on_earth, bool(robot.lost))
+            for robot in self._own.values()
+            if (occupant := robot.occupant()) is not None
+        ]
+        return msgspec.json.encode(_Sheet(tuple(robots), self._anchor))
+
+    def hear(self, payload: bytes) -> None:
+        """Take what another process tells; on the loop."""
+        try:
+            sheet = decode_json(payload, _Sheet)
+        except msgspec.DecodeError as error:
+            log.warning("where the robots of another process are cannot be read: %s", error)
+            return
+        now = self._clock.monotonic()
+        placement = None if sheet.anchor is None else self.place(sheet.anchor)
+        for told in sheet.robots:
+            if told.robot.name in self._names and told.robot.name not in self._own:
+                self._told[told.robot.name] = now, _moved(told, placement)
+
+
+def _may_meet(robot: Occupant, at: Vector3, reach: float) -> bool:
+    """Return whether a robot may meet before long what goes ``reach`` metres from ``at`` at the most."""
+    theirs = robot.radius + robot.doubt + stopping(robot.speed, robot.braking) + robot.speed + SPEEDING_UP
+    return (at - robot.at).norm() <= reach + theirs
+
+
+def _moved(told: _Told, placement: Placement | None) -> _Told:
+    """Return a robot in our frame that another process told in its own."""
+    if not told.on_earth or placement is None or placement == Placement():
+        return told
+    robot = told.robot
+    moved = msgspec.structs.replace(
+        robot, at=placement.to_site(robot.at), way=tuple(map(placement.to_site, robot.way))
+    )
+    return msgspec.structs.replace(told, robot=moved)
+
+
+def positions_of(config: FleetConfig, clock: Clock) -> RobotPositions:
+    """Return the robots of a fleet file, none of which is placed yet."""
+    origin = config.site.origin
+    return RobotPositions(
+        GeoOrigin(*origin) if origin else None, (robot.name for robot in config.robots), clock
+    )
+
+
+def exchange(
+    traffic: RobotPositions, own: str, all_: str, control: ZenohSession, scheduler: TickScheduler
+) -> None:
+    """Tell the edge's other processes where the robots of this one are, and hear of theirs.
+
+    ``own`` is the key of this process, ``all_`` those of all.
+    """
+    loop, publisher = asyncio.get_running_loop(), control.publisher(own)
+
+    def heard(_key: str, payload: bytes) -> None:
+        loop.call_soon_threadsafe(traffic.hear, payload)
+
+    def tell() -> None:
+        if publisher.wanted:
+            publisher.put(traffic.sheet())
+
+    def tell_on(error: Exception) -> None:
+        log.error("where the robots are could not be told", exc_info=error)
+        scheduler.every(TELL, tell, failed=tell_on)
+
+    control.subscribe(all_, heard)
+    scheduler.every(TELL, tell, failed=tell_on)

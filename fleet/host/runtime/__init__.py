@@ -1,0 +1,1 @@
+"""The process's own machinery: periodic calls, threads, cancellation, watchdog, shutdown."""

@@ -1,0 +1,26 @@
+"""The end of a process: an adapter's thread that never ends must not keep it for ever."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+
+PATIENCE = 2.0  # s that threads get to end by themselves once everything of ours has ended
+
+
+def shutdown(code: int) -> int:
+    """Return the exit code once no thread keeps the process; with one that goes on, end at once."""
+    end = time.monotonic() + PATIENCE
+    others = [
+        each for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()
+    ]
+    for thread in others:
+        thread.join(max(0.0, end - time.monotonic()))
+    left = [thread.name for thread in others if thread.is_alive()]
+    if left:
+        sys.stderr.write(f"fleet: left without waiting for {', '.join(left)}: an adapter's threads go on\n")
+        sys.stdout.flush()
+        os._exit(code)
+    return code

@@ -1,0 +1,76 @@
+"""The speeds that motion verbs mean when they say none, and the setting that an operator stores of them.
+
+``set_linear_velocity`` and ``set_angular_velocity`` move nothing: they store how fast the later verbs of the
+same session are, within the robot's limits. The setting is forgotten with a stop, when somebody else takes
+the robot, and when its adapter begins anew, so that nobody finds a robot faster than it usually is.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from fleet.model.command import Command
+from fleet.robot_config import Limits
+from fleet.wire.commands import SETTINGS, MotionDefaults
+
+VERB_SPEED = 0.5  # m/s, and rad/s: what a verb means that says no magnitude, where nothing was set
+
+
+class _Setting(msgspec.Struct, frozen=True):
+    """What one session has set; ``linear`` in m/s and ``angular`` in rad/s, None where it has not."""
+
+    session: str
+    linear: float | None = None
+    angular: float | None = None
+
+
+class VerbSpeeds:
+    """One robot's. ``of`` may be asked from any thread, the rest is for the event loop."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._plain = self._defaults(None, None)
+        self._setting: _Setting | None = None
+
+    def of(self, session: str) -> MotionDefaults:
+        """Return the magnitudes for a session's verbs that bring none."""
+        setting = self._setting
+        if setting is None or setting.session != session:
+            return self._plain
+        return self._defaults(setting.linear, setting.angular)
+
+    def store(self, ask: Command) -> dict[str, float]:
+        """Store what a command sets; returns the applied value under its name, within the limits."""
+        field = SETTINGS[ask.name]
+        limit = self._limits.speed if field == "linear" else self._limits.yaw_rate
+        applied = _within(abs(ask.data[field]), limit)
+        self.driven_by(ask.origin.session)
+        before = self._setting or _Setting(ask.origin.session)
+        self._setting = msgspec.structs.replace(before, **{field: applied})
+        return {field: applied}
+
+    def driven_by(self, session: str) -> None:
+        """Note who moves the robot: the setting of anybody else is forgotten."""
+        if self._setting is not None and self._setting.session != session:
+            self.forget()
+
+    def forget(self) -> None:
+        """Return to the magnitudes that verbs have where nothing was set."""
+        self._setting = None
+
+    def _defaults(self, linear: float | None, angular: float | None) -> MotionDefaults:
+        """Return the magnitudes of verbs, each within its own limit."""
+        speed = VERB_SPEED if linear is None else linear
+        turn = VERB_SPEED if angular is None else angular
+        level = _within(speed, self._limits.speed)
+        return MotionDefaults(
+            forward=level,
+            lateral=level,
+            vertical=_within(speed, self._limits.vertical_speed),
+            yaw_rate=_within(turn, self._limits.yaw_rate),
+        )
+
+
+def _within(magnitude: float, limit: float | None) -> float:
+    """Return the magnitude, or the limit where that is smaller."""
+    return magnitude if limit is None else min(magnitude, limit)

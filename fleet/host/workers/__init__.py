@@ -1,0 +1,1 @@
+"""Worker processes: started and watched here, reached over the bus."""

@@ -1,0 +1,136 @@
+"""The process that imports a drop-in file to say what it has: ``python -m fleet.host.workers.drop_in_inspector FILE``.
+
+It writes what it found, then answers about one robot's config after another, until its input ends.
+``fleet.plugins.probe`` is the other side.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import struct
+import sys
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+from pydantic.errors import PydanticInvalidForJsonSchema
+
+from fleet.config.checks import identity_of
+from fleet.config.explain import validated_with
+from fleet.config.problems import Mark
+from fleet.config.yaml import Document
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities
+from fleet.plugins.drop_in_file import Imported, import_file
+from fleet.plugins.probe import (
+    AdapterDescription,
+    CheckedConfig,
+    CommandText,
+    ConfigCase,
+    DropInContent,
+    Flaw,
+    ProblemPlace,
+    send,
+)
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.decoding import msgpack_decoder
+
+MOST_MEMORY = 2 << 30  # bytes that an import may take: what takes more takes it from robots that run
+
+
+class _Gathered(Document):
+    """What is reported, gathered for who asks: it has the text of the lines, and the secrets to mask."""
+
+    flaws: list[Flaw] = []  # noqa: RUF012 - a Struct copies it
+
+    def report(self, mark: Mark, message: str, hint: str = "") -> None:
+        """Take a problem."""
+        self.flaws.append(Flaw(ProblemPlace(mark.file, mark.line, mark.column, mark.path), message, hint))
+
+
+def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> AdapterDescription:
+    """Return a kind of robot in words; without ``schema`` it has none."""
+    can = capabilities(adapter)
+    commands = tuple(
+        CommandText(
+            spec.name,
+            spec.summary,
+            spec.timeout,
+            spec.safe,
+            spec.moves,
+            spec.parameters.__struct_fields__,
+            {parameter: str(bounds) for parameter, bounds in spec.ranges.items()},
+        )
+        for spec in sorted(can.commands.values(), key=lambda spec: spec.name)
+    )
+    limits = msgspec.to_builtins(can.limits.model_dump(exclude_none=True))
+    cls = f"{adapter.__module__}:{adapter.__qualname__}"
+    made = _schema(adapter.Config) if schema else None
+    return AdapterDescription(name, cls, can.drives, can.navigates, limits, commands, made)
+
+
+def _schema(config: type[AdapterConfig]) -> dict[str, Any] | None:
+    """Return the JSON Schema of a Config, None for one that cannot be said in it."""
+    try:
+        return config.model_json_schema()
+    except PydanticInvalidForJsonSchema:
+        return None
+
+
+def checked(case: ConfigCase, imported: Imported) -> CheckedConfig:
+    """Return what an imported adapter's Config makes of a robot; whatever it raises is a flaw."""
+    adapter = dict(imported.adapters)[case.adapter]
+    document = _Gathered(
+        marks={steps: Mark(*msgspec.structs.astuple(place)) for steps, place in case.marks},
+        keys={steps: Mark(*msgspec.structs.astuple(place)) for steps, place in case.keys},
+        texts=set(case.texts),
+        spoiled=set(case.spoiled),
+    )
+    data, context = json.loads(case.data), {"folder": Path(case.folder)}
+    try:
+        found = validated_with(adapter.Config, data, case.at, document, context)
+        if found is None:
+            return CheckedConfig(flaws=tuple(document.flaws))
+        config, given = found
+        identity = identity_of(config)
+        fields = config.model_dump_json(include=set(AdapterConfig.model_fields))
+        named = None if identity is None else str(identity[1])
+        return CheckedConfig(json.dumps(given), fields, config.simulated, named, tuple(document.flaws))
+    except BaseException as error:  # noqa: BLE001 - the validators are the adapter's own code
+        document.report(
+            document.marks[case.at],
+            f"the adapter {case.adapter!r} failed to check it",
+            f"{type(error).__name__}: {error}",
+        )
+        return CheckedConfig(flaws=tuple(document.flaws))
+
+
+def main() -> None:
+    """Import the file, say what it has, and answer until the input ends."""
+    # What the file prints goes nowhere, and what it reads is nothing: both pipes are ours.
+    given, said = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    with open(os.devnull, "r+b", buffering=0) as nothing:  # noqa: PTH123 - a descriptor, not a path
+        os.dup2(nothing.fileno(), 0)
+        os.dup2(nothing.fileno(), 1)
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
+    ours = os.getpid()
+    imported = import_file(Path(sys.argv[1]))
+    kinds = tuple(described(name, adapter) for name, adapter in imported.adapters)
+    _say(said, DropInContent(kinds, imported.reports), ours)
+    cases = msgpack_decoder(ConfigCase)
+    while size := given.read(4):
+        case = cases.decode(given.read(*struct.unpack(">I", size)))
+        _say(said, checked(case, imported), ours)
+    os._exit(0)  # whatever threads the file has begun
+
+
+def _say(said: BinaryIO, answer: DropInContent | CheckedConfig, ours: int) -> None:
+    """Write an answer, unless this is a child that the file has forked."""
+    if os.getpid() != ours:
+        os._exit(0)
+    send(said, msgspec.msgpack.encode(answer))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,291 @@
+"""A robot of this edge whose adapter runs in a worker: reached over the bus, which is the only boundary."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import msgspec
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import Query, ZenohSession
+from fleet.clock import Clock
+from fleet.errors import WireError
+from fleet.health.aggregate import LEVELS
+from fleet.host.requests.decode import RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
+from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
+from fleet.host.requests.stop_cause import StopCause, local_cause, note_of
+from fleet.host.robot.local_robot import source_type
+from fleet.host.runtime.threads import HALT_WAIT, run_in_thread
+from fleet.host.safety.verb_speeds import VerbSpeeds
+from fleet.model.command import Answer, Command, Reply, ReplyStatus, Request, Transport
+from fleet.model.event import EventKind, EventReport, Severity
+from fleet.model.health import Level
+from fleet.model.report import Report, TelemetryReport
+from fleet.model.state import RobotState
+from fleet.robot_config import AdapterConfig
+from fleet.runtime.decoding import decode_json
+from fleet.runtime.rate_limited_counter import RateLimitedCounter
+from fleet.wire.rules import Kind
+from fleet.wire.stops import EMERGENCY
+
+ANSWER_WITHIN = 120.0  # s; the worker's own command time-outs are shorter
+SILENT_AFTER = 3.0  # s without a state after which the worker's word no longer counts
+AGAIN = 0.5  # s between two stops that are put again for a worker that does not say that it is stopped
+
+
+class RemoteRobot:
+    """The edge's side of a robot in a worker."""
+
+    def __init__(
+        self,
+        config: AdapterConfig,
+        *,
+        adapter: str,
+        edge: str,
+        control: ZenohSession,
+        clock: Clock,
+        soon: Callable[[Callable[[], None]], None],
+        arrival: Callable[[], float],
+        worker: str,
+        publish: Callable[[Report], None],
+    ) -> None:
+        self.name = config.name
+        self.publish = publish  # what this process has to say of it, beside its worker
+        self._log = robot_log(config.name)
+        self.twin = str(config.twin)
+        self.source_type = source_type(config)
+        self.legacy_status = config.legacy_status
+        self.worker = worker
+        self._config = config
+        self._edge = edge
+        self._control = control
+        self._clock = clock
+        self._soon = soon
+        self._arrival = arrival  # since when (monotonic s) what is read now may have waited
+        self._cause = "its worker is starting"
+        self._heard = float("-inf")
+        self._told = clock.monotonic()  # when the state came
+        self._unheard: StopCause | None = None  # of a stop that the worker has not told of yet
+        self._put_again_at = float("-inf")
+        self._putting_again = threading.Lock()
+        self._refusals = RateLimitedCounter(self._log, clock)
+        self._state = RobotState(
+            name=self.name,
+            twin=self.twin,
+            adapter=adapter,
+            edge=edge,
+            stamp=clock.time(),
+            simulated=config.simulated,
+            worker=self.worker,
+        )
+        # Only to see what is asked: the worker decodes with the robot's own limits.
+        self._decoder = RequestDecoder(config, VerbSpeeds(config.limits).of, planar=False)
+        control.answer(keys.state(edge, self.name), self._state_asked)
+        control.watch_tokens(keys.robot(edge, self.name), self._came_or_went)
+
+    @property
+    def in_use(self) -> bool:
+        """True once somebody has moved it through this edge, as its worker says."""
+        return self._state.in_use
+
+    def emergency(self, cause: StopCause) -> None:
+        """Stop and latch; from any thread. A bus that is held up keeps nobody else's stop from being read."""
+        named = _named(cause)
+        self.stop_later(named)
+        run_in_thread(partial(self._put_stop, named), wait=HALT_WAIT)
+
+    def stop_later(self, cause: StopCause) -> None:
+        """Remember an emergency stop until the worker says that it is set; from any thread.
+
+        One that is frozen, dead or away now is stopped as soon as it is there again.
+        """
+        self._unheard = self._unheard or _named(cause)
+
+    def renew_stop(self, cause: StopCause) -> None:
+        """Put the stop again where the worker's own word is that it has none; from any thread."""
+        if not self._state.emergency_stop:
+            self.stop_later(cause)
+            self._put_again()
+
+    def _put_again(self) -> None:
+        """Put the stop of which the worker has not told, now and then, and one at a time. Never waits."""
+        cause, now = self._unheard, self._clock.monotonic()
+        if cause is None or now - self._put_again_at < AGAIN:
+            return
+        if not self._putting_again.acquire(blocking=False):
+            return
+        self._put_again_at = now
+
+        def put() -> None:
+            try:
+                self._put_stop(cause)
+            finally:
+                self._putting_again.release()
+
+        run_in_thread(put)
+
+    def _put_stop(self, cause: StopCause) -> None:
+        """Put the stop on its lane; waits while that is full. Never raises."""
+        try:
+            self._control.put(
+                keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True, note=note_of(cause)
+            )
+        except Exception:  # noqa: BLE001 - told
+            self._log.exception("the emergency stop did not go out at once")
+
+    def read(
+        self,
+        kind: Kind,
+        payload: bytes,
+        *,
+        way: Transport,
+        request_id: str = "",
+        waits: bool = False,
+        unread: str = "",
+    ) -> Request | None:
+        """Read a message, from any thread; an emergency stop leaves at once, over the stop lane.
+
+        What is returned hands the message to the worker; what that answers goes back, or that nobody
+        answered; with ``waits`` also how it ended. None for a reply on its way back, which asks nothing.
+        ``unread``: why the payload must not
+        be read; then the worker does not get it either.
+        """
+        parameters = {"kind": kind, "way": way.value}
+        if request_id:
+            parameters["id"] = request_id
+        if waits:
+            parameters["wait"] = "1"
+        try:
+            ask = self._decoder.decode(kind, payload, way=way, request_id=request_id, unread=unread)
+        except WireError as error:
+            name = getattr(error, "command", "") or kind
+            if unread:
+                refusal = Reply(name, ReplyStatus.REJECTED, str(error))
+                return Request(lambda answer: answer(refusal))
+            # The worker refuses it, with the reason.
+            return Request(partial(self._hand_over, name, payload, parameters, math.inf))
+        if ask is None:
+            return None
+        if ask.name == EMERGENCY:
+            self.emergency(StopCause(requester_of(ask.origin), request=request_of(ask)))
+        if isinstance(ask, Command) and ask.flaw:
+            return Request(partial(self._hand_over_stop, ask, parameters), stops=True)
+        until = self._arrival() + max_wait(ask, self._config)
+        take = partial(self._hand_over, ask.name, payload, parameters, until)
+        return Request(take, is_stop(ask), is_discrete(ask))
+
+    def _hand_over_stop(self, ask: Command, parameters: dict[str, str], answer: Answer) -> None:
+        """Hand a stop to the worker whose message was refused, written as it should be."""
+        self._log.warning("took a message that was refused for %s: %s", ask.name, ask.flaw)
+        payload = msgspec.json.encode({"command": ask.name})
+        told = reply_with_flaw(answer, ask.flaw)
+        self._hand_over(ask.name, payload, parameters | {"kind": "command"}, math.inf, told)
+
+    def _hand_over(
+        self,
+        name: str,
+        payload: bytes,
+        parameters: dict[str, str],
+        until: float,
+        answer: Callable[[Reply], None],
+    ) -> None:
+        """Hand a message to the worker, ``until`` it has waited here too long (monotonic s)."""
+        if self._clock.monotonic() > until:
+            answer(Reply(name, ReplyStatus.REJECTED, "it waited too long in here: the edge was held up"))
+            return
+        answered: list[Reply] = []
+
+        def is_open() -> bool:
+            return not answered or ("wait" in parameters and answered[-1].ok and answered[-1].done is None)
+
+        def on_answer(data: bytes) -> None:
+            reply = decode_json(data, Reply)
+            if is_open():
+                answered.append(reply)
+                self._soon(lambda: answer(reply))
+
+        def on_end() -> None:
+            if is_open():
+                reason = f"worker {self.worker} did not {'say how it ended' if answered else 'answer'}"
+                done = False if answered else None
+                missing = Reply(name, ReplyStatus.TIMEOUT, f"{reason}: {self._cause}", done=done)
+                self._soon(lambda: answer(missing))
+
+        self._control.ask_later(
+            keys.command(self._edge, self.name),
+            payload,
+            timeout=ANSWER_WITHIN,
+            parameters=parameters,
+            on_answer=on_answer,
+            on_end=on_end,
+        )
+
+    def worker_is(self, cause: str) -> None:
+        """Note what is wrong with the worker, and tell it in its stead; empty when it runs."""
+        self._cause = cause or "its worker is silent"
+        if not cause:
+            return
+        if self.state().reachable:
+            self._log.warning("offline: %s", cause)
+            now, lost = self._clock.time(), {"level": Level.OFFLINE.word, "cause": cause}
+            text = f"{Level.OFFLINE.word}: {cause}"
+            self.publish(EventReport(now, EventKind.LOST, text, Severity.WARNING, data=lost))
+            self.publish(TelemetryReport(now, "disconnected", {"reason": cause}))
+        self._heard = float("-inf")
+
+    def state(self) -> RobotState:
+        """Return what the worker last said, or why it says nothing."""
+        stopped = self._state.emergency_stop or self._unheard is not None
+        now, age = self._clock.monotonic(), self._state.age
+        age = None if age is None else round(age + now - self._told, 2)
+        said = msgspec.structs.replace(self._state, emergency_stop=stopped, age=age)
+        if now - self._heard <= SILENT_AFTER:
+            return said
+        return msgspec.structs.replace(
+            said,
+            health=Level.OFFLINE.word,
+            cause=self._cause,
+            reachable=False,
+            speed=None,
+            stamp=self._clock.time(),
+        )
+
+    def state_arrived(self, payload: bytes) -> None:
+        """Take the worker's word; on the bus's thread."""
+        try:
+            state = decode_json(payload, RobotState)
+        except msgspec.DecodeError as error:
+            self._log.warning("a state that cannot be read: %s", error)
+            return
+        if (state.name, state.twin, state.edge) != (self.name, self.twin, self._edge):
+            self._refusals.add("forged", "a state of %s that is not its own was refused", self.name)
+            return
+        if state.health not in LEVELS:
+            self._log.warning("a state with the unknown health %a", state.health[:40])
+            return
+        self._state = state
+        self._heard = self._told = self._clock.monotonic()
+        if state.emergency_stop:
+            self._unheard = None
+        self._put_again()
+
+    def _state_asked(self, question: Query) -> None:
+        """Answer with the state, beside the worker: it may be gone. On the bus's thread."""
+        question.reply(msgspec.json.encode(self.state()))
+        question.close()
+
+    def _came_or_went(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        """Set an emergency stop again in a worker that was started anew: only a release ends it."""
+        if alive and (self._state.emergency_stop or self._unheard is not None):
+            before = self._state.stop_cause or "set before its worker ended"
+            self.emergency(self._unheard or local_cause("", before))
+            self._log.warning("its worker is back: the emergency stop is set again")
+
+
+def _named(cause: StopCause) -> StopCause:
+    """Return a cause with a request, by which a stop that is put again is known for the same one."""
+    return cause if cause.request else msgspec.structs.replace(cause, request=os.urandom(8).hex())

@@ -1,0 +1,180 @@
+"""The edge's worker processes: started, watched, and started again when they die or hang.
+
+A worker that was killed is noticed by its exit, a frozen one by its liveliness token, which falls after the
+lease (1 s), and one whose event loop hangs because it stops beating. Such a one is told to stop its robots
+on the stop key, which its bus threads still hear, before it is killed; if they do not, the robots' own
+fail-safes stop them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from fleet.bus import keys
+from fleet.bus.zenoh_session import ZenohSession
+from fleet.clock import Clock
+from fleet.host.logs.setup import FILE, FORM
+from fleet.link.backoff import backoff
+from fleet.plugins.probe import bare_environment
+from fleet.supervisor.sockets import VARIABLE
+
+log = logging.getLogger(__name__)
+
+START_WITHIN = 20.0  # s from the start of the process to its first beat
+SILENT_AFTER = 1.5  # s without a beat after which a worker counts as hung
+LOOK = 0.25  # s between looks
+HALT_WITHIN = 0.5  # s that a worker that hangs gets to halt its robots before it is killed
+LEAVE_WITHIN = 10.0  # s that a worker gets to stop its robots and end
+STABLE_AFTER = 30.0  # s of life after which the next restart is quick again
+
+
+class WorkerManager:
+    """One worker process.
+
+    ``task`` is what it runs: it reads that, and neither fleet.yaml nor the edge's environment. ``told`` hears
+    what is wrong with it, and an empty text when it runs; ``halt`` stops its robots over the bus.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        edge: str,
+        task: bytes,
+        directory: Path,
+        control: ZenohSession,
+        clock: Clock,
+        told: Callable[[str, str], None],
+        halt: Callable[[str], None],
+    ) -> None:
+        self.name = name
+        self._command = (
+            *(sys.executable, "-P", "-m", "fleet.host.workers.worker_process"),
+            *("--directory", str(directory), "--parent", str(os.getpid())),
+        )
+        self._task = task
+        self._clock = clock
+        self._told = told
+        self._halt = halt
+        self._beat = 0.0
+        self._gone = asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        control.subscribe(keys.heartbeat(edge, name), self._beaten)
+        control.watch_tokens(keys.worker(edge, name), self._token_changed)
+
+    async def run(self) -> None:
+        """Keep the worker running until cancelled."""
+        waits = backoff(first=0.2, longest=5.0)
+        while True:
+            began = self._clock.monotonic()
+            cause = await self._once()
+            log.error("worker %s: %s; it is started again", self.name, cause)
+            if self._clock.monotonic() - began > STABLE_AFTER:
+                waits = backoff(first=0.2, longest=5.0)
+            await asyncio.sleep(next(waits))
+
+    async def _once(self) -> str:
+        """Run the process once; return why it ended."""
+        self._beat = 0.0
+        self._gone.clear()
+        try:
+            # Its own session: a Ctrl-C on the terminal is for the edge, which ends its workers in order.
+            process = await asyncio.create_subprocess_exec(
+                *self._command,
+                stdin=asyncio.subprocess.PIPE,
+                env=_environment(),
+                start_new_session=True,
+            )
+        except OSError as error:
+            return self._tell(f"cannot be started: {error.strerror}")
+        assert process.stdin is not None
+        process.stdin.write(self._task)
+        process.stdin.close()
+        exited = asyncio.ensure_future(process.wait())
+        try:
+            cause = self._tell(await self._watch(exited))
+            await self._give_up(process, exited)
+        except asyncio.CancelledError:
+            await self._end(process, exited)
+            raise
+        return cause
+
+    def _tell(self, cause: str) -> str:
+        """Say what is wrong, and return it."""
+        self._told(self.name, f"worker {self.name}: {cause}")
+        return cause
+
+    async def _watch(self, exited: asyncio.Future[int]) -> str:
+        """Wait until the process ends or hangs; return which."""
+        looked = self._clock.monotonic()
+        deadline = looked + START_WITHIN
+        running = False
+        while True:
+            done, _ = await asyncio.wait({exited}, timeout=LOOK)
+            if done:
+                return f"ended with exit code {exited.result()}"
+            now = self._clock.monotonic()
+            if self._beat and not running:
+                running = True
+                self._told(self.name, "")
+            if now - looked > 2 * LOOK:
+                # We were asleep ourselves; what came meanwhile may not have been taken in yet.
+                deadline += now - looked
+                self._beat = now if running else self._beat
+            looked = now
+            if self._gone.is_set() and running:
+                return "vanished from the bus (frozen or killed)"
+            if (running and now - self._beat > SILENT_AFTER) or (not running and now > deadline):
+                return "hangs: its event loop does not turn" if running else "did not start in time"
+
+    async def _give_up(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
+        """Have the robots of a process that hangs halted, and kill it."""
+        if exited.done():
+            return
+        self._halt(self.name)
+        await asyncio.wait({exited}, timeout=HALT_WITHIN)
+        _signal(process.kill)
+        await exited
+
+    async def _end(self, process: asyncio.subprocess.Process, exited: asyncio.Future[int]) -> None:
+        """End the process in an orderly way, or by force."""
+        _signal(process.terminate)
+        done, _ = await asyncio.wait({exited}, timeout=LEAVE_WITHIN)
+        if not done:
+            log.error("worker %s did not end within %g s: killed", self.name, LEAVE_WITHIN)
+            _signal(process.kill)
+            await exited
+
+    def _beaten(self, _key: str, _payload: bytes) -> None:
+        """Note a beat; on the bus's thread."""
+        self._beat = self._clock.monotonic()
+
+    def _token_changed(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        """Note that the worker came, which is its first sign of life, or went; on the bus's thread."""
+        if alive:
+            self._beat = self._clock.monotonic()
+        self._loop.call_soon_threadsafe(self._gone.clear if alive else self._gone.set)
+
+
+def _environment() -> dict[str, str]:
+    """Return what a worker gets of our environment: its supervisor, its log, and nothing that is a secret."""
+    given = bare_environment()
+    given |= {name: os.environ[name] for name in (VARIABLE, FORM, FILE) if name in os.environ}
+    return given
+
+
+def _signal(send: Callable[[], None]) -> None:
+    """Send a process a signal; it may have ended by itself."""
+    with contextlib.suppress(ProcessLookupError):
+        send()
+
+
+def names_of(workers: Iterable[str]) -> list[str]:
+    """Return the workers to start, each once, in a steady order."""
+    return sorted({name for name in workers if name})

@@ -1,0 +1,141 @@
+"""The worker process: some of an edge's robots, in a process of their own.
+
+It joins the edge's bus and runs its robots. Its links, dead-men and stops are here; the edge reaches it only
+over the bus. Started by the edge, which says on its standard input what it is to run, without the edge's
+environment; or by hand on another machine, with a copy of fleet.yaml:
+``python -m fleet.host.workers.worker_process --name arm --config fleet.yaml``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import os
+import sys
+from functools import partial
+from pathlib import Path
+
+from fleet.bus import keys
+from fleet.bus.bus import join
+from fleet.bus.settings import runtime_dir
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.errors import FleetError
+from fleet.host.journal.stores import open_stores
+from fleet.host.logs.folders import log_folder
+from fleet.host.logs.setup import LogSettings, publish_robot_logs, start_logging
+from fleet.host.process.history_service import HistoryService
+from fleet.host.process.robot_process import RobotProcess
+from fleet.host.process.stop_inputs import TELL, HeldByEdge
+from fleet.host.process.stop_service import serve_stops
+from fleet.host.robot.robot_positions import RobotPositions
+from fleet.host.runtime.shutdown import shutdown
+from fleet.host.runtime.termination_signals import end_by_signal
+from fleet.host.workers.worker_task import Importer, WorkerTask, read_task, task_of
+from fleet.runtime.event_loop import run as run_loop
+from fleet.supervisor.client import connect_supervisor
+from fleet.supervisor.notices import print_in_thread
+from fleet.supervisor.sockets import VARIABLE, socket_of
+from fleet.supervisor.supervisor import Supervisor
+
+log = logging.getLogger(__name__)
+
+BEAT = 0.25  # s between signs that the event loop turns
+
+
+async def run(task: WorkerTask, directory: Path, parent: int | None) -> None:
+    """Run one worker until a signal ends it, or until ``parent``, the edge that started it, is gone."""
+    name, edge, kept = task.worker, task.edge, Path(task.state)
+    end_logs = start_logging(LogSettings.of_a_worker(name), log_folder(kept) / f"worker-{name}.jsonl")
+    importer = Importer(Path(task.folder))
+    specs = [importer.spec(robot) for robot in task.robots]
+    bus = join(task.bus, directory)
+    clock = SystemClock()
+    journal, history = open_stores(edge, kept, task.history, directory, clock=clock, worker=name)
+    process = RobotProcess(
+        edge,
+        bus,
+        specs,
+        journal=journal,
+        history=history,
+        clock=clock,
+        worker=name,
+        settle=task.settle,
+        supervised=connect_supervisor(),
+        traffic=RobotPositions(task.site, task.names, clock),
+    )
+    ended = asyncio.Event()
+    end_by_signal(ended.set)
+    stop_logs = publish_robot_logs(process)
+    stop = serve_stops(process, bus, task.groups)
+    process.follow_supervisor(stop, ended)
+    bus.control.subscribe(keys.halt(edge, name), lambda _key, _payload: process.halt_robots())
+    bus.control.subscribe(keys.holders(edge), lambda _key, payload: process.others_have(payload))
+    if task.held:
+        latches = {robot: process.robots[robot].controller.latch for robot in task.held}
+        held = HeldByEdge(latches, ended=partial(_end_motion, process), clock=clock)
+        bus.control.subscribe(keys.held(edge), lambda _key, payload: held.take(payload))
+        process.scheduler.every(TELL, held.look)
+    recall = HistoryService(history)
+    if parent is None:  # on another computer, with a file of its own
+        bus.control.answer(keys.history(edge), recall.asked)
+    # Before the robots start: one that hangs at once is noticed too.
+    bus.control.token(keys.worker(edge, name))
+    beat = bus.control.publisher(keys.heartbeat(edge, name))
+
+    def show_life() -> None:
+        beat.put(b"")
+        if parent is not None and os.getppid() != parent and not ended.is_set():
+            log.error("the edge is gone: worker %s ends", name)
+            ended.set()
+
+    process.scheduler.every(BEAT, show_life, failed=lambda _: ended.set())
+    process.start()
+    process.supervised.running()
+    try:
+        await ended.wait()
+        process.supervised.ending()
+    finally:
+        await process.stop()
+        stop_logs()
+        bus.close()
+        recall.close()
+        await process.close()
+        end_logs()
+
+
+def _end_motion(process: RobotProcess, robot: str, why: str) -> None:
+    """End the motion of a robot that is held from now on; from any thread. A landing goes on."""
+    process.loop.call_soon_threadsafe(process.robots[robot].controller.end, why)
+
+
+def main() -> int:
+    """Parse the arguments and run."""
+    parser = argparse.ArgumentParser(description="Runs the robots of one worker of fleet.yaml.")
+    parser.add_argument("--name", help="the worker's name, as the robots give it")
+    parser.add_argument("--config", type=Path, help="fleet.yaml; left out: the edge says what to run")
+    parser.add_argument("--directory", type=Path, help="where the edge's sockets are")
+    parser.add_argument("--parent", type=int, help="end when this process, the edge, is gone")
+    given = parser.parse_args()
+    if (given.name is None) != (given.config is None):
+        parser.error("--name and --config come together")
+    start_logging(LogSettings(logging.INFO))
+    if given.parent is None and VARIABLE not in os.environ:  # by hand: nobody else would halt its robots
+        command = [sys.executable, "-P", "-m", "fleet.host.workers.worker_process", *sys.argv[1:]]
+        path = socket_of(runtime_dir(), os.getpid())
+        return Supervisor(command, path=path, told=print_in_thread, clock=SystemClock()).run()
+    try:
+        if given.config is None:
+            task = read_task(sys.stdin.buffer.read())
+        else:
+            task = task_of(load(given.config, partial=True), given.name)
+        run_loop(run(task, given.directory or runtime_dir(), given.parent))
+    except FleetError as error:
+        log.error("%s", error)  # noqa: TRY400 - one line for a person, no traceback
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(shutdown(main()))

@@ -1,0 +1,146 @@
+"""What a worker is to run, and nothing else of fleet.yaml: its own robots, and the way to the bus.
+
+The edge writes it to the worker's standard input; a worker that is started by hand makes it from its own copy
+of fleet.yaml. The cloud, its token, and what other robots are given are not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import AnyAdapter
+from fleet.bus.settings import BusSettings
+from fleet.config.explain import checked
+from fleet.config.load import Loaded
+from fleet.errors import ConfigError
+from fleet.history.store import HistoryBounds
+from fleet.host.journal.stores import history_bounds
+from fleet.host.process.component_settings import bus_settings, settle_time, worker_of
+from fleet.host.process.robot_process import RobotSpec
+from fleet.host.process.stop_inputs import robots_of
+from fleet.model.geodesy import GeoOrigin
+from fleet.plugins.drop_in_file import Imported, import_file, insecure
+from fleet.plugins.registry import Plugin, Registry
+from fleet.runtime.decoding import decode_json
+from fleet.spool.state_folder import state_folder
+
+
+class RobotTask(msgspec.Struct, frozen=True):
+    """One robot: the name of its adapter, its drop-in file (empty: an installed one), its config (JSON)."""
+
+    name: str
+    adapter: str
+    file: str
+    given: str
+
+
+class WorkerTask(msgspec.Struct, frozen=True):
+    """What one worker runs.
+
+    ``state``: the edge's folder of lasting state, with ``history`` of such bounds; ``settle``: seconds to
+    listen for other edges' claims; ``folder``: where relative paths begin; ``names``: of all robots of the
+    edge; ``held``: robots of this worker that a stop input stops.
+    """
+
+    worker: str
+    edge: str
+    bus: BusSettings
+    state: str
+    history: HistoryBounds
+    settle: float
+    folder: str
+    names: tuple[str, ...]
+    groups: dict[str, list[str]]
+    robots: tuple[RobotTask, ...]
+    held: tuple[str, ...] = ()
+    site: GeoOrigin | None = None
+
+
+def task_of(loaded: Loaded, worker: str) -> WorkerTask:
+    """Return what a worker is to run."""
+    config = loaded.config
+    origin = config.site.origin
+    robots = tuple(robot_tasks(loaded, worker))
+    return WorkerTask(
+        worker=worker,
+        edge=config.edge.id,
+        bus=bus_settings(config),
+        state=str(state_folder(config.edge.id, config.edge.spool.path).absolute()),
+        history=history_bounds(config),
+        settle=settle_time(config),
+        folder=str(loaded.folder.absolute()),
+        names=tuple(robot.name for robot in config.robots),
+        groups={group: list(names) for group, names in config.groups.items()},
+        robots=robots,
+        held=robots_of(config.stop_inputs, config.groups, (robot.name for robot in robots)),
+        site=GeoOrigin(*origin) if origin else None,
+    )
+
+
+def robot_tasks(loaded: Loaded, worker: str) -> Iterable[RobotTask]:
+    """Yield the robots of a worker; of the edge's own process when ``worker`` is empty."""
+    for robot, plugin in loaded.robots:
+        if worker_of(robot, plugin) == worker:
+            file = str(plugin.file.absolute()) if plugin.file else ""
+            yield RobotTask(robot.name, plugin.name, file, loaded.given[robot.name])
+
+
+def specs_here(loaded: Loaded) -> list[RobotSpec]:
+    """Return the robots that run in the edge's own process; drop-in files among them are imported now.
+
+    Raises ConfigError for one that cannot be imported here.
+    """
+    importer = Importer(loaded.folder, loaded.registry)
+    return [importer.spec(task) for task in robot_tasks(loaded, "")]
+
+
+def read_task(payload: bytes) -> WorkerTask:
+    """Return the task that the edge wrote; raises ConfigError."""
+    try:
+        return decode_json(payload, WorkerTask)
+    except msgspec.DecodeError as error:
+        raise ConfigError(f"what the edge says of this worker cannot be read: {error}") from None
+
+
+class Importer:
+    """Imports the adapters of the robots that run in this process, each drop-in file once."""
+
+    def __init__(self, folder: Path, registry: Registry | None = None) -> None:
+        self._folder = folder
+        self._registry = registry or Registry()
+        self._files: dict[str, Imported] = {}
+
+    def spec(self, task: RobotTask) -> RobotSpec:
+        """Return a robot with its own config; raises ConfigError when its adapter cannot be used here."""
+        adapter: Any = self._from_file(task) if task.file else self._installed(task)
+        try:
+            config = checked(adapter.Config, msgspec.json.decode(task.given), {"folder": self._folder})
+        except Exception as error:  # noqa: BLE001 - the validators are the adapter's own code
+            raise ConfigError(f"{task.name}: its config is refused here: {error}") from None
+        return RobotSpec(config, adapter, task.adapter, task.file)
+
+    def _from_file(self, task: RobotTask) -> type[AnyAdapter]:
+        """Return the adapter of a drop-in file."""
+        path = Path(task.file)
+        if unsafe := insecure(path.parent) or insecure(path):
+            raise ConfigError(f"{task.name}: {path}: {unsafe}")
+        if task.file not in self._files:
+            self._files[task.file] = import_file(path)
+        imported = self._files[task.file]
+        found = dict(imported.adapters).get(task.adapter)
+        if found is None:
+            reports = "; ".join(imported.reports)
+            raise ConfigError(f"{task.name}: {path} has no adapter {task.adapter!r} {reports}".rstrip())
+        return found
+
+    def _installed(self, task: RobotTask) -> type[AnyAdapter]:
+        """Return an installed adapter."""
+        plugin: Plugin | None = self._registry.get(task.adapter)
+        if plugin is None or plugin.adapter is None:
+            report = plugin.report if plugin else "it is not installed"
+            raise ConfigError(f"{task.name}: the adapter {task.adapter!r} cannot be used: {report}")
+        return plugin.adapter

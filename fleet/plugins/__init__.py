@@ -1,0 +1,1 @@
+"""Adapters by name: installed packages and drop-in files, and the process that inspects a file."""

@@ -1,0 +1,171 @@
+"""Importing a drop-in file, and checking what is to be an adapter.
+
+A drop-in file is anybody's code: it is imported in the process of a worker, in one that is asked what the
+file has (``fleet.plugins.probe``), and in the edge's own only where its robot says ``worker: main``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import inspect
+import os
+import stat
+import sys
+import traceback
+import typing
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
+from fleet.commands import commands_of
+from fleet.robot_config import AdapterConfig, Limits
+
+WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
+
+class Unusable(Exception):
+    """A class that was imported is not an adapter; the message says what is missing."""
+
+
+class Imported(msgspec.Struct, frozen=True):
+    """What a drop-in file has: its adapters by name, and reports of what cannot be used."""
+
+    adapters: tuple[tuple[str, type[AnyAdapter]], ...] = ()
+    reports: tuple[str, ...] = ()
+
+
+def insecure(path: Path) -> str:
+    """Return why the code at a path, a file or a folder, is not to be trusted; empty when it is.
+
+    Who may write it may command the robots, and read what this user may read.
+    """
+    try:
+        found = path.stat()
+    except OSError as error:
+        return f"it cannot be looked at: {error.strerror}"
+    if found.st_uid not in (0, os.geteuid()):
+        return (
+            f"it belongs to another user (uid {found.st_uid}): who owns it decides what runs here; chown it"
+        )
+    if found.st_mode & WRITABLE_BY_OTHERS:
+        mode = stat.S_IMODE(found.st_mode)
+        return f"others may write it (mode {mode:04o}), and so decide what runs here: chmod go-w {path}"
+    return ""
+
+
+def import_file(path: Path) -> Imported:
+    """Import a drop-in file as ``fleet_plugins.<stem>``; whatever it raises, but Ctrl-C, becomes a report."""
+    try:
+        classes = _adapters_of(_module_from(path))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - anybody's code
+        return Imported(reports=(why(error, path),))
+    if not classes:
+        return Imported(reports=("it defines no Adapter or FrameAdapter",))
+    adapters, reports = [], []
+    for adapter in classes:
+        try:
+            adapters.append((checked(adapter), adapter))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - the checks run the plugin's own annotations and methods
+            reports.append(f"{adapter.__name__}: {why(error, path)}")
+    return Imported(tuple(adapters), tuple(reports))
+
+
+def _module_from(path: Path) -> ModuleType:
+    """Execute a file as the module ``fleet_plugins.<stem>``."""
+    name = f"fleet_plugins.{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise Unusable("it is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # pydantic looks annotations up there
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _adapters_of(module: ModuleType) -> list[type[AnyAdapter]]:
+    """Return the public adapters that are defined in this very module; the unfinished if all are so."""
+    defined = [
+        value
+        for value in dict.fromkeys(filter(inspect.isclass, vars(module).values()))
+        if issubclass(value, Adapter | FrameAdapter)
+        and value.__module__ == module.__name__
+        and not value.__name__.startswith("_")
+    ]
+    return [adapter for adapter in defined if not inspect.isabstract(adapter)] or defined
+
+
+def checked(adapter: Any) -> str:
+    """Return the name that an adapter's Config declares; raises Unusable for what is no adapter."""
+    if not (inspect.isclass(adapter) and issubclass(adapter, Adapter | FrameAdapter)):
+        raise Unusable(f"{adapter!r} is no subclass of Adapter or FrameAdapter")
+    if inspect.isabstract(adapter):
+        missing = ", ".join(sorted(adapter.__abstractmethods__))
+        raise Unusable(f"{adapter.__name__} does not define {missing}")
+    config = getattr(adapter, "Config", None)
+    if not (inspect.isclass(config) and issubclass(config, AdapterConfig)):
+        raise Unusable(f"{adapter.__name__} needs a class attribute Config, a subclass of AdapterConfig")
+    field = config.model_fields.get("adapter")
+    names = typing.get_args(field.annotation) if field else ()
+    if len(names) != 1 or not isinstance(names[0], str):
+        raise Unusable(f'{config.__name__} needs the field adapter: Literal["its name"]')
+    _check_fields(config)
+    _check_attributes(adapter)
+    return names[0]
+
+
+def _check_fields(config: type[AdapterConfig]) -> None:
+    """Refuse a Config that gives a field of the host's own another type: the host relies on it."""
+    for name, field in AdapterConfig.model_fields.items():
+        if config.model_fields[name].annotation != field.annotation:
+            raise Unusable(f"{config.__name__}.{name} is a field of the host's own; give yours another name")
+
+
+def _check_attributes(adapter: type[AnyAdapter]) -> None:
+    """Refuse a class that declares what the host cannot use, before a robot of it is to run."""
+    if not isinstance(adapter.limits, Limits):
+        raise Unusable(f"{adapter.__name__}.limits must be Limits(...), not {adapter.limits!r}")
+    verbs = getattr(adapter, "verbs", ())
+    if isinstance(verbs, str) or not all(isinstance(verb, str) for verb in verbs):
+        raise Unusable(f"{adapter.__name__}.verbs must be a tuple of names, not {verbs!r}")
+    commands_of(adapter)  # raises for a method whose parameters have no types
+    if issubclass(adapter, Adapter):
+        adapter.commands()
+        adapter.drives()
+        adapter.navigates()
+
+
+def why(error: BaseException, path: Path | None) -> str:
+    """Return the reason on one line, with the file and line where it went wrong."""
+    if isinstance(error, Unusable):
+        return str(error)
+    place = _place_of(error, path)
+    reason = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
+    return " ".join(f"{reason}{f' ({place})' if place else ''}".split())
+
+
+def _place_of(error: BaseException, path: Path | None) -> str:
+    """Return ``file:line`` where an error arose: in the plugin's own file if it passed there."""
+    places = [
+        (frame.filename, frame.lineno)
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<frozen") and frame.filename != __file__
+    ]
+    if isinstance(error, SyntaxError) and error.filename:
+        places.append((error.filename, error.lineno))
+    own = [place for place in places if path is not None and place[0] == str(path.absolute())]
+    if own:
+        return f"{path}:{own[-1][1]}"
+    return f"{places[-1][0]}:{places[-1][1]}" if places else ""

@@ -1,0 +1,132 @@
+"""Looking into a spool's file from outside, while its edge runs or not; and emptying one that nobody uses."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from fleet.errors import StateError, StateTaken
+from fleet.spool.losses import Gap, Reason
+from fleet.spool.state_folder import SPOOL, FileLock
+from fleet.spool.store import SCHEMA
+from fleet.wire.rules import TrafficClass
+
+
+class TopicBacklog(msgspec.Struct, frozen=True):
+    """What waits on one topic; ``bytes`` of payload, ``expires`` (Unix s) the first of it."""
+
+    topic: str
+    traffic: str
+    messages: int
+    bytes: int
+    expires: float
+
+
+class QueuedMessage(msgspec.Struct, frozen=True):
+    """One message as it waits; ``expires`` is Unix time."""
+
+    seq: int
+    topic: str
+    traffic: str
+    expires: float
+    payload: bytes
+
+
+def backlog(folder: Path) -> list[TopicBacklog]:
+    """Return what waits, by topic, what matters most first. Raises StateError."""
+    with _opened(folder) as database:
+        rows = database.execute(
+            "SELECT topic.name, topic.traffic, count(*), sum(length(payload)), min(expires) FROM message "
+            "JOIN topic ON topic.id = message.topic GROUP BY topic.id ORDER BY topic.traffic, topic.name"
+        ).fetchall()
+    return [TopicBacklog(topic, TrafficClass(traffic).name.lower(), *rest) for topic, traffic, *rest in rows]
+
+
+def unreported_losses(folder: Path) -> list[Gap]:
+    """Return the losses that nobody was told of. Raises StateError."""
+    with _opened(folder) as database:
+        rows = database.execute(
+            "SELECT topic, reason, lost, since, until FROM loss ORDER BY topic"
+        ).fetchall()
+    return [Gap(topic, Reason(reason), *rest) for topic, reason, *rest in rows]
+
+
+def messages(folder: Path) -> Iterator[QueuedMessage]:
+    """Yield what waits, the oldest first. Raises StateError."""
+    with _opened(folder) as database:
+        rows = database.execute(
+            "SELECT seq, topic.name, topic.traffic, expires, payload FROM message "
+            "JOIN topic ON topic.id = message.topic ORDER BY seq"
+        )
+        for seq, topic, traffic, expires, payload in rows:
+            yield QueuedMessage(seq, topic, TrafficClass(traffic).name.lower(), expires, payload)
+
+
+def in_use(folder: Path) -> bool:
+    """Return True while an edge has the spool."""
+    if not folder.is_dir():
+        return False
+    lock = FileLock(folder / SPOOL)
+    try:
+        lock.take()
+    except StateTaken:
+        return True
+    except StateError:  # no room for the lock's file on a full disk: nobody has it
+        return False
+    lock.let_go()
+    return False
+
+
+def purge(folder: Path) -> int:
+    """Delete all that waits, and the losses; return how many messages.
+
+    Raises StateError while an edge runs.
+    """
+    if not (folder / SPOOL).exists():
+        return 0
+    lock = FileLock(folder / SPOOL)
+    lock.take()
+    try:
+        with _opened(folder, mode="rw") as database:
+            deleted = database.execute("DELETE FROM message").rowcount
+            database.execute("DELETE FROM loss")
+            database.execute("VACUUM")
+    finally:
+        lock.let_go()
+    return deleted
+
+
+@contextlib.contextmanager
+def _opened(folder: Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
+    """Open the file of a folder; one that is not there is empty."""
+    path = folder / SPOOL
+    try:
+        with contextlib.closing(_connected(path, mode)) as database:
+            yield database
+    except (sqlite3.Error, OSError) as error:
+        raise StateError(f"{path} cannot be read: {error}; is its disk full?") from None
+
+
+def _connected(path: Path, mode: str) -> sqlite3.Connection:
+    """Return a connection to a file; one that is not there, or never had room for a byte, is empty."""
+    if not path.exists() or not path.stat().st_size:
+        nothing = sqlite3.connect(":memory:")
+        nothing.executescript(SCHEMA)
+        return nothing
+    place = path.absolute().as_uri()
+    database = sqlite3.connect(f"{place}?mode={mode}", uri=True, isolation_level=None)
+    try:
+        database.execute("PRAGMA schema_version").fetchone()
+    except sqlite3.OperationalError:
+        database.close()
+        log = path.with_name(f"{path.name}-wal")
+        if log.exists() and log.stat().st_size:
+            raise
+        # Readers share an index in a file beside it, for which a full disk has no room. Nobody has the file
+        # open then (the index would be there), and its log is empty: it is read as it is.
+        database = sqlite3.connect(f"{place}?immutable=1", uri=True, isolation_level=None)
+    return database

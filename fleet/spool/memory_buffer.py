@@ -1,0 +1,86 @@
+"""The messages that stand in memory, by how much they matter, and the bound on them."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+
+from fleet.spool.message import Outgoing
+from fleet.wire.rules import TrafficClass
+
+DURABLE = tuple(traffic for traffic in TrafficClass if traffic.durable)
+"""What waits for the cloud, what matters most first: their values count from 0."""
+
+
+class MemoryBuffer:
+    """What waits in memory, the oldest first; ``messages`` and ``size`` (bytes) bound it."""
+
+    def __init__(self, messages: int, size: int) -> None:
+        self.count = 0
+        self._bytes = [0 for _ in DURABLE]
+        self._all_bytes = 0
+        self._most = messages
+        self._most_bytes = size
+        self._held: list[OrderedDict[int, Outgoing]] = [OrderedDict() for _ in DURABLE]
+
+    @property
+    def full(self) -> bool:
+        """True when there is no room for another message of common size."""
+        return self.count >= self._most or self._all_bytes >= self._most_bytes
+
+    @property
+    def room(self) -> int:
+        """How many more messages fit, as far as their number goes."""
+        return max(0, self._most - self.count)
+
+    def fits(self, message: Outgoing, share: int = 1) -> bool:
+        """Tell whether there is room; ``share``: for how many times the bound."""
+        size = self._all_bytes + message.size
+        return self.count < share * self._most and size <= share * self._most_bytes
+
+    def can_fit(self, message: Outgoing, share: int) -> bool:
+        """Tell whether it would fit in if all were gone that matters no more."""
+        count = sum(len(held) for held in self._held[: message.traffic])
+        size = sum(self._bytes[: message.traffic]) + message.size
+        return count < share * self._most and size <= share * self._most_bytes
+
+    def add(self, message: Outgoing) -> None:
+        """Count a message in."""
+        self._held[message.traffic][message.seq] = message
+        self.count += 1
+        self._bytes[message.traffic] += message.size
+        self._all_bytes += message.size
+
+    def add_again(self, message: Outgoing) -> None:
+        """Count in a message that is older than all others of its kind."""
+        self.add(message)
+        self._held[message.traffic].move_to_end(message.seq, last=False)
+
+    def remove(self, message: Outgoing) -> None:
+        """Count a message out, if it is in."""
+        if self._held[message.traffic].pop(message.seq, None) is not None:
+            self.count -= 1
+            self._bytes[message.traffic] -= message.size
+            self._all_bytes -= message.size
+
+    def in_the_way(self, message: Outgoing, share: int) -> Iterator[Outgoing]:
+        """Yield what has to go for it to fit in, as it can: the oldest of those that matter least.
+
+        Each is to be removed before the next is asked for.
+        """
+        for held in reversed(self._held):
+            while held and not self.fits(message, share):
+                yield next(iter(held.values()))
+
+    def all(self) -> list[Outgoing]:
+        """Return all of it."""
+        return [message for held in self._held for message in held.values()]
+
+    def late(self, now: float) -> Iterator[Outgoing]:
+        """Yield those whose time is over, each to be removed before the next is asked for."""
+        for held in self._held:
+            while held:
+                first = next(iter(held.values()))
+                if first.deadline is None or first.deadline > now:
+                    break
+                yield first

@@ -1,0 +1,86 @@
+"""Readiness as the autopilot means it, as a list of checks."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+from fleet import Refused
+from fleet.errors import CommandError
+from fleet_mavlink.readiness import reasons
+from fleet_mavlink.texts import Sentence
+
+WORDS = {
+    "ardupilot": "PreArm: Need Position Estimate",
+    "px4": "Preflight Fail: Resolve system health failures first",
+}
+both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
+
+
+def failed(answer):
+    return {each["check"] for each in answer["checks"] if each["ok"] is not True}
+
+
+@both
+def test_a_vehicle_that_can_take_off_is_ready(fly, sky, flavour):
+    async def main():
+        async with sky(flavour) as it:
+            await it.met()
+            await it.until(lambda: it.state.prearm_ok and it.state.fix)
+            answer = await it.do("check_ready")
+            assert answer["ready"]
+            assert failed(answer) == set()
+            await it.do("takeoff")
+
+    fly(main())
+
+
+def test_ardupilot_tells_what_it_waits_for(fly, sky):
+    async def main():
+        async with sky("ardupilot", ready=None) as it:
+            await it.until(lambda: it.now > 30.0)
+            answer = await it.do("check_ready")
+            assert not answer["ready"]
+            assert "position" in failed(answer)
+            await it.until(lambda: it.now > 45.0)
+            assert (await it.do("check_ready"))["ready"]
+
+    fly(main())
+
+
+@both
+def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
+    async def main():
+        async with sky(flavour, faults={"not_ready": 1.0}) as it:
+            await it.until(lambda: it.adapter._session and it.state.prearm_ok is not None)
+            with contextlib.suppress(CommandError):
+                await it.do("arm")  # brings ArduPilot into GUIDED, in which it checks the position
+            await asyncio.sleep(2.0)
+            answer = await it.do("check_ready")
+            (own,) = (each for each in answer["checks"] if each["check"] == "autopilot's own checks")
+            assert not answer["ready"]
+            assert own["ok"] is False
+            assert own["words"][-1] == WORDS[flavour]
+
+    fly(main())
+
+
+def test_what_is_armed_is_not_asked(fly, sky):
+    async def main():
+        async with sky("px4") as it:
+            await it.met()
+            await it.do("arm")
+            with pytest.raises(Refused, match="armed"):
+                await it.do("check_ready")
+
+    fly(main())
+
+
+def test_reasons_are_told_once_and_not_for_ever():
+    said = [
+        Sentence("PreArm: GPS 1: Bad fix", 2, 10.0),
+        Sentence("PreArm: Need Position Estimate", 2, 60.0),
+        Sentence("EKF3 IMU0 origin set", 6, 61.0),
+        Sentence("PreArm: Need Position Estimate", 2, 90.0),
+    ]
+    assert reasons(said, 92.0) == ("PreArm: Need Position Estimate",)

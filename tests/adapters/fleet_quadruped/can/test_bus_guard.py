@@ -1,0 +1,91 @@
+"""Nobody speaks to drives to which somebody else speaks."""
+
+import pytest
+
+from fleet.clock import SystemClock
+from fleet.errors import LinkLost
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.any_description import load_body
+from fleet_quadruped.bench_tools import BenchSession, listen, scan
+from fleet_quadruped.body.gait import Twist
+from fleet_quadruped.can.bus import CanConnection
+from fleet_quadruped.can.bus_guard import LISTEN, require_sole_controller
+from fleet_quadruped.can.frame import CanFrame
+from fleet_quadruped.robot.description import EXAMPLE
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.lockstep import SimBus
+from fleet_quadruped.sim.rig import Rig
+
+OTHER = r"^bus 'a': another controller speaks to the drives \(frame \w+h\); only one may"
+
+
+class Shared:
+    """The bus of a walking dog as a second program has it: it hears what the first one sends."""
+
+    def __init__(self, rig, clock):
+        self.name, self._rig, self._clock = "a", rig, clock
+        self.said = []
+        self.send = self.said.append
+
+    def receive(self, _wait):
+        self._clock.advance(self._rig.dog.dt)
+        self._rig.buses["a"].sent.clear()
+        self._rig.cycle()
+        return list(self._rig.buses["a"].sent)
+
+
+@pytest.fixture
+def walking(any_dog):
+    rig = Rig(any_dog)
+    rig.stand()
+    rig.go(0.6, Twist(0.4))
+    return rig
+
+
+@pytest.mark.parametrize("tool", [lambda dog, bus, clock: BenchSession(dog, {"a": bus}, clock), None])
+def test_a_tool_says_nothing_to_a_dog_that_somebody_drives(walking, tool):
+    clock = ManualClock()
+    bus = Shared(walking, clock)
+    with pytest.raises(LinkLost, match=OTHER):
+        tool(walking.dog, bus, clock) if tool else scan(bus, clock)
+    assert bus.said == []
+    assert walking.mode is Mode.WALKING
+
+
+def test_nor_to_one_that_rests_under_another_controller(any_dog):
+    rig, clock = Rig(any_dog), ManualClock()
+    with pytest.raises(LinkLost, match=OTHER):
+        require_sole_controller({"a": Shared(rig, clock)}, rig.controller.addresses, clock)
+
+
+def test_nor_to_a_machine_that_walks_by_itself():
+    walker = load_body(EXAMPLE.with_name("self-walking.yaml"))
+    bus = SimBus("a")
+    bus.arrive(CanFrame(walker.wire.velocity[0].id, bytes(6)))
+    with pytest.raises(LinkLost, match=OTHER):
+        listen(walker, {"a": bus}, SystemClock())
+
+
+def test_what_the_drives_themselves_say_is_no_other_controller(any_dog):
+    rig, clock = Rig(any_dog), ManualClock()
+
+    class Heard:
+        def receive(self, _wait):
+            clock.advance(0.02)
+            rig.sim.advance(0.02)
+            return rig.buses["a"].receive(0.0)
+
+    require_sole_controller({"a": Heard()}, rig.controller.addresses, clock)
+    assert clock.monotonic() >= LISTEN
+
+
+def test_two_programs_on_one_bus_hear_each_other():
+    clock = SystemClock()
+    one, other = (CanConnection("a", "can:virtual:alone", 1_000_000, clock) for _ in range(2))
+    try:
+        one.send(CanFrame(0x201, bytes(8)))
+        with pytest.raises(LinkLost, match=OTHER):
+            require_sole_controller({"a": other}, {("a", 0x201)}, clock)
+    finally:
+        one.close()
+        other.close()

@@ -1,0 +1,39 @@
+from fleet.testing.clock import ManualClock
+from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.check_moves import Moves
+from fleet_quadruped.safety.stages import Mode
+from fleet_quadruped.sim.mujoco_world import MujocoWorld
+from fleet_quadruped.sim.rig import Rig
+
+
+def run(rig, moves, clock, seconds=40.0):
+    """Let the moves have their way, to their end."""
+    while not rig.order.leave and rig.sim.time < seconds:
+        rig.order = moves.order()
+        rig.cycle()
+        clock.advance(rig.dog.dt)
+        moves.put(rig.state())
+
+
+def test_a_key_makes_it_give_way_at_once_and_be_off(dog):
+    rig, clock = Rig(dog, MujocoWorld(dog)), ManualClock()
+    moves = Moves(dog, clock, lambda: rig.sim.time > 5.0)
+    run(rig, moves, clock)
+    assert rig.mode is Mode.OFF
+    assert rig.sim.time < 8.0
+    assert moves.ended == "emergency stop"
+
+
+def test_a_dog_that_is_refused_is_told_with_the_reason(dog):
+    rig, clock = Rig(dog.model_copy(update={"imu": None})), ManualClock()
+    moves = Moves(dog, clock, lambda: False)
+    run(rig, moves, clock)
+    assert moves.ended == "without an IMU nobody knows how it lies"
+    assert moves.looks == []
+
+
+def test_it_is_off_and_folded_at_its_end(rig):
+    rig.go(0.1)
+    assert rig.ask(BodyRequest.CHECK) == ""
+    rig.go(30.0)
+    assert (rig.mode, rig.fault) == (Mode.OFF, "")

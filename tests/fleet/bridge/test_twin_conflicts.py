@@ -1,0 +1,81 @@
+import pytest
+
+from fleet.bridge.twin_conflicts import GONE_AFTER, WITHIN, TwinConflictMonitor
+from fleet.wire.claims import EdgeHeartbeat
+
+TWIN = "t"
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def rivals(clock, told):
+    made = TwinConflictMonitor(
+        edge="yard-2",
+        session="us",
+        ignored=frozenset({"core"}),
+        changed=lambda *claim: told.append(claim),
+        clock=clock,
+    )
+    clock.advance(100.0)
+    return made
+
+
+def beat(uptime=500.0, edge="yard-1", session="them"):
+    return EdgeHeartbeat(edge, session, uptime)
+
+
+def test_an_edge_that_was_there_before_has_the_twin_once_it_was_heard_twice(rivals, told, clock):
+    rivals.heard(TWIN, beat())
+    assert told == []
+    for _ in range(3):
+        clock.advance(5.0)
+        rivals.heard(TWIN, beat())
+    assert told == [(TWIN, "yard-1")]
+
+
+def test_a_single_stray_heartbeat_takes_nothing(rivals, told, clock):
+    for _ in range(4):
+        rivals.heard(TWIN, beat())
+        clock.advance(WITHIN + 1)
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    "other", [beat(50.0), beat(edge="core"), beat(session="us")], ids=["later", "ignored", "ourselves"]
+)
+def test_nobody_else_takes_it(rivals, told, other):
+    for _ in range(5):
+        rivals.heard(TWIN, other)
+    assert told == []
+
+
+def test_an_edge_of_our_own_name_with_another_session_is_another_edge(rivals, told):
+    for _ in range(2):
+        rivals.heard(TWIN, beat(edge="yard-2"))
+    assert told == [(TWIN, "yard-2")]
+
+
+def test_an_edge_that_lives_keeps_the_twin_though_no_more_are_remembered(rivals, told, clock, monkeypatch):
+    monkeypatch.setattr("fleet.bridge.twin_conflicts.MOST", 3)
+    for _ in range(6):
+        rivals.heard(TWIN, beat())
+        for number in range(4):
+            rivals.heard(TWIN, beat(edge=f"made up {clock.time()} {number}"))
+        rivals.look()
+        clock.advance(5.0)
+    assert told == [(TWIN, "yard-1")]
+
+
+def test_a_twin_is_taken_back_when_the_other_edge_has_gone_silent(rivals, told, clock):
+    for _ in range(2):
+        rivals.heard(TWIN, beat())
+    clock.advance(GONE_AFTER)
+    rivals.look()
+    assert told == [(TWIN, "yard-1")]
+    clock.advance(0.1)
+    rivals.look()
+    assert told == [(TWIN, "yard-1"), (TWIN, "")]

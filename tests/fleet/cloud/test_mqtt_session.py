@@ -1,0 +1,478 @@
+import itertools
+
+import mqtt5
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from fleet.cloud.inbound import InboundPublish
+from fleet.cloud.inflight_window import WINDOW
+from fleet.cloud.mqtt_session import INBOUND, MqttSession, SessionEnded, SessionRefused
+from fleet.cloud.outbound_queue import OutboundQueue
+from fleet.cloud.packets import PacketDecoder
+from fleet.cloud.values import CloudMessage, CloudSettings, CloudStats, Will
+from fleet.spool.message import Outcome, Outgoing
+from fleet.spool.queue import NEWEST_FIRST
+from fleet.spool.spool import Spool, SpoolSettings
+from fleet.testing.clock import ManualClock
+from fleet.wire.rules import TrafficClass
+
+ACKED, HELD, REFUSED = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # what became of one message
+SETTINGS = CloudSettings(host="h", client_id="me", username="u", password="p", will=Will("t", b"gone", 1))
+
+
+class Talk:
+    """A session, and what it says as packets."""
+
+    def __init__(self, subscriptions=(), *, box=None, clock=None, **connack):
+        self.stats = CloudStats()
+        self.clock = clock or ManualClock()
+        self.box = box or a_box(self.stats, self.clock)
+        self.box.go_online()
+        self.clock.advance(NEWEST_FIRST)
+        self.session = MqttSession(SETTINGS, dict(subscriptions), self.box, self.stats)
+        self.hear(mqtt5.ConnAckPacket(**connack))
+
+    def hear(self, *packets):
+        for packet in packets:
+            self.session.receive(packet, self.clock.monotonic())
+
+    def replies(self):
+        return read(self.session.take_replies())
+
+    def send(self):
+        """Send until there is no more to send."""
+        sent = []
+        while data := self.session.send(self.clock.monotonic()):
+            sent += read(data)
+        return sent
+
+    def put(self, *messages):
+        for one in messages:
+            self.box.spool.put(one)
+
+    def light(self, topic, payload=b"x", expiry=None):
+        self.box.put_light([self.box.address(topic, expiry, 5)], [payload])
+
+    def outcomes(self):
+        """How many were acknowledged, held and refused."""
+        return tuple(self.stats.outcomes[one] for one in (Outcome.ACKED, Outcome.HELD, Outcome.REFUSED))
+
+
+def a_box(stats=None, clock=None):
+    clock = clock or ManualClock()
+    return OutboundQueue(Spool(SpoolSettings(), clock), 1000, 10**6, stats or CloudStats(), clock)
+
+
+def read(data):
+    return list(PacketDecoder(5, 10**7).feed(data))
+
+
+def message(topic, qos=1, **more):
+    return Outgoing(topic, b"x", qos, **more)
+
+
+def ids(packets):
+    return [(packet.topic, packet.packet_id, packet.duplicate) for packet in packets]
+
+
+def test_connect_says_who_we_are_and_leaves_a_will():
+    (packet,) = read(MqttSession(SETTINGS, {}, a_box(), CloudStats()).connect())
+    assert (packet.client_id, packet.username, packet.password) == ("me", "u", b"p")
+    assert (packet.clean_start, packet.session_expiry_interval, packet.keep_alive) == (True, 0, 5)
+    assert (packet.will.topic, packet.will.payload, int(packet.will.qos)) == ("t", b"gone", 1)
+
+
+def test_every_filter_is_asked_for_with_its_qos_and_without_our_own_messages():
+    talk = Talk({f"a/{number}": number % 3 for number in range(100)})
+    filters = [one for packet in talk.replies() for one in packet.topic_filters]
+    assert {one.pattern: int(one.max_qos) for one in filters} == {f"a/{n}": n % 3 for n in range(100)}
+    assert all(one.no_local and not one.retain_as_published for one in filters)
+
+
+def test_nothing_is_sent_before_every_subscription_is_answered():
+    talk = Talk({f"a/{number}": 0 for number in range(65)})
+    talk.put(message("t"))
+    for packet in talk.replies():
+        assert talk.send() == []
+        codes = [mqtt5.SubAckReasonCode(0)] * len(packet.topic_filters)
+        talk.hear(mqtt5.SubAckPacket(packet.packet_id, codes))
+    assert ids(talk.send()) == [("t", 3, False)]
+
+
+def test_a_refused_subscription_is_named():
+    talk = Talk({"mine": 1, "yours": 1})
+    codes = [mqtt5.SubAckReasonCode(1), mqtt5.SubAckReasonCode.NOT_AUTHORIZED]
+    talk.hear(mqtt5.SubAckPacket(1, codes))
+    assert talk.session.problems == ["the broker refuses the subscription yours (NOT_AUTHORIZED)"]
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x84, "protocol"),
+        (0x85, "client id"),
+        (0x86, "password"),
+        (0x87, "not allow"),
+        (0x88, "available"),
+        (0x89, "busy"),
+        (0x8A, "banned"),
+        (0x97, "quota"),
+        (0x9F, "too often"),
+        (0x80, "0x80"),
+    ],
+)
+def test_a_refusal_says_why(code, words):
+    with pytest.raises(SessionRefused, match=words):
+        Talk(reason_code=mqtt5.ConnAckReasonCode(code), reason_str="said so")
+
+
+def test_a_broker_without_qos_1_is_refused_by_us():
+    with pytest.raises(SessionRefused, match="QoS 0"):
+        Talk(max_qos=mqtt5.QoS(0))
+
+
+def test_the_brokers_keepalive_and_packet_size_count():
+    talk = Talk(server_keep_alive=2, max_packet_size=40)
+    assert talk.session.keepalive == 2
+    talk.put(Outgoing("t", b"x" * 100, 1))
+    talk.put(message("small"))
+    assert ids(talk.send()) == [("small", 2, False)]
+    assert talk.outcomes() == REFUSED
+
+
+@pytest.mark.parametrize("wrong", [{"payload": "text"}, {"content_type": "\ud800"}, {"correlation": "text"}])
+def test_a_message_that_cannot_be_written_harms_no_other(wrong):
+    talk = Talk()
+    talk.put(Outgoing(**{"topic": "bad", "payload": b"", "qos": 1} | wrong))
+    talk.put(message("good"))
+    assert ids(talk.send()) == [("good", 2, False)]
+    assert talk.outcomes() == REFUSED
+
+
+@pytest.mark.parametrize(("receive_max", "room"), [(16, 16), (65535, WINDOW)])
+def test_no_more_is_under_way_than_the_broker_and_we_allow(receive_max, room):
+    talk = Talk(receive_max=receive_max)
+    for number in range(WINDOW + 2):
+        talk.put(message(str(number), traffic=TrafficClass.REPLY))
+    assert len(talk.send()) == room
+    talk.hear(mqtt5.PubAckPacket(1), mqtt5.PubAckPacket(2))
+    assert ids(talk.send()) == [(str(room), room + 1, False), (str(room + 1), room + 2, False)]
+
+
+def test_part_of_the_window_is_kept_for_urgent_messages():
+    talk = Talk(receive_max=16)
+    for number in range(30):
+        talk.put(message(str(number)))
+    assert len(talk.send()) == 14
+    talk.put(message("stop", traffic=TrafficClass.REPLY))
+    assert ids(talk.send()) == [("stop", 15, False)]
+
+
+@pytest.mark.parametrize(("code", "outcome"), [(0, ACKED), (0x87, REFUSED), (0x99, REFUSED)])
+def test_an_acknowledgement_tells_what_became_of_the_message(code, outcome):
+    talk = Talk()
+    talk.put(message("t"))
+    talk.send()
+    talk.clock.advance(0.5)
+    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)))
+    assert talk.outcomes() == outcome
+    assert talk.stats.rtt == 0.5
+    assert not talk.session.busy()
+    assert talk.send() == []
+    assert (talk.stats.refused, talk.box.spool.lost) == ((1, 1) if code else (0, 0))
+
+
+def test_a_message_of_qos_2_does_not_keep_the_round_trip_from_being_measured():
+    talk = Talk()
+    talk.put(message("offer", qos=2))
+    talk.send()
+    talk.put(message("t"))
+    talk.send()
+    talk.clock.advance(0.25)
+    talk.hear(mqtt5.PubAckPacket(2))
+    assert talk.stats.rtt == 0.25
+
+
+@pytest.mark.parametrize("code", [0x10, 0x97])
+def test_what_nobody_hears_or_the_broker_has_no_room_for_is_sent_again(code):
+    talk = Talk()
+    talk.put(message("t"))
+    talk.send()
+    talk.hear(mqtt5.PubAckPacket(1, reason_code=mqtt5.PubAckReasonCode(code)))
+    assert (talk.outcomes(), talk.send()) == (HELD, [])
+    talk.clock.advance(1.0)
+    talk.box.tick()
+    assert ids(talk.send()) == [("t", 2, True)]
+    talk.hear(mqtt5.PubAckPacket(2))
+    assert talk.stats.acked == 1
+
+
+def test_a_refusal_is_told_once_for_each_reason(caplog):
+    talk = Talk()
+    for name in "abc":
+        talk.put(message(name))
+    for packet in talk.send():
+        talk.hear(mqtt5.PubAckPacket(packet.packet_id, reason_code=mqtt5.PubAckReasonCode(0x87)))
+    assert [record.message for record in caplog.records] == [
+        "the broker refuses a message to a: NOT_AUTHORIZED"
+    ]
+    assert talk.stats.refused == 3
+
+
+def test_what_was_not_acknowledged_is_sent_again_in_order_as_duplicates():
+    talk = Talk()
+    for name in "abc":
+        talk.put(message(name))
+    talk.send()
+    talk.hear(mqtt5.PubAckPacket(2))
+    talk.session.end()
+    talk.put(message("d"))
+    again = Talk(box=talk.box, clock=talk.clock)
+    assert ids(again.send()) == [("a", 1, True), ("c", 2, True), ("d", 3, False)]
+
+
+def test_the_time_that_is_left_goes_along_in_whole_seconds():
+    talk = Talk()
+    talk.put(message("t", expiry=10.0))
+    talk.put(message("u", expiry=8.0))
+    talk.clock.advance(8.1)
+    (packet,) = talk.send()
+    assert packet.message_expiry_interval == 2
+    assert talk.box.spool.lost == 1
+
+
+def test_a_message_of_qos_2_is_handed_out_once():
+    talk = Talk()
+    twice = mqtt5.PublishPacket("t", b"x", qos=mqtt5.QoS(2), packet_id=5)
+    talk.hear(twice, twice)
+    assert len(talk.session.take_messages()) == 1
+    talk.hear(mqtt5.PubRelPacket(5), mqtt5.PubRelPacket(5))
+    codes = [int(packet.reason_code) for packet in talk.replies()]
+    assert codes == [0, 0, 0, 0x92]
+    talk.hear(twice)
+    assert len(talk.session.take_messages()) == 1
+
+
+def test_a_request_carries_where_to_answer():
+    talk = Talk()
+    request = mqtt5.PublishPacket(
+        "t", b"x", qos=mqtt5.QoS(1), packet_id=5, response_topic="r", correlation_data=b"c"
+    )
+    talk.hear(request)
+    (found,) = talk.session.take_messages()
+    assert (found.topic, found.qos, found.response_topic, found.correlation) == ("t", 1, "r", b"c")
+    assert talk.replies() == [mqtt5.PubAckPacket(5)]
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        mqtt5.ConnAckPacket(),
+        mqtt5.ConnectPacket("x"),
+        mqtt5.PingReqPacket(),
+        mqtt5.AuthPacket(),
+        mqtt5.PublishPacket("a", b"", topic_alias=1),
+        mqtt5.SubAckPacket(9, [mqtt5.SubAckReasonCode(0)]),
+    ],
+)
+def test_a_broker_that_breaks_the_protocol_is_left(packet):
+    with pytest.raises(SessionEnded) as caught:
+        Talk().hear(packet)
+    assert caught.value.code == mqtt5.DisconnectReasonCode.PROTOCOL_ERROR
+
+
+@pytest.mark.parametrize("packet", [mqtt5.PingRespPacket(), InboundPublish(CloudMessage("t", b"x"), 0)])
+def test_nothing_but_an_answer_to_connect_may_come_first(packet):
+    session = MqttSession(SETTINGS, {}, a_box(), CloudStats())
+    with pytest.raises(SessionEnded):
+        session.receive(packet, 0.0)
+    assert session.take_messages() == []
+
+
+def test_a_message_of_the_usual_form_is_handed_out_and_acknowledged_by_its_qos():
+    talk = Talk()
+    talk.hear(InboundPublish(CloudMessage("t", b"x"), 0), InboundPublish(CloudMessage("t", b"y", 1), 7))
+    assert [one.payload for one in talk.session.take_messages()] == [b"x", b"y"]
+    assert [packet.packet_id for packet in talk.replies()] == [7]
+
+
+def test_too_many_qos_2_messages_under_way_end_the_session():
+    talk = Talk()
+    flood = [
+        mqtt5.PublishPacket("t", b"", qos=mqtt5.QoS(2), packet_id=number) for number in range(1, INBOUND + 2)
+    ]
+    with pytest.raises(SessionEnded) as caught:
+        talk.hear(*flood)
+    assert caught.value.code == mqtt5.DisconnectReasonCode.RECEIVE_MAX_EXCEEDED
+    assert talk.session.take_messages()[-1].flaw == "it has too many before it", "it may be a stop"
+
+
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [(0x8B, SessionEnded), (0x8D, SessionEnded), (0x8E, SessionRefused), (0x98, SessionRefused)],
+)
+def test_the_reason_of_a_disconnect_decides_whether_haste_helps(code, error):
+    with pytest.raises(error):
+        Talk().hear(mqtt5.DisconnectPacket(reason_code=mqtt5.DisconnectReasonCode(code)))
+
+
+class Deliveries(RuleBasedStateMachine):
+    """Nothing is lost or swapped, whatever order messages, acknowledgements, holds and falls come in."""
+
+    def __init__(self):
+        super().__init__()
+        self.talk = Talk(receive_max=8)
+        self.put = 0
+        self.open = []
+        self.arrived = {topic: [] for topic in "abc"}
+        self.hears = dict.fromkeys("abc", True)
+
+    @rule(topic=st.sampled_from("abc"))
+    def publish(self, topic):
+        self.talk.put(Outgoing(topic, b"%d" % self.put, 1))
+        self.put += 1
+
+    @rule()
+    def send(self):
+        self.open += [(packet.packet_id, packet.topic, int(packet.payload)) for packet in self.talk.send()]
+
+    @rule(topic=st.sampled_from("abc"))
+    def come_or_go(self, topic):
+        if not any(topic == other for _, other, _ in self.open):
+            self.hears[topic] = not self.hears[topic]
+
+    @rule(share=st.integers(1, 8))
+    def acknowledge(self, share):
+        """Acknowledge the oldest, as a broker does."""
+        answered, self.open = self.open[:share], self.open[share:]
+        for identifier, topic, number in answered:
+            self._answer(identifier, topic, number)
+
+    def _answer(self, identifier, topic, number):
+        code = mqtt5.PubAckReasonCode(0 if self.hears[topic] else 0x10)
+        if self.hears[topic] and number not in self.arrived[topic]:
+            self.arrived[topic].append(number)
+        self.talk.hear(mqtt5.PubAckPacket(identifier, reason_code=code))
+
+    @rule(seconds=st.sampled_from([0.1, 1.0, 20.0]))
+    def wait(self, seconds):
+        self.talk.clock.advance(seconds)
+        self.talk.box.tick()
+
+    @rule()
+    def fall(self):
+        for _, topic, number in self.open[: len(self.open) // 2]:  # acknowledged, and that was lost
+            if self.hears[topic] and number not in self.arrived[topic]:
+                self.arrived[topic].append(number)
+        self.open.clear()
+        self.talk.session.end()
+        self.talk = Talk(box=self.talk.box, clock=self.talk.clock, receive_max=8)
+
+    @invariant()
+    def the_window_holds_and_each_topic_is_in_order(self):
+        assert len(self.open) <= 8
+        for numbers in self.arrived.values():
+            assert numbers == sorted(numbers)
+
+    def teardown(self):
+        self.hears = dict.fromkeys("abc", True)
+        for _ in range(self.put + 40):
+            self.send()
+            self.acknowledge(8)
+            self.wait(20.0)
+        assert sorted(itertools.chain(*self.arrived.values())) == list(range(self.put))
+        assert self.talk.box.spool.waiting == 0
+
+
+TestDeliveries = Deliveries.TestCase
+TestDeliveries.settings = settings(max_examples=40, stateful_step_count=40)
+
+
+def test_a_message_of_qos_2_is_released_once_the_broker_has_it():
+    talk = Talk()
+    talk.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    (release,) = talk.replies()
+    assert (type(release), release.packet_id) == (mqtt5.PubRelPacket, published.packet_id)
+    assert talk.stats.acked == 0
+    talk.hear(mqtt5.PubCompPacket(published.packet_id))
+    assert talk.stats.acked == 1
+    assert not talk.session.busy()
+
+
+def test_a_message_of_qos_2_that_was_not_completed_is_sent_again():
+    talk = Talk()
+    talk.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id))
+    talk.session.end()
+    (again,) = Talk(box=talk.box, clock=talk.clock).send()
+    assert (again.topic, int(again.qos), again.duplicate) == ("offer", 2, True)
+
+
+def test_a_message_of_qos_2_that_the_broker_refuses_is_told_and_not_released():
+    talk = Talk()
+    talk.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubRecPacket(published.packet_id, reason_code=mqtt5.PubRecReasonCode.NOT_AUTHORIZED))
+    assert talk.outcomes() == REFUSED
+    assert talk.replies() == []
+
+
+def test_a_broker_without_qos_2_gets_qos_1():
+    talk = Talk(max_qos=mqtt5.QoS(1))
+    talk.put(message("offer", 2))
+    (published,) = talk.send()
+    talk.hear(mqtt5.PubAckPacket(published.packet_id))
+    assert int(published.qos) == 1
+    assert talk.stats.acked == 1
+
+
+def test_qos_2_takes_one_place_of_the_window():
+    talk = Talk(receive_max=20)
+    for number in range(30):
+        talk.put(message(f"t/{number}", 2))
+    assert 15 <= len(talk.send()) <= 20
+
+
+def test_what_is_durable_goes_before_qos_0_and_its_window_does_not_hold_that_up():
+    talk = Talk(receive_max=16)
+    talk.light("state")
+    for number in range(20):
+        talk.put(message(str(number)))
+    assert [packet.topic for packet in talk.send()] == [*map(str, range(14)), "state"]
+    talk.light("state")
+    assert [(packet.topic, packet.packet_id) for packet in talk.send()] == [("state", None)]
+
+
+def test_a_backlog_leaves_room_for_qos_0_in_each_write():
+    talk = Talk()
+    for number in range(WINDOW):
+        talk.put(Outgoing(f"t/{number}", b"x" * 1000, 1))
+        talk.light("state", b"x" * 1000)
+    for _ in range(5):
+        topics = [packet.topic for packet in read(talk.session.send(talk.clock.monotonic()))]
+        assert "state" in topics
+        assert topics.count("state") < len(topics)
+
+
+def test_qos_0_goes_with_the_time_that_is_left():
+    talk = Talk()
+    talk.light("late", expiry=1.0)
+    talk.light("timely", expiry=10.0)
+    talk.clock.advance(2.5)
+    (packet,) = talk.send()
+    assert (packet.topic, packet.message_expiry_interval) == ("timely", 8)
+    assert talk.stats.sent == 1
+
+
+def test_a_message_of_qos_0_that_the_broker_would_not_take_harms_no_other():
+    talk = Talk(max_packet_size=40)
+    talk.light("t", b"x" * 100)
+    talk.light("good")
+    assert [packet.topic for packet in talk.send()] == ["good"]
+    assert talk.outcomes() == REFUSED
+    assert talk.stats.sent == 1

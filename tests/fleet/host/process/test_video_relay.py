@@ -1,0 +1,150 @@
+"""Commands for video are passed on to who sends it: an edge, and programs on its bus."""
+
+import asyncio
+import json
+
+import msgspec
+import pytest
+
+from fleet.bus import keys
+from fleet.host.process.video_relay import ANSWER_WITHIN, VideoRelay
+from fleet.host.requests.receipt import Receipt
+from fleet.model.command import Command, Reply, ReplyStatus
+from fleet.testing.clock import ManualClock
+
+
+class FakeLane:
+    """A lane whose programs answer when the test says so."""
+
+    def ask_later(self, key, payload, *, timeout, on_answer, on_end):
+        self.asked = (key, json.loads(payload), timeout)
+        self.answer, self.end = on_answer, on_end
+
+
+@pytest.fixture
+def bus_session():
+    return FakeLane()
+
+
+@pytest.fixture
+async def ask(bus_session, asks):
+    """Ask a relay; returns the replies, the clock, and what has the loop catch up."""
+    clock, replies = ManualClock(), []
+    relay = VideoRelay("rex", "fleet/yard-1/robots/rex/video", bus_session, asyncio.get_running_loop(), clock)
+    relay.take(Command("start_video", {"recording": False}), Receipt("start_video", replies.append))
+    return replies, clock, asks.settle
+
+
+async def test_a_program_is_asked_with_the_commands_data_and_its_yes_is_the_answer(bus_session, ask):
+    replies, _, settle = ask
+    assert bus_session.asked[:2] == (
+        "fleet/yard-1/robots/rex/video",
+        {"command": "start_video", "data": {"recording": False}},
+    )
+    assert bus_session.asked[2] < 5  # what the SDK waits for an answer
+    bus_session.answer(b'{"ok": true}')
+    bus_session.end()
+    await settle()
+    assert [reply.status for reply in replies] == [ReplyStatus.ACCEPTED]
+
+
+async def test_of_several_programs_one_that_does_it_is_enough(bus_session, ask):
+    replies, _, settle = ask
+    bus_session.answer(b'{"ok": false, "reason": "another sensor"}')
+    bus_session.answer(b'{"ok": true}')
+    bus_session.end()
+    await settle()
+    assert [reply.ok for reply in replies] == [True]
+
+
+@pytest.mark.parametrize(
+    ("answer", "waited", "told"),
+    [
+        (b'{"ok": false, "reason": "no camera"}', 0.1, (ReplyStatus.DENIED, "no camera")),
+        (b"what?", 0.1, (ReplyStatus.DENIED, "cannot be read")),
+        (None, 0.1, (ReplyStatus.REJECTED, "no program on the bus sends video of rex")),
+        (None, ANSWER_WITHIN, (ReplyStatus.TIMEOUT, "does not answer")),
+    ],
+)
+async def test_a_command_that_nobody_carries_out_says_why(bus_session, ask, answer, waited, told):
+    replies, clock, settle = ask
+    if answer is not None:
+        bus_session.answer(answer)
+    clock.advance(waited)
+    bus_session.end()
+    await settle()
+    (reply,) = replies
+    assert (reply.status, told[1] in reply.reason) == (told[0], True)
+
+
+@pytest.fixture
+def passed_on(make_bench):
+    """Make a desk that passes commands for video on; returns it and what it passed."""
+
+    def passed_on(**config):
+        bench, passed = make_bench(**config), []
+        bench.controller.own["start_video"] = lambda ask, receipt: (passed.append(ask), receipt.done())
+        return bench, passed
+
+    return passed_on
+
+
+async def test_who_may_start_video_is_said_by_the_robots_policy(passed_on, asks):
+    for config, source, obeyed in (
+        ({}, "tele", True),
+        ({}, "edit", False),
+        ({"accepts": {"command": ["edit"]}}, "tele", False),
+        ({"link": "sim:puppet"}, "tele", False),
+        ({"link": "sim:puppet", "accepts": {"command": ["tele"]}}, "tele", True),
+    ):
+        bench, passed = passed_on(**config)
+        (reply,) = bench.ask(asks.command("start_video", source))
+        assert (reply.ok, bool(passed)) == (obeyed, obeyed), (config, source)
+
+
+async def test_video_is_started_whatever_the_robot_itself_does(passed_on, asks):
+    bench, passed = passed_on()
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    bench.ask(asks.command("start_video"))
+    bench.controller.lost("unplugged")
+    bench.ask(asks.command("start_video"))
+    assert len(passed) == 2
+    assert bench.controller.latched
+
+
+async def test_a_command_for_video_that_comes_again_is_passed_on_once(passed_on, asks):
+    bench, passed = passed_on()
+    answers = [bench.ask(asks.command("start_video", id="same"))[0].ok for _ in range(2)]
+    assert (answers, len(passed)) == ([True, True], 1)
+
+
+def command(bus_session, yard, name):
+    """Ask the robot rex on the bus."""
+    payload = json.dumps({"command": name}).encode()
+    answers = bus_session.ask(keys.command(yard.id, "rex"), payload, timeout=20)
+    return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
+
+
+@pytest.mark.parametrize("worker", ["main", "yard"])
+async def test_a_program_on_the_bus_is_reached_from_the_edge_and_from_a_worker(yard, run_edge, asks, worker):
+    place = yard(rex={"worker": worker})
+    edge = place.edge()
+    heard = []
+
+    def answer(question):
+        heard.append(json.loads(question.payload)["command"])
+        question.reply(b'{"ok": true}')
+        question.close()
+
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()))
+        bus_session = await asyncio.to_thread(place.bus_session)
+        (nobody,) = await asyncio.to_thread(command, bus_session, place, "start_video")
+        assert (nobody.ok, nobody.hint) == (False, "start one on the robot's computer: fleet video rex")
+        edge.bus.control.answer(keys.video(place.id, "rex"), answer)
+        for name in ("start_video", "stop_video"):
+            (reply,) = await asyncio.to_thread(command, bus_session, place, name)
+            assert reply.ok
+        await asyncio.to_thread(bus_session.close)
+    assert heard == ["start_video", "stop_video"]

@@ -1,0 +1,81 @@
+"""What happens to a robot is told with the command that led to it and who asked for that."""
+
+import logging
+
+import pytest
+
+from fleet.model.command import Transport
+from fleet.model.event import EventReport, Requester
+from fleet.model.report import TelemetryReport
+from fleet.robot_config import FenceConfig
+
+FENCE = FenceConfig(frame="world", inclusion=[[(-10, -10), (10, -10), (10, 10), (-10, 10)]])
+ANNA = Requester(Transport.CLOUD, "anna", "tele")
+
+
+def events(bench):
+    """Return the events that were told, without what is asked and how it ends."""
+    told = [report for report in bench.reports if isinstance(report, EventReport)]
+    return [event for event in told if event.kind not in {"command", "outcome", "stop", "release"}]
+
+
+async def test_a_breach_under_way_names_the_goal_that_led_to_it(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    assert bench.ask(asks.goal("a7"))[0].ok
+    bench.stands(14.0)
+    (breach,) = events(bench)
+    assert (breach.kind, breach.asker, breach.request) == ("fence_breached", ANNA, "a7")
+    assert breach.data == {"reason": breach.text.removeprefix("it is ")}
+
+
+async def test_a_robot_that_is_blown_out_of_its_fence_moves_for_nobody(make_bench):
+    bench = make_bench(fence=FENCE)
+    bench.stands(14.0)
+    (breach,) = events(bench)
+    assert (breach.asker, breach.request, breach.command) == (None, "", "")
+
+
+async def test_an_emergency_stop_is_an_event_once_until_it_was_released(bench, asks):
+    for name in ("emergency_stop", "emergency_stop", "release_emergency_stop", "emergency_stop"):
+        bench.ask(asks.command(name, id="q1"))
+    assert [(event.kind, event.severity, event.asker) for event in events(bench)] == [
+        ("emergency_stop", "critical", ANNA)
+    ] * 2
+    assert events(bench)[0].request == "q1"
+
+
+async def test_a_pilot_who_takes_the_robot_is_an_event_that_names_what_he_ended(bench, asks):
+    bench.ask(asks.command("takeoff", id="q2"))
+    await asks.settle()
+    bench.controller.authority_lost("the pilot took it")
+    (taken,) = events(bench)
+    assert (taken.kind, taken.command, taken.request) == ("authority_lost", "takeoff", "q2")
+    assert [report.type for report in bench.reports if isinstance(report, TelemetryReport)] == [
+        "authority_lost"
+    ]
+
+
+async def test_a_low_battery_and_what_is_done_about_it_are_events(make_bench, asks):
+    bench = make_bench(battery_policy={"low": 15, "reserve": 20, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.has(10.0)
+    await asks.settle()
+    low, done = events(bench)
+    assert (low.text, low.data) == ("its battery is low: 10 %", {"percent": 10.0, "action": "land"})
+    assert (done.kind, done.text) == ("battery", "land by battery_policy: the battery was at 10 %")
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        lambda bench, _asks: bench.controller.lease_ran_out(),
+        lambda bench, _asks: bench.controller.authority_lost("the pilot took it"),
+        lambda bench, asks: bench.ask(asks.command("release_emergency_stop")),
+        lambda bench, _asks: bench.stands(14.0),
+    ],
+)
+async def test_what_the_host_warns_of_a_robot_is_in_the_robots_own_log(make_bench, asks, caplog, what):
+    caplog.set_level(logging.WARNING)
+    what(make_bench(fence=FENCE), asks)
+    assert {record.name for record in caplog.records} == {"fleet.robot.rex"}

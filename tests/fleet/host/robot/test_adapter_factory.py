@@ -1,0 +1,112 @@
+from typing import Literal
+
+import pytest
+
+from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
+from fleet.commands import command
+from fleet.errors import Refused
+from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
+from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
+from fleet.model.command import Command
+from fleet.model.geometry import Vector3, Velocity
+from fleet.model.navigation import Progress
+from fleet.robot_config import Limits
+from fleet_mavlink.adapter import MavlinkAdapter
+from fleet_quadruped.adapter import QuadrupedAdapter
+from fleet_ugv.adapter import UgvAdapter
+
+
+class Config(AdapterConfig):
+    adapter: Literal["any"] = "any"
+    link: str = "memory:any"
+
+
+class Framey(FrameAdapter[Config]):
+    Config = Config
+    limits = Limits(speed=1.0)
+    verbs = ("sit", "stand")
+
+    def encode(self, ask):
+        yield b"x"
+
+    def decode(self, frame, stamp):
+        return ()
+
+    def halt(self):
+        yield b"s"
+
+    @command("lamp", timeout=2.0, moves=False)
+    def lamp(self, *, level: int = 1):
+        """Dim the lamp."""
+        yield b"l"
+
+
+class Brainy(Adapter[Config]):
+    Config = Config
+
+    async def run(self, robot): ...
+
+    async def stop(self, reason): ...
+
+    def halt(self): ...
+
+    def drive(self, velocity): ...
+
+    @command("dance")
+    async def dance(self, *, turns: int = 1):
+        """Dance."""
+        yield Progress(turns * 10.0)
+
+
+CONFIG = Config(name="robot", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f")
+
+
+def test_both_kinds_become_an_adapter():
+    assert isinstance(create_adapter(Framey, CONFIG), FrameAdapterRunner)
+    assert isinstance(create_adapter(Brainy, CONFIG), Brainy)
+
+
+def test_both_kinds_say_what_they_can():
+    framey, brainy = capabilities(Framey), capabilities(Brainy)
+    assert (sorted(framey.commands), framey.drives, framey.navigates) == (
+        ["lamp", "sit", "stand"],
+        True,
+        False,
+    )
+    assert (sorted(brainy.commands), brainy.drives, brainy.navigates) == (["dance"], True, False)
+    assert framey.limits == Limits(speed=1.0)
+
+
+def test_a_plain_verb_may_move_and_is_not_safe():
+    sit = capabilities(Framey).commands["sit"]
+    assert (sit.moves, sit.safe, sit.streams) == (True, False, False)
+
+
+def test_a_frame_method_says_more_about_its_command():
+    lamp = capabilities(Framey).commands["lamp"]
+    assert (lamp.moves, lamp.timeout, lamp.summary) == (False, 2.0, "Dim the lamp.")
+
+
+async def test_a_command_reaches_the_method_with_checked_parameters():
+    dance = capabilities(Brainy).commands["dance"]
+    adapter = create_adapter(Brainy, CONFIG)
+    assert [p.percent async for p in start_command(adapter, dance, Command("dance", {"turns": 3}))] == [30.0]
+    with pytest.raises(Refused, match="dance"):
+        start_command(adapter, dance, Command("dance", {"turns": "many"}))
+
+
+def test_a_command_that_is_not_declared_is_told_with_the_nearest():
+    assert capabilities(Framey).hint("sti") == "did you mean 'sit'?"
+    assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit, stand"
+
+
+@pytest.mark.parametrize(
+    ("plugin", "sideways", "upward"),
+    [(MavlinkAdapter, True, True), (QuadrupedAdapter, True, False), (UgvAdapter, False, False)],
+)
+def test_the_built_in_robots_refuse_the_ways_that_they_cannot_go_and_no_others(plugin, sideways, upward):
+    can = capabilities(plugin)
+    for along in (Vector3(), Vector3(x=1.0), Vector3(x=-0.1, y=0.005)):
+        assert can.refusal(Velocity(along, 0.5)) is None
+    assert (can.refusal(Velocity(Vector3(y=-0.2))) is None) is sideways
+    assert (can.refusal(Velocity(Vector3(x=0.3, z=0.2))) is None) is upward

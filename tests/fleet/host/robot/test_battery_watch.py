@@ -1,0 +1,169 @@
+"""A robot whose battery is watched: what it may begin, and what is done when it is low."""
+
+import pytest
+
+from fleet.errors import NotReady
+from fleet.model.geometry import Vector3
+from fleet.model.navigation import Goal, GoTo, Navigate
+from fleet.robot_config import BatteryPolicy
+
+POLICY = {"reserve": 20, "low": 15, "endurance": 100}
+
+
+def goal(asks, task):
+    """Return the navigation message of a task."""
+    return Navigate(task, "", asks.goal().origin)
+
+
+async def test_a_goal_beyond_the_battery_is_refused(make_bench, asks):
+    bench = make_bench(battery_policy=POLICY)
+    bench.stands()
+    bench.has(60.0)
+    far, near = GoTo(Goal(Vector3(60, 0, 0))), GoTo(Goal(Vector3(30, 0, 0)))
+    assert "the way there and home takes 60 %" in bench.ask(goal(asks, far))[0].reason  # 120 m at 2 m/s
+    assert bench.ask(goal(asks, near))[0].ok
+
+
+@pytest.mark.parametrize("before", [(), (14.0,)])
+async def test_a_low_battery_is_acted_upon_once_while_we_move_the_robot_also_when_it_was_low_before(
+    make_bench, asks, before
+):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    for percent in before:
+        bench.has(percent)
+    bench.ask(asks.setpoint(1.0))
+    for percent in (16.0, 15.0, 14.0, 10.0, 5.0):
+        bench.has(percent)
+        await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+    assert len(bench.happened("battery_low")) == 1
+
+
+async def test_a_take_off_that_the_low_battery_would_end_at_once_is_refused(make_bench, asks):
+    bench = make_bench(battery_policy={"action": "return_to_home"})
+    bench.has(20.0)
+    answer = bench.ask(asks.command("takeoff"))[0]
+    assert answer.reason == "the battery is at 20 %, a take-off needs more than 20 %"
+    bench.has(21.0)
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    assert ("takeoff", None) in bench.puppet.told
+
+
+def test_the_policy_of_a_robot_that_says_none_of_it_leaves_room_for_the_way_home():
+    policy = BatteryPolicy()
+    assert (policy.reserve, policy.low) == (15.0, 20.0)
+
+
+async def test_a_forced_action_is_told_with_its_cause_until_the_battery_was_charged(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    assert bench.controller.guard.forced == ""
+    bench.has(15.0)
+    await asks.settle()
+    bench.has(12.0)
+    assert bench.controller.guard.forced == "land by battery_policy: the battery was at 15 %"
+    bench.has(90.0)
+    assert bench.controller.guard.forced == ""
+
+
+async def test_a_forced_action_that_failed_says_why(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "return_to_home"})  # which the puppet has not
+    bench.ask(asks.setpoint(1.0))
+    bench.has(15.0)
+    await asks.settle()
+    assert (
+        bench.controller.guard.forced
+        == "return_to_home by battery_policy failed: rex has no 'return_to_home'"
+    )
+
+
+async def test_a_low_battery_of_a_robot_that_is_not_ours_is_only_told(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.has(10.0)
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert bench.happened("battery_low")
+
+
+async def test_a_low_battery_ends_no_emergency_stop_and_is_acted_upon_after_its_release(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.ask(asks.command("emergency_stop"))
+    await asks.settle()
+    bench.has(14.0)
+    await asks.settle()
+    assert bench.happened("battery_low")
+    assert "land" not in bench.puppet.told
+    bench.ask(asks.command("release_emergency_stop"))
+    bench.has(14.0)
+    await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+
+
+async def test_a_low_battery_is_acted_upon_again_only_after_it_was_charged(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    lands = []
+    for percent in (15.0, 15.1, 15.0, 17.0, 14.0, 90.0, 15.0):
+        bench.ask(asks.setpoint(1.0))
+        bench.has(percent)
+        await asks.settle()
+        lands.append(bench.puppet.told.count("land"))
+    assert lands == [1, 1, 1, 1, 1, 1, 2]
+    assert len(bench.happened("battery_low")) == 2
+
+
+async def test_an_action_that_could_not_be_asked_is_asked_with_the_next_look(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.ask(asks.setpoint(1.0))
+    bench.controller.lost("no heartbeat")
+    bench.has(14.0)
+    assert "land" not in bench.puppet.told
+    bench.controller.found()
+    for percent in (14.0, 13.0):
+        bench.has(percent)
+    await asks.settle()
+    assert bench.puppet.told.count("land") == 1
+
+
+async def test_a_landing_is_not_broken_off_for_a_low_battery_which_is_acted_upon_after_it(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "stop"})
+    bench.puppet.land = bench.puppet.go.wait  # it takes its time
+    landing = bench.ask(asks.command("land"), waits=True)
+    await asks.settle()
+    bench.has(14.0)
+    await asks.settle()
+    assert bench.happened("battery_low")
+    assert bench.puppet.told == []
+    bench.puppet.go.set()
+    await asks.settle()
+    assert landing[-1].done
+    bench.has(13.0)
+    await asks.settle()
+    assert bench.puppet.told == ["stop"]
+
+
+@pytest.mark.parametrize("kind", ["setpoint", "command", "goal", "zero"])
+async def test_what_is_refused_because_a_pilot_has_the_robot_does_not_make_it_ours(make_bench, asks, kind):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.has(90.0)
+    bench.stands()
+    bench.ask(asks.setpoint())
+    bench.controller.authority_lost("the pilot switched to POSHOLD")
+    bench.puppet.raises = None if kind == "zero" else NotReady("a pilot has it")
+    what = {"command": asks.command("takeoff"), "zero": asks.setpoint(0.0)}
+    bench.ask(what[kind] if kind in what else getattr(asks, kind)())
+    await asks.settle()
+    bench.has(14.0)
+    await asks.settle()
+    assert bench.happened("battery_low")
+    assert "land" not in bench.puppet.told
+
+
+async def test_a_robot_that_obeyed_after_a_pilot_had_it_is_ours_again(make_bench, asks):
+    bench = make_bench(battery_policy={**POLICY, "action": "land"})
+    bench.controller.authority_lost("the pilot switched to POSHOLD")
+    bench.ask(asks.setpoint())
+    bench.has(14.0)
+    await asks.settle()
+    assert bench.puppet.told[-1] == "land"

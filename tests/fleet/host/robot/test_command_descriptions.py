@@ -1,0 +1,85 @@
+"""What a robot says that it takes, from its declared commands and from admission."""
+
+from typing import Annotated
+
+from fleet.adapter import Adapter
+from fleet.bus import keys
+from fleet.commands import Range, command
+from fleet.host.robot.adapter_factory import capabilities
+from fleet.host.robot.command_descriptions import description, words
+from fleet.model.description import RobotDescription
+from fleet.robot_config import AdapterConfig, Limits
+
+
+class Kite(Adapter[AdapterConfig]):
+    Config = AdapterConfig
+    limits = Limits(speed=2.0)
+
+    async def run(self, robot):
+        """Do nothing."""
+
+    async def stop(self, reason):
+        """Do nothing."""
+
+    def halt(self):
+        """Do nothing."""
+
+    @command("climb", timeout=7.0)
+    async def climb(
+        self, *, height: Annotated[float, Range(1, 120, "m")], how: str = "slowly", tail: bool | None = None
+    ) -> None:
+        """Climb so high."""
+
+    @command("look", moves=False, safe=True)
+    async def look(self) -> None:
+        """Look around."""
+
+
+def described(refusal=lambda name, spec: ""):
+    found = description(
+        "k", "kite", capabilities(Kite), own=["restart_adapter"], limits=Kite.limits, refusal=refusal
+    )
+    return found, {one.name: one for one in found.commands}
+
+
+def test_a_declared_command_is_described_with_its_parameters_units_and_ranges():
+    _, commands = described()
+    climb = commands["climb"]
+    assert (climb.summary, climb.moves, climb.safe, climb.timeout) == ("Climb so high.", True, False, 7.0)
+    height, how, tail = climb.parameters
+    assert (height.type, height.required, height.least, height.most, height.unit) == (
+        "number", True, 1, 120, "m",
+    )  # fmt: skip
+    assert (how.type, how.required, how.default) == ("text", False, "slowly")
+    assert (tail.type, tail.required, tail.default) == ("true or false", False, "")
+
+
+def test_what_the_host_does_for_every_robot_is_described_too():
+    found, commands = described()
+    assert {"stop", "emergency_stop", "restart_adapter"} <= set(commands)
+    assert (found.drives, found.goals, found.missions, found.limits) == (False, False, False, {"speed": 2.0})
+
+
+def test_why_a_command_would_be_refused_stands_beside_it():
+    _, commands = described(lambda name, spec: "busy" if spec is not None and spec.moves else "")
+    assert (commands["climb"].refusal, commands["look"].refusal) == ("busy", "")
+
+
+def test_types_are_said_in_words():
+    assert words(list[int]) == "list of whole number"
+    assert words(float | str | None) == "number or text"
+
+
+async def test_admission_says_why_a_command_would_be_refused_and_gives_the_robot_to_nobody(bench, asks):
+    ask = asks.command("takeoff")
+    assert bench.controller.would_refuse(ask, moves=True, safe=False) is None
+    bench.controller.emergency("test")
+    refusal = bench.controller.would_refuse(ask, moves=True, safe=False)
+    assert refusal.startswith("emergency stop is set")
+    assert bench.controller.would_refuse(ask, moves=True, safe=True) is None
+    assert bench.controller.would_refuse(asks.command("stop"), moves=True, safe=False) is None
+
+
+def test_the_key_is_the_robots_own():
+    assert keys.description("yard", "rex") == "fleet/yard/robots/rex/description"
+    assert RobotDescription("rex", "toy", ()).commands == ()

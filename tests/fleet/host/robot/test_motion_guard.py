@@ -1,0 +1,184 @@
+"""A robot kept inside its fence and within its battery."""
+
+import pytest
+
+from fleet.errors import Refused
+from fleet.model.command import ReplyStatus
+from fleet.model.geodesy import GeoPoint
+from fleet.model.geometry import ZERO_VELOCITY, Vector3, quaternion_from_yaw
+from fleet.model.navigation import Control, FollowPath, Goal, GoTo, Navigate, RelativeMove
+from fleet.model.report import FlightControllerReport
+
+YARD = [(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)]
+FENCE = {"inclusion": [YARD]}
+POLICY = {"reserve": 20, "low": 15, "endurance": 100}
+REJECTED = ReplyStatus.REJECTED
+
+
+def goal(asks, task):
+    """Return the navigation message of a task."""
+    return Navigate(task, "", asks.goal().origin)
+
+
+async def test_a_goal_outside_is_refused_before_the_robot_hears_of_it(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    (answer,) = bench.ask(goal(asks, GoTo(Goal(Vector3(30, 0, 0)))))
+    assert (answer.status, answer.reason) == (REJECTED, "goal 1 is outside the fence")
+    assert bench.statuses() == ["failed"]
+    assert bench.puppet.told == []
+
+
+async def test_every_goal_of_a_path_and_the_end_of_a_move_are_judged(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands(15.0, rotation=quaternion_from_yaw(0.0))
+    path = FollowPath((Goal(Vector3(1, 1, 0)), Goal(Vector3(1, 21, 0))))
+    assert "goal 2" in bench.ask(goal(asks, path))[0].reason
+    assert "outside" in bench.ask(goal(asks, RelativeMove(Vector3(6, 0, 0))))[0].reason
+    assert bench.ask(goal(asks, RelativeMove(Vector3(-6, 0, 0))))[0].ok
+
+
+async def test_a_geodetic_fence_and_goal_count_from_the_origin(make_bench, asks):
+    origin = {"latitude": 47.0, "longitude": 8.0}
+    corners = [(46.999, 7.999), (47.001, 7.999), (47.001, 8.001), (46.999, 8.001)]
+    bench = make_bench(fence={"frame": "geodetic", "inclusion": [corners]}, origin=origin)
+    bench.stands()
+    assert bench.ask(goal(asks, GoTo(Goal(geo=GeoPoint(47.0009, 8.0)))))[0].ok
+    bench.stands()
+    assert not bench.ask(goal(asks, GoTo(Goal(geo=GeoPoint(47.0011, 8.0)))))[0].ok
+
+
+async def test_without_an_origin_the_corners_are_placed_once_home_is_known(make_bench, asks):
+    corners = [(46.999, 7.999), (47.001, 7.999), (47.001, 8.001), (46.999, 8.001)]
+    bench = make_bench(fence={"frame": "geodetic", "inclusion": [corners]})
+    bench.stands()
+    assert "unknown" in bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].reason
+    home = GeoPoint(47.0, 8.0, 400.0)
+    bench.controller.guard.see(FlightControllerReport(0.0, armed=False, mode="", failsafe=False, home=home))
+    assert bench.ask(goal(asks, GoTo(Goal(Vector3(5, 0, 0)))))[0].ok
+
+
+async def test_a_velocity_is_held_only_as_far_as_it_keeps_the_fence(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    assert bench.ask(asks.setpoint(2.0))[0].ok
+    assert bench.puppet.told[-1].linear.x == 2.0
+    bench.stands(18.0)
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+    assert bench.ask(asks.setpoint(2.0))[0].ok
+    assert bench.puppet.told[-1] == ZERO_VELOCITY
+    assert bench.ask(asks.setpoint(-1.0))[0].ok
+    assert bench.puppet.told[-1].linear.x == -1.0
+
+
+def lease_runs_out(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.controller.deadman.expire(bench.controller.deadman.until)
+    bench.controller.lease_ran_out()
+
+
+def lease_runs_out_as_the_goal_comes(bench, asks):
+    bench.ask(asks.setpoint(1.0))
+    bench.controller.deadman.expire(bench.controller.deadman.until)
+
+
+def is_refused(bench, asks):
+    bench.puppet.raises = Refused("not today")
+    bench.ask(asks.setpoint(1.0))
+
+
+def makes_the_adapter_fail(bench, asks):
+    bench.puppet.raises = ZeroDivisionError("oops")
+    bench.ask(asks.setpoint(1.0))
+
+
+@pytest.mark.parametrize(
+    "ends", [lease_runs_out, lease_runs_out_as_the_goal_comes, is_refused, makes_the_adapter_fail]
+)
+async def test_a_velocity_that_has_ended_ends_no_goal_near_the_fence(make_bench, asks, ends):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    ends(bench, asks)
+    bench.puppet.raises = None
+    bench.ask(goal(asks, GoTo(Goal(Vector3(19, 0, 0)))))
+    await asks.settle()
+    bench.stands(18.5)
+    await asks.settle()
+    assert bench.statuses()[-1] == "running"
+    assert "stop" not in bench.puppet.told
+
+
+async def test_a_velocity_is_refused_while_nobody_knows_where_the_robot_is(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
+    bench.stands()
+    bench.clock.advance(2.0)
+    assert "unknown" in bench.ask(asks.setpoint(1.0))[0].reason
+
+
+async def test_a_robot_blown_out_on_the_way_to_a_goal_is_stopped_and_told_once(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands()
+    bench.ask(goal(asks, GoTo(Goal(Vector3(10, 0, 0)))))
+    await asks.settle()
+    for x in (19.0, 22.0, 23.0):
+        bench.stands(x)
+    await asks.settle()
+    assert bench.puppet.told[-1] == "stop"
+    assert bench.reports[-1].message == "fence: it is outside the fence"
+    assert bench.statuses()[-1] == "failed"
+    assert len(bench.happened("fence_breached")) == 1
+
+
+async def test_a_robot_that_somebody_else_flies_is_told_of_but_not_touched(make_bench, asks):
+    bench = make_bench(fence=FENCE)
+    bench.stands(30.0)
+    await asks.settle()
+    assert bench.puppet.told == []
+    assert bench.happened("fence_breached")
+
+
+async def test_a_flight_does_not_begin_outside_or_with_too_little_battery(make_bench, asks):
+    bench = make_bench(fence=FENCE, battery_policy=POLICY)
+    bench.stands(30.0)
+    bench.has(90.0)
+    assert bench.ask(asks.command("takeoff"))[0].reason == "it is outside the fence"
+    bench.stands()
+    bench.has(19.0)
+    assert "19 %" in bench.ask(asks.command("takeoff"))[0].reason
+    bench.has(90.0)
+    bench.ask(asks.command("takeoff"))
+    await asks.settle()
+    assert bench.puppet.told == [("takeoff", None)]
+
+
+WALL = [(4.0, -2.0), (6.0, -2.0), (6.0, 2.0), (4.0, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("moved_to", "percent", "refusal"),
+    [
+        ((0.0, 0.0), 90.0, ""),
+        ((0.0, 0.0), 21.0, "20 % must be left"),
+        ((2.0, -10.0), 90.0, "the straight way to goal 1 leads out"),
+    ],
+)
+async def test_a_paused_goal_is_gone_on_with_only_where_it_might_begin(
+    make_bench, asks, moved_to, percent, refusal
+):
+    bench = make_bench(fence={**FENCE, "exclusion": [WALL]}, battery_policy=POLICY)
+
+    bench.stands()
+    bench.has(90.0)
+    bench.ask(goal(asks, GoTo(Goal(Vector3(8, 10, 0)))))
+    await asks.settle()
+    paused = bench.ask(Navigate(Control.PAUSE, "", asks.goal().origin))
+    await asks.settle()
+    assert paused[0].ok
+    bench.stands(*moved_to)
+    bench.has(percent)
+    await asks.settle()
+    (answer,) = bench.ask(Navigate(Control.RESUME, "", asks.goal().origin))
+    assert answer.ok is not bool(refusal)
+    assert refusal in answer.reason

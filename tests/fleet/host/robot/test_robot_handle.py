@@ -1,0 +1,116 @@
+import asyncio
+
+from fleet.clock import SystemClock
+from fleet.host.robot.robot_handle import KEPT_WITHIN, RobotHandle
+from fleet.host.runtime.shared_resources import SharedResources
+from fleet.host.runtime.tick_scheduler import TickScheduler
+from fleet.model.health import Health, Level
+from fleet.model.report import BatteryReport
+from fleet.supervisor.client import SupervisorClient
+from fleet.testing.clock import ManualClock
+
+
+class Heard:
+    """A handle, and everything it passes on."""
+
+    def __init__(self, supervised=None):
+        self.all = []
+        self.scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
+        self.handle = RobotHandle(
+            "rex",
+            clock=ManualClock(),
+            scheduler=self.scheduler,
+            shared=SharedResources(),
+            publish=self.all.append,
+            healthy=self.all.append,
+            lost_authority=self.all.append,
+            failed=self.all.append,
+            supervised=supervised or SupervisorClient(),
+        )
+
+    def say_everything(self):
+        self.handle.report(BatteryReport(1.0))
+        self.handle.health(Health(Level.OFFLINE, "gone"))
+        self.handle.authority_lost("a pilot")
+
+
+async def test_what_an_adapter_says_is_passed_on():
+    heard = Heard()
+    heard.say_everything()
+    assert heard.all == [BatteryReport(1.0), Health(Level.OFFLINE, "gone"), "a pilot"]
+
+
+async def test_nothing_is_said_through_a_closed_handle():
+    heard = Heard()
+    heard.handle.close()
+    heard.say_everything()
+    assert heard.all == []
+
+
+async def test_the_timers_of_a_run_end_with_it_and_none_begins_after_it(asks):
+    heard, calls = Heard(), []
+    heard.handle.every(0.02, lambda: calls.append("before"))
+    heard.handle.close()
+    heard.handle.every(0.02, lambda: calls.append("after"))
+    heard.scheduler.every(0.02, lambda: calls.append("the host's own"))
+    heard.scheduler.start()
+    await asks.until(lambda: len(calls) >= 3)
+    heard.scheduler.stop()
+    assert set(calls) == {"the host's own"}
+
+
+class Line:
+    """A link that is open."""
+
+    def fileno(self):
+        return 1
+
+
+class Supervisor(SupervisorClient):
+    """A supervisor that answers when the test says so."""
+
+    def __init__(self):
+        super().__init__()
+        self.answers = []
+        self.dropped = []
+        self.takes = True
+
+    def keep(self, robot, descriptor, frames, address=None, *, kept):
+        self.answers.append(kept)
+        return self.takes
+
+    async def drop(self, robot):
+        self.dropped.append(robot)
+
+
+async def test_a_halt_counts_for_two_seconds_and_then_only_if_it_was_confirmed():
+    supervisor = Supervisor()
+    heard = Heard(supervisor)
+    handle, clock = heard.handle, heard.handle.clock
+    assert not handle.has_left_halt
+    handle.leave_halt(Line(), [b"halt"])
+    handle.health(Health())
+    assert handle.has_left_halt, "the answer is on its way"
+    clock.advance(KEPT_WITHIN + 0.1)
+    assert not handle.has_left_halt
+    handle._look_at_halt()
+    handle._look_at_halt()
+    assert heard.all == [Health()] * 2, "its health is judged once more"
+    supervisor.answers[0]()
+    assert handle.has_left_halt, "late, but kept"
+    handle._look_at_halt()
+    assert heard.all == [Health()] * 3
+    handle.leave_halt(Line(), [b"other"])
+    supervisor.answers[0]()
+    clock.advance(KEPT_WITHIN + 0.1)
+    assert not handle.has_left_halt, "the answer was of the one before"
+    await handle.take_halt_back()
+    assert supervisor.dropped == ["rex"]
+
+
+async def test_a_halt_that_could_not_be_sent_does_not_count():
+    supervisor = Supervisor()
+    handle = Heard(supervisor).handle
+    supervisor.takes = False
+    handle.leave_halt(Line(), [b"halt"])
+    assert not handle.has_left_halt

@@ -1,0 +1,168 @@
+"""What a process knows of where the robots of its edge are."""
+
+import asyncio
+import json
+import uuid
+
+import pytest
+
+from fleet.bus import keys
+from fleet.host.requests.event_reporter import EventReporter
+from fleet.host.robot.robot_positions import RobotPositions
+from fleet.host.robot.separation_keeper import SeparationKeeper
+from fleet.model.command import ReplyStatus
+from fleet.model.geodesy import GeoOrigin, geo_from_world
+from fleet.model.geometry import ZERO_VELOCITY, Pose, Vector3
+from fleet.robot_config import AdapterConfig, Limits, Separation
+from fleet.testing.clock import ManualClock
+
+SITE = GeoOrigin(47.397742, 8.545594, 488.0)
+NAMES = ("rex", "ugv", "drone")
+
+
+class Still:
+    """What moves a robot that nothing moves."""
+
+    in_motion = False
+
+    def doing(self):
+        return None
+
+
+def joined(traffic, clock, name, start=None):
+    """Return a robot of this process."""
+    apart = SeparationKeeper(
+        AdapterConfig(name=name, twin=uuid.uuid4(), start=start),
+        Separation(radius=1.0, braking=1.0, precedence=2),
+        Limits(speed=1.0),
+        clock=clock,
+        others=traffic,
+        mover=Still(),
+        led=True,
+        held=lambda: ZERO_VELOCITY,
+        points=lambda _task: (),
+        event_reporter=EventReporter(name, lambda _report: None, clock, in_motion=lambda: False),
+    )
+    traffic.join(apart)
+    return apart
+
+
+@pytest.fixture
+def clock():
+    return ManualClock()
+
+
+def test_what_one_process_tells_another_knows_in_its_own_frame(clock):
+    here, there = RobotPositions(None, NAMES, clock), RobotPositions(None, NAMES, clock)
+    mine, theirs = joined(here, clock, "rex"), joined(there, clock, "drone")
+    mine.world_is(SITE)
+    theirs.world_is(_beside(SITE, 30.0, 40.0))
+    mine.see(Pose())
+    theirs.see(Pose(Vector3(0.0, 0.0, 7.0)))
+    here.hear(there.sheet())
+    (other,) = here.others("rex")
+    assert (other.name, other.at.x, other.at.y, other.at.z) == (
+        "drone",
+        pytest.approx(30.0, abs=0.01),
+        pytest.approx(40.0, abs=0.01),
+        pytest.approx(7.0, abs=0.01),
+    )
+
+
+def _beside(origin, east, north):
+    point = geo_from_world(origin, Vector3(east, north))
+    return GeoOrigin(point.latitude, point.longitude, point.altitude)
+
+
+def test_a_process_that_falls_silent_leaves_its_robots_where_they_were_and_older(clock):
+    here, there = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
+    joined(here, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    joined(there, clock, "ugv", (3.0, 0.0, 0.0)).see(Pose())
+    here.hear(there.sheet())
+    clock.advance(60.0)
+    (other,) = here.others("rex")
+    assert (other.at.x, other.age) == (3.0, 60.0)
+    here.hear(RobotPositions(SITE, NAMES, clock).sheet())  # it was started anew and knows nothing yet
+    assert [robot.name for robot in here.others("rex")] == ["ugv"]
+
+
+def test_without_a_site_robots_on_earth_and_on_the_ground_are_unknown_to_each_other(clock):
+    for site, unknown in ((None, "unknown to drone"), (SITE, "")):
+        traffic = RobotPositions(site, ("ugv", "drone"), clock)
+        joined(traffic, clock, "ugv", (1.0, 0.0, 0.0)).see(Pose())
+        drone = joined(traffic, clock, "drone")
+        drone.world_is(SITE)
+        drone.see(Pose())
+        assert traffic.unknown("ugv") == unknown
+        assert len(traffic.others("ugv")) == (0 if unknown else 1)
+
+
+def test_why_nobody_knows_how_far_a_robot_is_from_others_is_said(clock):
+    traffic = RobotPositions(SITE, ("rex", "ugv"), clock)
+    rex = joined(traffic, clock, "rex")
+    ugv = joined(traffic, clock, "ugv", (1.0, 0.0, 0.0))
+    assert traffic.unknown("rex") == "unknown: it is not placed"
+    rex.world_is(SITE)
+    assert traffic.unknown("rex") == "unknown: it has not told where it is"
+    rex.see(Pose())
+    assert traffic.unknown("rex") == "unknown to ugv"
+    ugv.see(Pose())
+    assert traffic.unknown("rex") == ""
+
+
+def test_a_robot_that_is_alone_on_its_edge_is_unknown_to_nobody(clock):
+    traffic = RobotPositions(SITE, ("rex",), clock)
+    joined(traffic, clock, "rex")
+    assert traffic.unknown("rex") == ""
+
+
+@pytest.mark.parametrize("payload", [b"", b"{", b'{"robots": [{"robot": {"name": 5}}]}', b'{"robots": 7}'])
+def test_what_cannot_be_read_is_told_and_changes_nothing(clock, caplog, payload):
+    traffic = RobotPositions(SITE, NAMES, clock)
+    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    traffic.hear(payload)
+    assert traffic.others("rex") == []
+    assert "cannot be read" in caplog.text
+
+
+def test_nobody_else_can_tell_where_a_robot_of_this_process_is(clock):
+    traffic, liar = RobotPositions(SITE, NAMES, clock), RobotPositions(SITE, NAMES, clock)
+    joined(traffic, clock, "rex", (0.0, 0.0, 0.0)).see(Pose())
+    joined(liar, clock, "rex", (50.0, 0.0, 0.0)).see(Pose())
+    traffic.hear(liar.sheet())
+    assert traffic.one("rex").at == Vector3()
+
+
+def goal(x):
+    """Return a goal's message in the robot's own world."""
+    return json.dumps({"command": "goto", "source_type": "tele", "position": [x, 0, 0]}).encode()
+
+
+async def test_robots_in_workers_are_judged_against_each_other_too(yard, run_edge, asks):
+    fleet = yard(
+        rex={"stands": True, "start": [0.0, 0.0, 0.0]},
+        ugv={"stands": True, "start": [6.0, 0.0, 0.0], "worker": "main"},
+        dog={"stands": True, "start": [12.0, 0.0, 0.0]},
+    )
+    edge = fleet.edge()
+    async with run_edge(edge):
+        bus_session = fleet.bus_session()
+
+        def ask(robot, x):
+            answers = bus_session.ask(
+                keys.command(fleet.id, robot), goal(x), timeout=10, parameters={"kind": "navigate"}
+            )
+            return [json.loads(answer) for _, answer in answers]
+
+        def known():
+            return all(state.reachable and not state.separation for state in edge.states())
+
+        await asks.until(known, within=40.0)
+        onto_ugv = await asyncio.to_thread(ask, "rex", 6.0)
+        first = await asyncio.to_thread(ask, "dog", -3.0)
+        await asks.until(lambda: edge.process.robots["ugv"].controller.guard.apart._others.one("dog").way)
+        meets = await asyncio.to_thread(ask, "ugv", 3.0)
+        bus_session.close()
+    assert (onto_ugv[0]["status"], "0.0 m from ugv" in onto_ugv[0]["reason"]) == ("rejected", True)
+    assert first[0]["status"] == ReplyStatus.ACCEPTED
+    assert "from dog's way" in meets[0]["reason"]

@@ -1,0 +1,305 @@
+"""Worker processes that are killed, frozen and hung, and the edge that watches them."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import psutil
+import pytest
+
+from fleet.bus import keys
+from fleet.clock import SystemClock
+from fleet.config.load import load
+from fleet.host.edge.edge import Edge
+from fleet.host.process.component_settings import worker_of
+from fleet.host.workers.worker_manager import WorkerManager, names_of
+from fleet.model.command import Reply, Transport
+from fleet.supervisor.client import SupervisorClient
+from fleet.supervisor.protocol import StopRequest
+from fleet.testing.waiting import wait_until
+
+MOVE = {"command": "move_forward", "data": {"linear_x": 1.0}}
+GOTO = {"command": "goto", "position": [1.0, 2.0, 0.0], "action_id": "a1"}
+
+
+def state_of(edge, name):
+    return next(state for state in edge.states() if state.name == name)
+
+
+def say(bus_session, place, robot, message, kind="command"):
+    """Ask a robot on its own bus key; returns its replies."""
+    key, payload = keys.command(place.id, robot), json.dumps(message).encode()
+    answers = bus_session.ask(key, payload, timeout=20, parameters={"kind": kind})
+    return [msgspec.json.decode(answer, type=Reply) for _, answer in answers]
+
+
+def say_and_leave(bus_session, place, robot, name):
+    """Ask for a command that nobody will answer."""
+    payload = json.dumps({"command": name}).encode()
+    nobody = lambda *_: None  # noqa: E731
+    bus_session.ask_later(
+        keys.command(place.id, robot), payload, timeout=5, on_answer=nobody, on_end=lambda: None
+    )
+
+
+class Field:
+    """A running edge: arm in a worker of its own, rex in the edge's process."""
+
+    def __init__(self, place, edge, bus_session):
+        self.place, self.edge, self.bus_session = place, edge, bus_session
+
+    async def ask(self, robot, message, kind="command"):
+        return await asyncio.to_thread(say, self.bus_session, self.place, robot, message, kind)
+
+    @property
+    def worker(self):
+        return self.place.processes("arm")[-1]
+
+
+@pytest.fixture
+async def field(yard, run_edge, asks):
+    place = yard(arm={}, rex={"worker": "main"})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        bus_session = await asyncio.to_thread(place.bus_session)
+        yield Field(place, edge, bus_session)
+        await asyncio.to_thread(bus_session.close)
+
+
+def test_a_drop_in_plugin_has_a_worker_unless_its_robot_says_main(yard):
+    place = yard(arm={}, rex={"worker": "main"}, leg={"worker": "legs"})
+    workers = {robot.name: worker_of(robot, plugin) for robot, plugin in load(place.file).robots}
+    assert workers == {"arm": "arm", "rex": "", "leg": "legs"}
+
+
+def test_each_worker_is_started_once():
+    assert names_of(["legs", "", "arm", "legs"]) == ["arm", "legs"]
+
+
+async def test_a_robot_in_a_worker_is_commanded_through_the_edge_and_on_its_own_key(field, asks):
+    assert field.worker != os.getpid()
+    assert field.place.processes("rex") == [os.getpid()]
+    (reply,) = await field.ask("arm", MOVE)
+    assert reply.ok
+    replies = []
+    payload = json.dumps(MOVE | {"source_type": "tele"}).encode()
+    field.edge.remote["arm"].read("command", payload, way=Transport.CLOUD)(replies.append)
+    await asks.until(lambda: replies)
+    assert replies[0].ok
+    await asks.until(lambda: field.place.words("arm")[-1] == "drive:0")
+    assert field.place.words("arm") == ["run", "drive:1", "drive:1", "halt", "drive:0"]
+
+
+async def test_an_emergency_stop_reaches_a_robot_in_a_worker(field, asks):
+    field.bus_session.put(keys.stop(field.place.id), b"", urgent=True)
+    await asks.until(lambda: "stop" in field.place.words("arm"))
+    await asks.until(lambda: state_of(field.edge, "arm").emergency_stop)
+
+
+class Passing(SupervisorClient):
+    """A supervisor's client through which the test passes stops on."""
+
+    def begin(self, edge, worker="", *, stop, end):
+        self.stop = stop
+
+
+async def test_a_stop_that_comes_by_the_supervisor_reaches_a_robot_in_a_worker(yard, run_edge, asks):
+    place, passing = yard(arm={}, rex={"worker": "main"}), Passing()
+    edge = Edge(load(place.file), directory=place.runtime, clock=SystemClock(), supervised=passing)
+    async with run_edge(edge):
+        await asks.until(lambda: all(state.health == "ok" for state in edge.states()), 30)
+        passing.stop(StopRequest(names=("arm",), by="anna", why="smoke", request="r1"))
+        await asks.until(lambda: "stop" in place.words("arm"))
+        said = "asked by anna (claimed, on this computer): smoke"
+        await asks.until(lambda: state_of(edge, "arm").stop_cause == said)
+        assert not state_of(edge, "rex").emergency_stop
+
+
+async def test_the_stop_of_a_stop_input_stands_at_a_robot_in_a_worker_in_its_words(field, asks):
+    field.edge._stop_robots((), "stop input button: no heartbeat for 1 s")
+    await asks.until(
+        lambda: state_of(field.edge, "arm").stop_cause == "stop input button: no heartbeat for 1 s"
+    )
+
+
+async def test_a_robot_in_a_worker_that_nobody_uses_is_left_to_the_edge_that_the_cloud_shows(field, asks):
+    twin = field.edge.remote["arm"].twin
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    await asks.until(lambda: "edge yard-0 has its twin" in state_of(field.edge, "arm").cause)
+    assert state_of(field.edge, "rex").health == "ok"
+    field.edge.cloud_claims.heard(twin, "")
+    await asks.until(lambda: field.place.words("arm") == ["run", "run"])
+
+
+async def test_a_worker_keeps_a_robot_that_somebody_moves_whatever_the_cloud_shows(field, asks):
+    twin = field.edge.remote["arm"].twin
+    (reply,) = await field.ask("arm", GOTO, "navigate")
+    assert reply.ok
+    # As when the worker's word that the robot is used has not come yet.
+    field.edge.cloud_claims._holders[twin] = "yard-0"
+    field.edge.cloud_claims.tell_workers()
+    await asks.until(lambda: state_of(field.edge, "arm").in_use)
+    field.edge.cloud_claims.heard(twin, "yard-0")
+    assert "yard-0" in field.edge.state().cause
+    assert field.place.words("arm") == ["run", "navigate"]
+
+
+async def test_the_end_of_the_edge_holds_who_moves_in_a_worker_and_ends_it(yard, run_edge, asks):
+    place = yard(arm={})
+    edge = place.edge()
+    async with run_edge(edge):
+        await asks.until(lambda: state_of(edge, "arm").health == "ok", 30)
+        bus_session = await asyncio.to_thread(place.bus_session)
+        (reply,) = await asyncio.to_thread(say, bus_session, place, "arm", GOTO, "navigate")
+        assert reply.ok
+        await asyncio.to_thread(bus_session.close)
+    assert place.words("arm")[-2:] == ["halt", "stop"]
+    assert not psutil.pid_exists(place.processes("arm")[0])
+
+
+FAULTS = {
+    # what befalls the worker: how, and the seconds within which the edge knows
+    "killed": (lambda field: os.kill(field.worker, signal.SIGKILL), 1.0),
+    "frozen": (lambda field: os.kill(field.worker, signal.SIGSTOP), 2.5),
+    "hung": (lambda field: say_and_leave(field.bus_session, field.place, "arm", "hang"), 3.5),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+async def test_a_worker_that_fails_is_noticed_and_started_again_and_nothing_moves_by_itself(
+    field, asks, fault
+):
+    befall, within = FAULTS[fault]
+    (reply,) = await field.ask("arm", GOTO, "navigate")
+    assert reply.ok
+    await asks.until(lambda: "navigate" in field.place.words("arm"))  # it is on its way, not merely accepted
+    first = field.worker
+    began = time.monotonic()
+    befall(field)
+    await asks.until(lambda: state_of(field.edge, "arm").health == "offline")
+    # Twice the time that it takes on a quiet machine.
+    assert time.monotonic() - began < 2 * within
+    assert "worker arm" in state_of(field.edge, "arm").cause
+    (reply,) = await field.ask("rex", MOVE)
+    assert reply.ok
+    await asks.until(lambda: state_of(field.edge, "arm").health == "ok", 30)
+    assert len(field.place.processes("arm")) == 2
+    assert not psutil.pid_exists(first)
+    told = lambda: [word for pid, _, word in field.place.told("arm") if pid == field.worker]  # noqa: E731
+    await asks.until(lambda: told() == ["run", "stop"])  # it may still have been on its way
+    assert len(field.place.processes("rex")) == 1
+    assert not state_of(field.edge, "arm").emergency_stop
+    if fault == "hung":  # its bus threads still heard that it is to stop
+        assert "halt" in field.place.words("arm")
+
+
+def test_a_worker_ends_with_an_edge_that_was_killed_and_holds_its_robots(yard):
+    place = yard(arm={})
+    command = [sys.executable, "-m", "fleet", "run", str(place.file)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as edge:
+        try:
+            wait_until("the robot runs", lambda: place.processes("arm"))
+            bus_session = place.bus_session()
+            wait_until(
+                "it is moved",
+                lambda: [one for one in say(bus_session, place, "arm", GOTO, "navigate") if one.ok],
+            )
+        finally:
+            edge.kill()
+        bus_session.close()
+    wait_until("its robot is held", lambda: place.words("arm")[-1] == "stop")
+    wait_until("the worker has ended", lambda: not psutil.pid_exists(place.processes("arm")[0]))
+
+
+class Told:
+    """A worker that cannot even be started, and what is said of it."""
+
+    def __init__(self, monkeypatch):
+        self.said, self.tries = [], 0
+        bus_session = type("Lane", (), {"subscribe": lambda *_: None, "watch_tokens": lambda *_: None})()
+
+        async def refuse(*_, **__):
+            self.tries += 1
+            raise OSError(24, "Too many open files")
+
+        monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+        self.worker = WorkerManager(
+            "arm",
+            edge="yard",
+            task=b"{}",
+            directory="/nowhere",
+            control=bus_session,
+            clock=SystemClock(),
+            told=lambda name, cause: self.said.append(cause),
+            halt=lambda name: None,
+        )
+
+
+async def test_a_worker_that_cannot_be_started_is_told_and_tried_again(monkeypatch, asks):
+    told = Told(monkeypatch)
+    task = asyncio.create_task(told.worker.run())
+    await asks.until(lambda: told.tries > 1)
+    task.cancel()
+    await asyncio.wait({task})
+    assert told.said[0] == "worker arm: cannot be started: Too many open files"
+
+
+async def test_a_worker_has_neither_the_clouds_token_nor_the_edges_environment(
+    yard, run_edge, asks, monkeypatch, broker
+):
+    monkeypatch.setenv("CYBERWAVE_API_KEY", "canary-environment")
+    monkeypatch.setenv("SOME_SECRET", "canary-other")
+    place = yard(arm={}, leg={"worker": "main", "journal": "/dev/null"})
+    cloud = {"host": "127.0.0.1", "port": broker.port, "tls": False, "token": "canary-token"}
+    place.change(cloud=cloud)
+    edge = place.edge()
+    task = edge._workers[0]._task
+    assert b"canary" not in task
+    assert [robot["name"] for robot in msgspec.json.decode(task)["robots"]] == ["arm"]
+    async with run_edge(edge):
+        await asks.until(lambda: state_of(edge, "arm").health == "ok", 40)
+        (worker,) = place.processes("arm")
+        process = psutil.Process(worker)
+        assert "canary" not in json.dumps(process.environ())
+        assert str(place.file) not in " ".join(process.cmdline())
+        assert "canary" not in memory_of(worker)
+
+
+def memory_of(process):
+    """Return what in the memory of a process begins like our secrets."""
+    found = []
+    place = Path(f"/proc/{process}")
+    with (place / "maps").open() as maps, (place / "mem").open("rb") as memory:
+        for line in maps:
+            where, rights = line.split()[:2]
+            if rights.startswith("rw"):
+                begin, end = (int(part, 16) for part in where.split("-"))
+                memory.seek(begin)
+                try:
+                    found.append("canary" if b"canary-" in memory.read(end - begin) else "")
+                except OSError:  # of the kernel's own
+                    continue
+    return "".join(found)
+
+
+async def test_the_edge_imports_no_drop_in_file_but_of_a_robot_that_says_main(yard):
+    place = yard(arm={}, rex={"worker": "main"})
+    note = place.file.with_name("imports")
+    toy = place.file.parent / "plugins" / "toy.py"
+    toy.write_text(
+        toy.read_text() + f"\nwith open({str(note)!r}, 'a') as note:\n    note.write(f'{{os.getpid()}} ')\n"
+    )
+    loaded = load(place.file)
+    assert str(os.getpid()) not in note.read_text().split()
+    edge = Edge(loaded, directory=place.runtime, clock=SystemClock())
+    assert note.read_text().split().count(str(os.getpid())) == 1
+    assert {state.name: state.drop_in for state in edge.states()} == {"arm": "", "rex": str(toy)}
+    edge.bus.close()
+    await edge.process.close()
