@@ -31,8 +31,7 @@ from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.control.loop import Loop
 from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, Units
-from fleet_quadruped.drives.cia402.states import DriveState as DriveState
-from fleet_quadruped.drives.cia402.states import state_of
+from fleet_quadruped.drives.cia402.states import DriveState, state_of
 from fleet_quadruped.robot.description import EXAMPLE, load_description
 
 HOGS, HOG_SECONDS = 4, 20

@@ -17,7 +17,7 @@ from fleet.wire.commands import VERBS
 from fleet.wire.navigation import CONTROLS, MOST_LOOPS, MOST_WAYPOINTS, TASKS, WORLD_FRAMES
 from fleet.wire.parts import TELEMETRY
 from fleet.wire.rulebook import PROFILES, Change
-from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, MIB, RULES, Recipient, TopicForm, TopicRule
+from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, MIB, RULES, Recipient, TopicForm, TopicRule
 from fleet.wire.stops import STOP_WORDS
 from fleet.wire.topic_rules import topic_name
 from fleet.wire.topics import NAMESPACES
@@ -241,7 +241,7 @@ SHAPES = {
 
 
 def topic(suffix: str) -> str:
-    """Return how a leaf is written in the tables."""
+    """Return how a suffix is written in the tables."""
     namespace, _, rest = suffix.partition(":")
     if namespace not in NAMESPACES:
         return f"`T {suffix}`".replace("+", "{client_id}")
@@ -339,8 +339,8 @@ def verbs() -> Iterator[str]:
 def channels() -> Iterator[str]:
     """Yield the table of the reports' channels on the bus."""
     yield from ("| key | payload | goes to |", "|---|---|---|")
-    for channel, leaves in CHANNEL_LEAVES.items():
-        rule = RULES[leaves[0]]
+    for channel, suffixes in CHANNEL_SUFFIXES.items():
+        rule = RULES[suffixes[0]]
         own = (
             "as on MQTT; stamped by `timestamp`, `ts` or the header"
             if rule.form is TopicForm.DOCUMENT
@@ -348,7 +348,7 @@ def channels() -> Iterator[str]:
         )
         shape = SHAPES.get(channel) or own or "the report's fields, with `ts`"
         sensor = "/{type}" if rule.suffix.endswith("+") else "[/{sensor}]" if rule.sensors else ""
-        yield f"| `cw/{{twin}}/data/{channel}{sensor}` | {shape} | {', '.join(map(topic, leaves))} |"
+        yield f"| `cw/{{twin}}/data/{channel}{sensor}` | {shape} | {', '.join(map(topic, suffixes))} |"
     yield "| `cw/{twin}/data/commands/velocity` | `linear_x` to `angular_z`, signed | the robot: a setpoint |"
 
 

@@ -23,10 +23,10 @@ __all__ = [
     "Limits",
     "Model",
     "Name",
-    "WorldOrigin",
     "Positive",
     "Separation",
     "SourceType",
+    "WorldOrigin",
 ]
 
 MAIN = "main"

@@ -191,7 +191,7 @@ class Bridge:
         self.client.flush_queued()
 
     def _takers(self) -> Mapping[str, Callable[[Topic, CloudMessage], None]]:
-        """Return what takes, by its leaf, what is for the bridge itself."""
+        """Return what takes, by its suffix, what is for the bridge itself."""
         return {
             "edge_health": self._heard_heartbeat,
             "ping:request": self._heard_ping,

@@ -70,7 +70,7 @@ class Downlink:
     the broker kept it, not how much waits before it, not another edge that has the twin.
 
     ``books`` has the rules by uuid (of twins and of environments), ``any_run`` those of workflow runs,
-    whose uuids nobody knows. ``own`` has what the bridge itself does, by leaf. ``held`` holds the twins that
+    whose uuids nobody knows. ``own`` has what the bridge itself does, by suffix. ``held``: the twins that
     another edge has, by whom: nothing but a stop is obeyed for them. The other edge answers, and a moment
     later we do, who it is: if it is not there, nobody else would.
     """
@@ -267,7 +267,7 @@ class Downlink:
         if asked.stops:
             asked(lambda reply: self._denied.append((due, answer, reply)))
             return
-        why = f"edge {holder} has its twin; this edge leaves the robot to it"
+        why = f"edge {holder} has its twin; this edge suffixes the robot to it"
         self._denied.append((due, answer, Reply(route.kind, ReplyStatus.REJECTED, why)))
 
     def deny(self) -> None:

@@ -10,7 +10,7 @@ from fleet.model.report import Report
 from fleet.wire.parts import PARTED, rule_of_part
 from fleet.wire.reports import sender
 from fleet.wire.rulebook import Rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, INWARD, KIB, RULES, TopicForm, TopicRule, TrafficClass
+from fleet.wire.rules import CHANNEL_SUFFIXES, INWARD, KIB, RULES, TopicForm, TopicRule, TrafficClass
 from fleet.wire.topics import DataKey
 
 REPEAT_LOOK = 0.2  # s between looks for what must be repeated
@@ -32,8 +32,8 @@ def is_left_out(key: DataKey) -> bool:
     """Return True for a channel that its program may think crosses: neither local nor switched off."""
     if key.channel.startswith("commands") or key.channel in LOCAL:
         return False
-    leaves = CHANNEL_LEAVES.get(key.channel)
-    return leaves is None or (key.sensor is not None and not RULES[leaves[0]].sensors)
+    suffixes = CHANNEL_SUFFIXES.get(key.channel)
+    return suffixes is None or (key.sensor is not None and not RULES[suffixes[0]].sensors)
 
 
 class TwinInfo(msgspec.Struct, frozen=True):
@@ -90,12 +90,12 @@ class OutboundChannel:
         self.sensor = key.sensor
         self.info = info
         self.by = sender(source_type=info.source_type, session=session, sensor=key.sensor, layout=rule.layout)
-        self.off = info.rules.off.intersection(CHANNEL_LEAVES.get(key.channel, ()))
+        self.off = info.rules.off.intersection(CHANNEL_SUFFIXES.get(key.channel, ()))
         self.rule = rule
         self.document = rule.form is TopicForm.DOCUMENT
         self.traffic = int(rule.traffic)
         self.size = rule.size
-        self.ways: dict[str, Way] = {}  # by leaf
+        self.ways: dict[str, Way] = {}  # by suffix
         self.durable = rule.traffic.durable
         self.shared = self.durable or key.channel in SHARED
         self.ours = False  # a robot of this process tells it; shared or not, nobody else says it in its name
@@ -154,7 +154,7 @@ class OutboundChannel:
 
     @property
     def suffix(self) -> str:
-        """The leaf of a document; the sensor takes its place in it, or comes behind it."""
+        """The suffix of a document; the sensor takes its place in it, or comes behind it."""
         if "+" in self.rule.suffix:
             return self.rule.suffix.replace("+", self.sensor or "")
         return f"{self.rule.suffix}/{self.sensor}" if self.sensor else self.rule.suffix

@@ -304,11 +304,11 @@ class Uplink:
         try:
             for slot, sample in step:
                 report = decode_report(slot.channel, sample) if isinstance(sample, bytes) else sample
-                leaves = messages_of(report, slot.by, slot.off)
+                suffixes = messages_of(report, slot.by, slot.off)
                 if not slot.streams:
-                    states += len(leaves)
+                    states += len(suffixes)
                 slot.refused = False
-                for suffix, message in leaves:
+                for suffix, message in suffixes:
                     ways.append(slot.ways[suffix])
                     made.append(message)
         except Exception:  # noqa: BLE001 - whose it is, and why, is found one by one; new ways are opened then
@@ -356,7 +356,7 @@ class Uplink:
         self.refusals.add("unreadable", line, slot.channel, slot.twin, error)
 
     def _translated(self, slot: OutboundChannel, sample: Report | bytes) -> list[tuple[str, bytes]]:
-        """Return leaf and payload of each message that a sample becomes; raises WireError."""
+        """Return suffix and payload of each message that a sample becomes; raises WireError."""
         if slot.document and isinstance(sample, bytes) and not is_of_the_fleet(sample, slot.channel):
             suffix, source_type = slot.suffix, slot.info.source_type
             return [(suffix, document_out(suffix, sample, source_type=source_type, session=self._session))]

@@ -295,8 +295,9 @@ class Sections(Model):
     )
     remote_workers: frozenset[Name] = Field(
         frozenset(),
-        description="Workers that somebody starts on another computer, with python -m fleet.host.workers.worker_process and "
-        "a copy of this file whose bus.connect is this edge; the edge itself starts only the others.",
+        description="Workers that somebody starts on another computer, with "
+        "python -m fleet.host.workers.worker_process and a copy of this file whose bus.connect is this edge; "
+        "the edge itself starts only the others.",
     )
     defaults: dict[str, Any] = Field(
         {}, description="Merged under every robot; what a robot says itself wins."

@@ -28,8 +28,8 @@ class Outgoing(msgspec.Struct, eq=False, gc=False):
 
     ``traffic`` says what goes first: REPLY before all others. ``since`` and ``deadline`` are monotonic,
     ``expires`` is Unix time; all three are given by the spool. ``again``: it was sent before. ``seq`` orders
-    the messages of a spool, ``stored``: it is on disk, ``on_disk``: and nowhere else, ``gone``: nobody waits for
-    it any more. Thousands may live at once, none in a cycle: the garbage collector has no need to look at
+    the messages of a spool, ``stored``: it is on disk, ``on_disk``: and nowhere else, ``gone``: nobody waits
+    for it any more. Thousands may live at once, none in a cycle: the garbage collector has no need to look at
     them.
     """
 

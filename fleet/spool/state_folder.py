@@ -86,7 +86,8 @@ class FileLock:
 def locked(path: Path, *, within: float = math.inf) -> Iterator[None]:
     """Have the lock of a file for as long as a ``with`` block lasts, waiting for whoever has it.
 
-    Raises StateTaken when another has it for more than ``within`` seconds, StateError as ``FileLock.take`` does.
+    Raises StateTaken when another process keeps it for more than ``within`` seconds, and what
+    ``FileLock.take`` raises.
     """
     lock = FileLock(path)
     end = time.monotonic() + within

@@ -18,8 +18,8 @@ LOW_IN_NEED = 8
 class TopicQueues(dict[str, TopicQueue]):
     """Lines by topic, of messages that stand in ``memory``.
 
-    ``rings`` are those that can send, by class, in their turn; ``needs_fetch`` those that want more from disk,
-    while ``online``.
+    ``rings`` are those that can send, by class, in their turn; ``needs_fetch`` those that want more from
+    disk, while ``online``.
     """
 
     def __init__(self, memory: MemoryBuffer) -> None:

@@ -1,7 +1,7 @@
 """What a supervisor and the processes with robots say to each other, one JSON message a packet.
 
-The way is a Unix socket of packets (SOCK_SEQPACKET) in the runtime folder, for this user alone. ``RegisterHalt``
-comes with a file descriptor.
+The way is a Unix socket of packets (SOCK_SEQPACKET) in the runtime folder, for this user alone.
+``RegisterHalt`` comes with a file descriptor.
 """
 
 from __future__ import annotations

@@ -289,7 +289,7 @@ def decode_report(channel: str, sample: bytes) -> Report:
 
 
 def unread_fields(channel: str, sample: bytes) -> list[str]:
-    """Return the fields of a sample that ``decode_report`` leaves out; what it refuses has none."""
+    """Return the fields of a sample that ``decode_report`` suffixes out; what it refuses has none."""
     codec = None if channel in PUBLISHED else _CODECS.get(channel)
     if codec is None:
         return []

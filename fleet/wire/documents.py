@@ -57,7 +57,7 @@ SHAPES: Mapping[str, Shape] = MappingProxyType(
         "workflow-run:status": Shape(needs=MappingProxyType({"status": (str,)})),
     }
 )
-"""By leaf; what is not here only has to be a JSON object."""
+"""By suffix; what is not here only has to be a JSON object."""
 _RAW_CANDIDATE = Shape(
     needs=MappingProxyType({"candidate": (str,)}),
     one_of=MappingProxyType({"sdpMid": (str,), "sdpMLineIndex": (int,)}),
@@ -92,7 +92,7 @@ _CLOUD = "backend"
 def document_out(suffix: str, sample: bytes, *, source_type: str, session: str) -> bytes:
     """Return the MQTT message of a document on the bus; its stamp is its own, else the header's.
 
-    Raises WireError for what is no JSON object, lacks what the leaf needs, or has no stamp at all.
+    Raises WireError for what is no JSON object, lacks what the suffix needs, or has no stamp at all.
     """
     message = object_in(sample, suffix)
     shape = _checked(suffix, message)
@@ -156,7 +156,7 @@ def _check_edit(suffix: str, message: Mapping[str, Any]) -> None:
 
 
 def _checked(suffix: str, message: Mapping[str, Any]) -> Shape:
-    """Return the shape of a leaf, which the message must have."""
+    """Return the shape of a suffix, which the message must have."""
     namespace, _, update = suffix.partition(":")
     if namespace == "environment" and not UPDATE_TYPE.fullmatch(update):
         raise WireError(f"{update[:40]!a} cannot be the type of an update", where="environment")

@@ -77,10 +77,10 @@ def to_mqtt(report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 def messages_of(
     report: Report, by: MessageSource, off: frozenset[str] = frozenset()
 ) -> Sequence[tuple[str, Message]]:
-    """Return the messages of a report: (leaf of the twin's topic, message), often one, at times none.
+    """Return the messages of a report: (suffix of the twin's topic, message), often one, at times none.
 
-    The joints' leaf is ``joint:update``, which ``Topics.twin`` resolves. What ``by`` tells of the
-    sender nothing in a report can replace; ``off`` holds the leaves that are not wanted. Raises
+    The joints' suffix is ``joint:update``, which ``Topics.twin`` resolves. What ``by`` tells of the
+    sender nothing in a report can replace; ``off`` holds the suffixes that are not wanted. Raises
     WireError for what is out of its range.
     """
     make = STATES.get(type(report), _enveloped)
@@ -90,15 +90,15 @@ def messages_of(
 
 def _enveloped(report: Report, by: MessageSource) -> Leaves:
     """Return the bodies of a report with what all messages carry; nothing in them can replace that."""
-    leaves = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
-    for suffix, body in leaves:
+    suffixes = _depth(report, by) if isinstance(report, DepthReport) else _FORMS[type(report)](report)
+    for suffix, body in suffixes:
         stream = body.get("session_id") if suffix == "telemetry" and body["type"] in OF_A_STREAM else None
         body.update(by.fields, timestamp=report.stamp)
         if stream is not None:
             body["session_id"] = stream
         if suffix == "telemetry" and body["type"] in UNTAGGED_TELEMETRY:
             del body["source_type"]
-    return leaves
+    return suffixes
 
 
 def _scale(report: ScaleReport) -> Leaves:

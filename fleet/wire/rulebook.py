@@ -8,7 +8,7 @@ from types import MappingProxyType
 import msgspec
 
 from fleet.wire.rules import (
-    CHANNEL_LEAVES,
+    CHANNEL_SUFFIXES,
     ENVIRONMENT,
     INWARD,
     NOT_OF_A_TWIN,
@@ -24,7 +24,7 @@ KIB = 1024
 
 
 class Change(msgspec.Struct, frozen=True):
-    """What fleet.yaml, or a profile, says of one topic; None leaves it as it is. Hz, seconds, bytes."""
+    """What fleet.yaml, or a profile, says of one topic; None suffixes it as it is. Hz, seconds, bytes."""
 
     on: bool | None = None
     rate: float | None = None
@@ -94,14 +94,14 @@ PROFILES: Mapping[str, Profile] = MappingProxyType(
 
 
 class Changes(msgspec.Struct, frozen=True):
-    """What fleet.yaml says of the topics, by leaf, of each direction."""
+    """What fleet.yaml says of the topics, by suffix, of each direction."""
 
     outward: Mapping[str, Change] = MappingProxyType({})
     inward: Mapping[str, Change] = MappingProxyType({})
 
 
 class Rulebook(msgspec.Struct, frozen=True):
-    """What crosses for one uuid: outward by bus channel, inward by leaf; ``off`` holds leaves that do not.
+    """Rules for one uuid: outward by bus channel, inward by topic suffix; ``off``: suffixes that stay here.
 
     ``backlog`` is how many bytes may wait to be sent before streams are dropped.
     """
@@ -124,9 +124,9 @@ def rulebook(
     changed = {suffix: _changed(rule, outward) for suffix, rule in RULES.items()}
     listened = {suffix: _changed_inward(rule, inward) for suffix, rule in INWARD.items()}
     carried = {
-        channel: changed[leaves[0]]
-        for channel, leaves in CHANNEL_LEAVES.items()
-        if any(changed[suffix].on for suffix in leaves)
+        channel: changed[suffixes[0]]
+        for channel, suffixes in CHANNEL_SUFFIXES.items()
+        if any(changed[suffix].on for suffix in suffixes)
     }
     return Rulebook(
         carried | {name: _added(name, channel) for name, channel in channels.items()},
@@ -152,14 +152,14 @@ def of_any_run(book: Rulebook) -> Rulebook:
 
 
 def _only(book: Rulebook, wanted: Callable[[str], bool]) -> Rulebook:
-    """Return the part of a book whose leaves are wanted."""
+    """Return the part of a book whose suffixes are wanted."""
     outward = {channel: rule for channel, rule in book.outward.items() if wanted(rule.suffix)}
     inward = {suffix: rule for suffix, rule in book.inward.items() if wanted(suffix)}
     return Rulebook(outward, book.off, inward, book.backlog)
 
 
 def _merged(suffix: str, layers: Iterable[Mapping[str, Change]]) -> Change:
-    """Return what all layers together say of a leaf."""
+    """Return what all layers together say of a suffix."""
     said: dict[str, object] = {}
     for layer in layers:
         if suffix in layer:

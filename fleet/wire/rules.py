@@ -55,7 +55,7 @@ Layout = Literal["", "aggregated", "single", "flat", "object", "string", "list"]
 LAYOUTS: Mapping[str, tuple[Layout, ...]] = MappingProxyType(
     {JOINT_UPDATE: ("aggregated", "single", "flat"), "depth": ("object", "string", "list")}
 )
-"""By leaf, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
+"""By suffix, how its payload may be laid out; the first is the usual one, which an empty layout is too."""
 
 
 class TopicRule(msgspec.Struct, frozen=True):
@@ -181,7 +181,7 @@ _TABLE = (
 
 RULES: Mapping[str, TopicRule] = MappingProxyType({rule.suffix: rule for rule in _TABLE})
 
-CHANNEL_LEAVES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+CHANNEL_SUFFIXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         rule.channel: tuple(other.suffix for other in _TABLE if other.channel == rule.channel)
         for rule in _TABLE
@@ -238,7 +238,7 @@ NOT_OF_A_TWIN = frozenset({ENVIRONMENT, "workflow-run:status"})
 
 
 def rule_of(suffix: str) -> TopicRule | None:
-    """Return the rule of a leaf that this project sends, None for any other."""
+    """Return the rule of a suffix that this project sends, None for any other."""
     if suffix.startswith("command/") and suffix.endswith("/response"):
         return RULES[REPLY_INBOX]
     if suffix.startswith("environment:"):

@@ -98,4 +98,4 @@ STATES: Mapping[type[Any], Callable[[Any, MessageSource], Sequence[tuple[str, St
     JointReport: _joints,
     ImuReport: _imu,
 }
-"""By kind of report, what makes its messages: (leaf of the twin's topic, message)."""
+"""By kind of report, what makes its messages: (suffix of the twin's topic, message)."""

@@ -12,7 +12,7 @@ from pydantic_core import PydanticKnownError
 from fleet.wire.documents import SHAPES
 from fleet.wire.rulebook import Change, Changes, Channel
 from fleet.wire.rules import (
-    CHANNEL_LEAVES,
+    CHANNEL_SUFFIXES,
     INWARD,
     LARGEST,
     LAYOUTS,
@@ -29,7 +29,7 @@ _ANSWERED = frozenset({"ping:request", "pong:response"})
 
 
 def topic_name(suffix: str) -> str:
-    """Return how fleet.yaml calls a leaf: as the topic reads, without the uuid."""
+    """Return how fleet.yaml calls a suffix: as the topic reads, without the uuid."""
     return suffix.replace(":", "/").removesuffix("/+")
 
 
@@ -44,9 +44,11 @@ INWARD_NAMES: Mapping[str, str] = {
 }
 """Topics from the cloud whose rules can be changed, by name."""
 _FOLLOWERS: Mapping[str, str] = {
-    topic_name(suffix): topic_name(leaves[0]) for leaves in CHANNEL_LEAVES.values() for suffix in leaves[1:]
+    topic_name(suffix): topic_name(suffixes[0])
+    for suffixes in CHANNEL_SUFFIXES.values()
+    for suffix in suffixes[1:]
 }
-_TAKEN_CHANNELS = {*CHANNEL_LEAVES, "commands", "cloud", *(rule.channel for rule in INWARD.values())}
+_TAKEN_CHANNELS = {*CHANNEL_SUFFIXES, "commands", "cloud", *(rule.channel for rule in INWARD.values())}
 _CHANNEL = re.compile(r"[a-z][a-z0-9_]*")
 _TOPIC = re.compile(r"[a-z][a-z0-9_-]*(?:/[a-z][a-z0-9_-]*)*")
 
@@ -154,7 +156,7 @@ class TopicsConfig(Model):
     rules: dict[OutwardName, TopicConfig] = Field(
         {}, description="Topics to the cloud, by name as in docs/topics.md (`joint/update` for `J update`)."
     )
-    listen: dict[InwardName, ListenConfig] = Field({}, description="TopicsConfig from the cloud, by name.")
+    listen: dict[InwardName, ListenConfig] = Field({}, description="Topics from the cloud, by name.")
 
     @model_validator(mode="after")
     def _together(self) -> Self:

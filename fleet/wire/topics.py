@@ -1,7 +1,7 @@
 """MQTT topics and bus keys of a twin: made and taken apart in one place.
 
-Topics are ``{prefix}cyberwave/twin/{twin}/{leaf}``. Those of other namespaces,
-``{prefix}cyberwave/{namespace}/{uuid}/{rest}``, go by the leaf ``namespace:rest``: ``joint:update``,
+Topics are ``{prefix}cyberwave/twin/{twin}/{suffix}``. Those of other namespaces,
+``{prefix}cyberwave/{namespace}/{uuid}/{rest}``, go by the suffix ``namespace:rest``: ``joint:update``,
 ``ping:request``, ``environment:update``. The prefix is put in front as it is, without a separator.
 Bus keys are ``cw/{twin}/data/{channel}[/{sensor}]``.
 """
@@ -73,7 +73,7 @@ class Topics:
         self._root = f"{prefix}cyberwave/"
 
     def twin(self, twin_uuid: str, suffix: str) -> str:
-        """Return the topic of a leaf in any namespace; raises WireError for a wildcard in either."""
+        """Return the topic of a suffix in any namespace; raises WireError for a wildcard in either."""
         namespace, rest = _split(suffix)
         if not _LEAF.fullmatch(rest):
             raise WireError(f"{suffix[:60]!a} cannot be a topic")
@@ -88,9 +88,9 @@ class Topics:
         return f"{self.prefix}edges/{edge_id}/health"
 
     def filter(self, suffix: str, twin_uuid: str | None = None) -> str:
-        """Return what to subscribe to for a leaf of our own, of one twin or of whatever there is.
+        """Return what to subscribe to for a suffix of our own, of one twin or of whatever there is.
 
-        The leaf may end in ``+``, for one level.
+        The suffix may end in ``+``, for one level.
         """
         namespace, rest = _split(suffix)
         place = "+" if twin_uuid is None else _checked_twin(twin_uuid)
@@ -121,7 +121,7 @@ class Topics:
 
 
 def _split(suffix: str) -> tuple[str, str]:
-    """Return the namespace of a leaf, and what stands behind the uuid."""
+    """Return the namespace of a suffix, and what stands behind the uuid."""
     namespace, colon, rest = suffix.partition(":")
     return (namespace, rest) if colon and namespace in NAMESPACES else ("twin", suffix)
 

@@ -28,7 +28,6 @@ from fleet.host.edge.cloud_presence import CloudPresence
 from fleet.host.edge.metrics_port import MetricsPort
 from fleet.host.edge.notifier import Notifier
 from fleet.host.journal.stores import history_bounds, open_stores
-from fleet.host.logs.setup import publish_robot_logs
 from fleet.host.process.component_settings import (
     bridge_rules,
     bus_access,
@@ -39,6 +38,7 @@ from fleet.host.process.component_settings import (
     topics,
     worker_of,
 )
+from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, StopInputs

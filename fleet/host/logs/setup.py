@@ -1,4 +1,4 @@
-"""Where log lines go: to stderr for who runs the edge, and a robot's own to its ``driverlog``."""
+"""Log output of a process: stderr, a file if one was asked for, and the file of ``fleet logs``."""
 
 from __future__ import annotations
 
@@ -7,61 +7,15 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import Protocol
 
 import msgspec
 
 from fleet.host.logs.flood_filter import FloodFilter
 from fleet.host.logs.line_format import Format, JsonFormatter, formatter_of
 from fleet.host.logs.rotating_file import RotatingLogFile
-from fleet.host.process.robot_process import RobotProcess
-from fleet.host.requests.event_reporter import ROBOT_LOGGER
-from fleet.model.report import LogReport
 
 FORM, FILE = "FLEET_LOG_FORMAT", "FLEET_LOG_FILE"
 """Variables of the environment by which workers hear how to log."""
-
-
-class _Robot(Protocol):
-    """A robot whose log lines are published."""
-
-    def publish(self, report: LogReport, /) -> None:
-        """Send a line on its way."""
-
-
-class _ToDriverlog(logging.Handler):
-    """Publishes what is logged about a robot, warnings and worse."""
-
-    def __init__(self, process: RobotProcess, remote: Mapping[str, _Robot]) -> None:
-        super().__init__(logging.WARNING)
-        self._process = process
-        self._remote = remote
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Hand a line to its robot, on the loop; from any thread."""
-        name = record.name.removeprefix(ROBOT_LOGGER)
-        robot = self._process.robots.get(name) or self._remote.get(name)
-        if robot is None:
-            return
-        try:
-            report = LogReport(record.created, record.levelname, record.getMessage())
-            self._process.loop.call_soon_threadsafe(robot.publish, report)
-        except (TypeError, ValueError, RuntimeError):  # a line that cannot be put together; a closed loop
-            self.handleError(record)
-
-
-def publish_robot_logs(
-    process: RobotProcess, remote: Mapping[str, _Robot] = MappingProxyType({})
-) -> Callable[[], None]:
-    """Send the robots' warnings to their twins from now on; returns what ends it.
-
-    ``remote``: robots in workers, of which this process warns too.
-    """
-    handler = _ToDriverlog(process, remote)
-    logger = logging.getLogger(ROBOT_LOGGER.rstrip("."))
-    logger.addHandler(handler)
-    return lambda: logger.removeHandler(handler)
 
 
 class _ToStderr(logging.Handler):

@@ -24,8 +24,8 @@ IN_ONE = 200  # events in one of the answers to a question
 class HistoryService:
     """Takes questions for the history of one process's file, from any thread, one after the other.
 
-    The question's payload is a ``EventFilter`` as JSON, or nothing for the newest of all robots. Each answer is a
-    JSON list of ``Record``s; together they go from the oldest to the newest.
+    A query's payload is an ``EventFilter`` as JSON, or empty for the newest events of all robots. Each answer
+    is a JSON list of ``Record``s; together they go from the oldest to the newest.
     """
 
     def __init__(self, history: History) -> None:

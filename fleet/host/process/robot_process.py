@@ -1,4 +1,4 @@
-"""What the edge's process and a worker's have in common: robots on a wheel, a watchdog, and the bus."""
+"""A process with robots, the edge's or a worker's: periodic calls, a watchdog, and the bus."""
 
 from __future__ import annotations
 
@@ -113,13 +113,8 @@ class RobotProcess:
         if traffic is not None:
             for robot in self.robots.values():
                 robot.share_space(traffic)
-            exchange(
-                traffic,
-                keys.places(edge, worker or MAIN),
-                keys.places(edge, "*"),
-                bus.control,
-                self.scheduler,
-            )
+            here, everywhere = keys.places(edge, worker or MAIN), keys.places(edge, "*")
+            exchange(traffic, here, everywhere, bus.control, self.scheduler)
         self.claims = TwinClaims(
             edge,
             [robot.twin for robot in self.robots.values()],

@@ -1,7 +1,7 @@
-"""The desk of one robot: everything that is asked of it comes here and walks one path.
+"""The controller of one robot: every request to it takes the same path through here.
 
-Decoded ask, then admission (who, how old, whose turn), then the adapter, then what was observed, then one
-answer. Runs on the event loop, but for ``emergency``, ``engage`` and ``halt``, which any thread may call.
+A decoded request passes admission (who, how old, whose turn), then the adapter; what was observed is its
+answer. Runs on the event loop, except ``emergency`` and ``halt``, which any thread may call.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the ru
 
 
 class RobotController:
-    """One robot's asks.
+    """Admits, executes and answers the requests to one robot.
 
     ``publish`` takes reports; ``crashed`` hears of an adapter's crash; ``restart`` begins its run anew;
     ``journal`` knows what was asked before this process began.
@@ -64,23 +64,17 @@ class RobotController:
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
+        lease, guard = config.setpoint_lease, self.guard
         self._driving = VelocityControl(
-            limits,
-            clock,
-            config.setpoint_lease,
-            self.guard,
-            combines=combines,
-            halt=self.halt,
-            crashed=crashed,
+            limits, clock, lease, guard, combines=combines, halt=self.halt, crashed=crashed
         )
         self.deadman = self._driving.deadman
         self._crashed, self._clock = crashed, clock
         self._journal = journal
         self.speeds = VerbSpeeds(limits)
-        self._admission = Admission(
-            config, clock, EmergencyStopLatch(journal.latched, journal.latch), self.speeds
-        )
-        self.senders, self.latch = self._admission.offsets, self._admission.latch  # the latch: any thread
+        latch = EmergencyStopLatch(journal.latched, journal.latch)
+        self._admission = Admission(config, clock, latch, self.speeds)
+        self.senders, self.latch = self._admission.offsets, latch  # the latch: any thread
         self.would_refuse = self._admission.would_refuse
         self._repeats = journal.repeats(clock.monotonic())
         settings = SETTINGS if capabilities.drives else ()
@@ -211,7 +205,7 @@ class RobotController:
             await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
 
     def receive(self, ask: Command | Setpoint | Navigate, receipt: Receipt) -> None:
-        """Take an ask; its ticket gets exactly one receipt."""
+        """Take a request; its receipt is answered exactly once."""
         if isinstance(ask, Setpoint):
             self._setpoint(ask, receipt)
         elif isinstance(ask, Command):

@@ -1,4 +1,4 @@
-"""The process that imports a drop-in file to say what it has: ``python -m fleet.host.workers.drop_in_inspector FILE``.
+"""Imports a drop-in file in its own process: ``python -m fleet.host.workers.drop_in_inspector FILE``.
 
 It writes what it found, then answers about one robot's config after another, until its input ends.
 ``fleet.plugins.probe`` is the other side.

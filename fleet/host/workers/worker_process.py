@@ -24,7 +24,8 @@ from fleet.config.load import load
 from fleet.errors import FleetError
 from fleet.host.journal.stores import open_stores
 from fleet.host.logs.folders import log_folder
-from fleet.host.logs.setup import LogSettings, publish_robot_logs, start_logging
+from fleet.host.logs.setup import LogSettings, start_logging
+from fleet.host.process.driverlog import publish_robot_logs
 from fleet.host.process.history_service import HistoryService
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.process.stop_inputs import TELL, HeldByEdge

@@ -8,4 +8,4 @@ from fleet.sim.broker.limits import ClientLimits
 from fleet.sim.broker.server import Broker
 from fleet.sim.broker.thread import BrokerThread
 
-__all__ = ["Broker", "BrokerThread", "BrokerFaults", "ClientLimits"]
+__all__ = ["Broker", "BrokerFaults", "BrokerThread", "ClientLimits"]

@@ -30,7 +30,7 @@ def settings(port, name):
 
 @pytest.fixture
 def heard(background_loop, broker):
-    """Hear all there is, as (leaf, message)."""
+    """Hear all there is, as (suffix, message)."""
     heard = []
 
     def take(messages):
@@ -110,9 +110,9 @@ def test_after_an_outage_the_newest_state_comes_first_and_then_every_status_in_o
     wait_until("all are heard", lambda: len(actions(heard)) == 60)
     assert actions(heard) == [f"a{number}" for number in range(60)]
     after = [(suffix, message) for suffix, message in heard[before:] if suffix != "telemetry"]
-    leaves = [suffix for suffix, _ in after]
-    assert {"position", "rotation"} == set(leaves[:2])
-    assert leaves.count("position") <= 2
+    suffixes = [suffix for suffix, _ in after]
+    assert {"position", "rotation"} == set(suffixes[:2])
+    assert suffixes.count("position") <= 2
     assert dict(after[:2])["position"]["position"]["x"] == 49.0
 
 

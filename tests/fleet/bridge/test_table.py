@@ -31,7 +31,7 @@ from fleet.model.report import (
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import Change, Changes, of_a_twin, of_an_environment, of_any_run, rulebook
 from fleet.wire.rules import (
-    CHANNEL_LEAVES,
+    CHANNEL_SUFFIXES,
     ENVIRONMENT,
     INWARD,
     REPLY_INBOX,
@@ -163,9 +163,9 @@ def test_every_channel_of_the_table_becomes_its_topics_at_their_qos(world):
         before = len(world.published)
         world.tell(channel, sample)
         carried.setdefault(channel.partition("/")[0], []).extend(world.published[before:])
-    assert carried.keys() == CHANNEL_LEAVES.keys()
-    for channel, leaves in CHANNEL_LEAVES.items():
-        wanted = [(suffix.replace("+", "update"), RULES[leaves[0]].qos) for suffix in leaves]
+    assert carried.keys() == CHANNEL_SUFFIXES.keys()
+    for channel, suffixes in CHANNEL_SUFFIXES.items():
+        wanted = [(suffix.replace("+", "update"), RULES[suffixes[0]].qos) for suffix in suffixes]
         assert carried[channel] == wanted
     assert world.bridge.refusals.counts() == {}
 

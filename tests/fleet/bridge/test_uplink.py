@@ -36,7 +36,7 @@ from fleet.testing.clock import ManualClock
 from fleet.testing.waiting import DEADLINE
 from fleet.wire.databus import encode_report
 from fleet.wire.rulebook import Change, Changes, Channel, of_a_twin, of_an_environment, rulebook
-from fleet.wire.rules import CHANNEL_LEAVES, KIB, RULES, TrafficClass
+from fleet.wire.rules import CHANNEL_SUFFIXES, KIB, RULES, TrafficClass
 from fleet.wire.topics import Topics
 
 TWIN = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11"
@@ -275,9 +275,9 @@ def test_a_pose_that_came_too_early_crosses_when_its_time_is_there(bench, pose):
     assert [message["position"]["x"] for _, message in bench.of("position")] == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(("channel", "leaves"), CHANNEL_LEAVES.items())
-def test_the_leaves_of_one_channel_have_one_rule(channel, leaves):
-    rules = {(RULES[suffix].traffic, RULES[suffix].max_rate, RULES[suffix].repeat) for suffix in leaves}
+@pytest.mark.parametrize(("channel", "suffixes"), CHANNEL_SUFFIXES.items())
+def test_the_leaves_of_one_channel_have_one_rule(channel, suffixes):
+    rules = {(RULES[suffix].traffic, RULES[suffix].max_rate, RULES[suffix].repeat) for suffix in suffixes}
     assert len(rules) == 1
 
 
@@ -436,7 +436,7 @@ def test_a_sample_that_cannot_be_read_is_counted_and_told_once_a_minute(bench, c
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from(sorted(CHANNEL_LEAVES)),
+            st.sampled_from(sorted(CHANNEL_SUFFIXES)),
             st.binary(max_size=60)
             | st.recursive(
                 st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
@@ -515,7 +515,7 @@ def hasty_threads():
 
 
 def test_what_arrives_during_a_turn_on_another_thread_is_never_forgotten(bench, pose, hasty_threads):
-    """A sample that comes at any point of a turn leaves with that turn or a later one."""
+    """A sample that comes at any point of a turn suffixes with that turn or a later one."""
     sample, last = pose(1.0), pose(2.0)
     done = threading.Event()
 
@@ -772,13 +772,13 @@ def joints():
 
 
 def test_the_older_joints_topic_is_sent_when_it_is_asked_for():
-    for on, leaves in ((None, {"joint:update"}), (True, {"joint:update", "joint_states"})):
+    for on, suffixes in ((None, {"joint:update"}), (True, {"joint:update", "joint_states"})):
         bench = Bench(rulebook("lan", [Changes({"joint_states": Change(on=on)})]))
         topics = set()
         bench._publish = lambda topic, *_, topics=topics: topics.add(topic)
         bench.uplink.arrived(f"cw/{TWIN}/data/joint_states", joints())
         bench.turn()
-        assert topics == {Topics("").twin(TWIN, suffix) for suffix in leaves}
+        assert topics == {Topics("").twin(TWIN, suffix) for suffix in suffixes}
 
 
 def test_a_topic_that_is_off_does_not_cross_and_its_sibling_does(pose):

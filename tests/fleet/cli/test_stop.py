@@ -226,7 +226,15 @@ def test_the_edges_here_are_stopped_before_the_file_is_opened(fleet, yard, place
 
 @pytest.mark.parametrize("module", ["fleet.cli.main", "fleet.cli.stop"])
 def test_a_stop_waits_for_no_import_of_models_plugins_or_yaml(module):
-    heavy = "{'pydantic', 'yaml', 'rich', 'asyncio', 'fleet.plugins.registry', 'fleet.config.load', 'fleet.adapter'}"
+    heavy = {
+        "pydantic",
+        "yaml",
+        "rich",
+        "asyncio",
+        "fleet.plugins.registry",
+        "fleet.config.load",
+        "fleet.adapter",
+    }
     script = f"import sys, {module}; print(*sorted({heavy} & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (0, "\n")

@@ -66,7 +66,7 @@ def test_a_disk_that_is_well_again_when_it_is_closed_gets_all_that_memory_holds(
         raise StateError("no file")
 
     with monkeypatch.context() as ill:
-        ill.setattr("fleet.spool.spool.Store", no_file)
+        ill.setattr("fleet.spool.spool.SpoolFile", no_file)
         spool = opened().put(*payloads(20))
         wait_until("the disk was tried again", lambda: len(tries) > 1)
     spool.spool.close()
@@ -235,7 +235,7 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
     broken = sqlite3.DatabaseError("database disk image is malformed")
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
-    monkeypatch.setattr("fleet.spool.spool.Store", lambda *_: (_ for _ in ()).throw(StateError("no file")))
+    monkeypatch.setattr("fleet.spool.spool.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file")))
     with spool.spool._using:  # they come faster than the disk is looked at
         for payload in payloads(15):
             spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())

@@ -37,7 +37,7 @@ CLOUD = {
     "ping:request": check_ping,
     "pong:response": is_clouds_pong,
 }
-"""By taker, and by leaf of what the bridge takes itself."""
+"""By taker, and by suffix of what the bridge takes itself."""
 
 
 def _relayed(suffix):

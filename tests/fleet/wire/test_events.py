@@ -22,7 +22,7 @@ BREACH = EventReport(
 
 
 def told(report):
-    """Return the messages of a report by leaf, as a JSON reader sees them."""
+    """Return the messages of a report by suffix, as a JSON reader sees them."""
     messages = to_mqtt(report, sender(source_type="edge", session="us"))
     return {suffix: json.loads(payload) for suffix, payload in messages}
 

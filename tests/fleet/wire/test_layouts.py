@@ -25,7 +25,7 @@ DEPTH = DepthReport(5.0, IMAGE.tobytes(), 3, 2, "uint16", "front")
 
 
 def told(report, layout=""):
-    """Return the messages that a report becomes, (leaf, message)."""
+    """Return the messages that a report becomes, (suffix, message)."""
     by = sender(source_type="edge", session="us", layout=layout)
     messages = [(suffix, json.loads(payload)) for suffix, payload in to_mqtt(report, by)]
     for _, message in messages:

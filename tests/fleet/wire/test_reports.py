@@ -37,14 +37,14 @@ from fleet.model.report import (
     TelemetryReport,
 )
 from fleet.wire.reports import sender, to_mqtt
-from fleet.wire.rules import CHANNEL_LEAVES
+from fleet.wire.rules import CHANNEL_SUFFIXES
 from fleet.wire.topics import JOINT_UPDATE, Topics
 
 NAN = float("nan")
 
 
 def sent(report, source_type="edge", session="edge_live_1"):
-    """Return the messages of a report by leaf, as a JSON reader sees them."""
+    """Return the messages of a report by suffix, as a JSON reader sees them."""
     messages = to_mqtt(report, sender(source_type=source_type, session=session))
     return {suffix: json.loads(payload) for suffix, payload in messages}
 
@@ -64,7 +64,7 @@ def test_every_message_is_stamped_tagged_and_goes_to_a_topic_of_its_channel(repo
     @given(reports[kind])
     def check(report):
         for suffix, message in sent(report, "sim").items():
-            assert suffix in CHANNEL_LEAVES[kind.channel]
+            assert suffix in CHANNEL_SUFFIXES[kind.channel]
             assert Topics("p").parse(Topics("p").twin(twin, suffix)).suffix == suffix
             assert message["timestamp"] == report.stamp
             assert message["session_id"] == "edge_live_1"

@@ -14,7 +14,7 @@ from fleet.wire.rulebook import (
     of_any_run,
     rulebook,
 )
-from fleet.wire.rules import CHANNEL_LEAVES, ENVIRONMENT, INWARD, RULES, TopicForm, TrafficClass
+from fleet.wire.rules import CHANNEL_SUFFIXES, ENVIRONMENT, INWARD, RULES, TopicForm, TrafficClass
 
 CHANGES = st.builds(
     Change,
@@ -30,7 +30,7 @@ CHANGES = st.builds(
 def test_on_a_lan_the_table_is_as_it_stands():
     book = rulebook()
     assert book.off == {"joint_states"}
-    assert book.outward == {channel: RULES[leaves[0]] for channel, leaves in CHANNEL_LEAVES.items()}
+    assert book.outward == {channel: RULES[suffixes[0]] for channel, suffixes in CHANNEL_SUFFIXES.items()}
     assert book.inward == {suffix: rule for suffix, rule in INWARD.items() if rule.on}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.model.report import Report
 from fleet.wire.rules import (
-    CHANNEL_LEAVES,
+    CHANNEL_SUFFIXES,
     ENVIRONMENT,
     INWARD,
     LARGEST,
@@ -144,7 +144,7 @@ def test_replies_go_before_status_before_events_before_state_before_streams():
 
 
 def test_a_channel_that_feeds_two_topics_has_one_rule():
-    assert CHANNEL_LEAVES["position"] == ("position", "rotation")
+    assert CHANNEL_SUFFIXES["position"] == ("position", "rotation")
     position, rotation = rule_of("position"), rule_of("rotation")
     assert (position.traffic, position.max_rate) == (rotation.traffic, rotation.max_rate)
 
@@ -157,7 +157,7 @@ def test_nothing_that_comes_from_the_cloud_can_go_back_to_it():
     put = {rule.channel for rule in INWARD.values() if rule.taker is Recipient.RELAY}
     assert "" not in put
     for channel in put:
-        assert parse_data_key(data_key(TWIN, channel)).channel not in CHANNEL_LEAVES
+        assert parse_data_key(data_key(TWIN, channel)).channel not in CHANNEL_SUFFIXES
 
 
 def test_whatever_is_asked_of_a_robot_has_no_rate_so_that_no_stop_is_lost():

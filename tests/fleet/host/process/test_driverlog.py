@@ -4,7 +4,7 @@ import types
 
 import pytest
 
-from fleet.host.logs.setup import publish_robot_logs
+from fleet.host.process.driverlog import publish_robot_logs
 
 
 class Process:
