@@ -83,7 +83,7 @@ cloud:
     position: {rate: 2}
     joint/update: {on: false}
     event: {max_age: 3600}
-  listen:
+  inbound:
     commands/sync_workflows: {on: false}
   channels:
     thermal: {topic: sensors/thermal, traffic: latest, rate: 1}
@@ -166,7 +166,7 @@ declare; without it they are refused. Missions are flown by robots with a memory
 
 Of `T position`, `T rotation` and `T scale` only what the editor says (`source_type: edit`) goes to the bus,
 for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
-3.1.1 a broker sends an edge's own state back to it; `listen: {position: {on: false}}` saves that.
+3.1.1 a broker sends an edge's own state back to it; `inbound: {position: {on: false}}` saves that.
 
 A twin has one edge. An edge that sees that another one has it, by the token
 `fleet/{edge}/claims/{twin}/{since}-held` on the bus, or by two `edge_health` messages in the cloud while

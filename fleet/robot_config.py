@@ -183,8 +183,8 @@ class BatteryPolicy(Model):
         20.0,
         description="Percent at which the action is taken, once; below `reserve` the way home ends below it.",
     )
-    action: Literal["return_to_home", "land", "stop", "tell"] = Field(
-        "tell", description="What is done then with a robot that is moved by us: a command, or only told."
+    action: Literal["return_to_home", "land", "stop", "warn"] = Field(
+        "warn", description="What to do then with a robot that moves because of us: a command, or only warn."
     )
 
 

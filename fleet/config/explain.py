@@ -53,6 +53,8 @@ _MESSAGES: Mapping[str, str] = {
     "dict_type": "must be a mapping of  key: value",
     "model_type": "must be a mapping of  key: value",
 }
+RENAMED: Mapping[str, str] = {"listen": "inbound", "tell": "warn"}
+"""Keys and values of fleet.yaml that had another name before version 0.1.0 was released: old to new."""
 
 
 def validated(
@@ -131,8 +133,10 @@ def _report_one(error: _Error, model: type[BaseModel], path: Path, document: Doc
     kind, location = error["type"], error["loc"]
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
-        known = _keys(model, location[:-1])
-        hint = nearest(str(location[-1]), known) or f"known are {', '.join(sorted(known))}"
+        known, name = _keys(model, location[:-1]), str(location[-1])
+        hint = nearest(name, known) or f"known are {', '.join(sorted(known))}"
+        if RENAMED.get(name) in known:
+            hint = f"it is called {RENAMED[name]} now"
         document.report(document.keys[path], "unknown key", hint)
         return
     if kind == "missing":
@@ -191,7 +195,10 @@ def _guess_number(value: Any, _: Mapping[str, Any]) -> str:
 
 
 def _guess_word(value: Any, context: Mapping[str, Any]) -> str:
-    return nearest(str(value), re.findall(r"'([^']*)'", str(context.get("expected", ""))))
+    words = re.findall(r"'([^']*)'", str(context.get("expected", "")))
+    if RENAMED.get(str(value), "") in words:
+        return f"it is called {RENAMED[str(value)]} now"
+    return nearest(str(value), words)
 
 
 def _guess_text(value: Any, _: Mapping[str, Any]) -> str:

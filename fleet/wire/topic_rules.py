@@ -120,7 +120,7 @@ class TopicConfig(Model):
         return Change(self.on, self.rate, traffic, self.max_age, self.size, self.layout)
 
 
-class ListenConfig(Model):
+class InboundConfig(Model):
     """How one topic is taken from the cloud; what is left out stays as docs/topics.md has it."""
 
     on: bool | None = Field(None, description="Subscribe to it at all.")
@@ -156,7 +156,7 @@ class TopicsConfig(Model):
     rules: dict[OutwardName, TopicConfig] = Field(
         {}, description="Topics to the cloud, by name as in docs/topics.md (`joint/update` for `J update`)."
     )
-    listen: dict[InwardName, ListenConfig] = Field({}, description="Topics from the cloud, by name.")
+    inbound: dict[InwardName, InboundConfig] = Field({}, description="Topics from the cloud, by name.")
 
     @model_validator(mode="after")
     def _together(self) -> Self:
@@ -169,13 +169,13 @@ class TopicsConfig(Model):
                 raise wrong(
                     "rules", f"{name} has no layout {rule.layout!r} ({', '.join(known) or 'only one'})"
                 )
-        if "command" in self.listen and self.listen["command"].on is False:
-            raise wrong("listen", "stops come on command; to obey nothing else set accepts: {command: []}")
+        if "command" in self.inbound and self.inbound["command"].on is False:
+            raise wrong("inbound", "stops come on command; to obey nothing else set accepts: {command: []}")
         return self
 
     def changes(self) -> Changes:
         """Return it as the bridge's own."""
         return Changes(
             {OUTWARD_NAMES[name]: rule.change() for name, rule in self.rules.items()},
-            {INWARD_NAMES[name]: rule.change() for name, rule in self.listen.items()},
+            {INWARD_NAMES[name]: rule.change() for name, rule in self.inbound.items()},
         )

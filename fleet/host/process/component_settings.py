@@ -85,7 +85,7 @@ def bridge_rules(cloud: CloudConfig, robots: Iterable[AdapterConfig]) -> BridgeR
     usual = of_a_twin(everyone)  # one for all robots that say nothing of their own: each is 16 kB
     twins = {
         str(robot.twin): of_a_twin(rulebook(cloud.profile, (general, robot.changes()), channels))
-        if robot.rules or robot.listen
+        if robot.rules or robot.inbound
         else usual
         for robot in robots
     }

@@ -54,7 +54,7 @@ class BatteryWatch:
                 {"percent": percent, "action": self._action},
             )
             self._event_reporter.event(EventKind.BATTERY, text, telemetry="battery_low", data=policy)
-        if self._action != "tell" and not self._acted and self._free():
+        if self._action != "warn" and not self._acted and self._free():
             receipt = Receipt(self._action, lambda _: None)
             self._ask(Command(self._action, origin=Origin(Transport.MISSION, session="battery")), receipt)
             self._acted = receipt.ended is None  # else it was refused at once: it is asked again

@@ -246,7 +246,7 @@ cloud:
   rules:
     position: {rate: 5}
     joint/update: {on: false}
-  listen:
+  inbound:
     alert: {size: 1000}
   channels:
     thermal: {topic: sensors/thermal}
@@ -287,6 +287,7 @@ def test_topics_have_rules_for_all_robots_and_for_one(yard):
         ("joint/update: {on: false}", "rotation: {rate: 1}", "rotation is made with position"),
         ("size: 1000}", "traffic: event}", "unknown key"),
         ("2f4a1d0b7c50]", "2f4a1d0b7c5]", "must be a uuid"),
+        ("  inbound:", "  listen:", "it is called inbound now"),
     ],
 )
 def test_a_mistake_in_a_rule_is_told_once_at_its_line_with_a_near_miss(yard, right, wrong, problem):
@@ -295,7 +296,12 @@ def test_a_mistake_in_a_rule_is_told_once_at_its_line_with_a_near_miss(yard, rig
     line = next(number for number, row in enumerate(text.splitlines(), 1) if wrong.strip() in row)
     place = int(told.partition(":")[2].partition(":")[0])
     assert problem in told
-    assert place == line or text.splitlines()[place - 1].strip() in ("rules:", "listen:")
+    assert place == line or text.splitlines()[place - 1].strip() in ("rules:", "inbound:")
+
+
+def test_a_word_that_was_renamed_is_refused_with_its_new_name(yard):
+    (told,) = yard.problems(TOPICS + "    battery_policy: {action: tell}\n")
+    assert "it is called warn now" in told
 
 
 def test_figures_are_for_this_computer_unless_said_otherwise(yard):

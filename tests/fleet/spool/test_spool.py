@@ -235,7 +235,9 @@ def test_what_waits_while_the_file_cannot_be_replaced_is_sent_from_memory(opened
     broken = sqlite3.DatabaseError("database disk image is malformed")
     broken.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     monkeypatch.setattr(spool.spool._store, "change", lambda *_: (_ for _ in ()).throw(broken))
-    monkeypatch.setattr("fleet.spool.spool.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file")))
+    monkeypatch.setattr(
+        "fleet.spool.spool.SpoolFile", lambda *_: (_ for _ in ()).throw(StateError("no file"))
+    )
     with spool.spool._using:  # they come faster than the disk is looked at
         for payload in payloads(15):
             spool.spool._queue.put(Outgoing("t", payload, 1), clock.monotonic(), clock.time())

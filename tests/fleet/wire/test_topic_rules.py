@@ -20,7 +20,7 @@ def test_every_topic_that_is_not_the_edges_own_can_be_changed_by_name():
 def test_what_is_written_becomes_the_bridges_changes():
     topics = TopicsConfig(
         rules={"joint/update": {"rate": 5, "traffic": "stream"}, "imu": {"on": False}},
-        listen={"alert": {"size": 100}},
+        inbound={"alert": {"size": 100}},
     )
     changes = topics.changes()
     assert changes.outward == {
@@ -35,12 +35,12 @@ def test_what_is_written_becomes_the_bridges_changes():
     [
         ({"rules": {"positon": {}}}, "one of"),
         ({"rules": {"edge_health": {}}}, "one of"),
-        ({"listen": {"edge_health": {"on": False}}}, "one of"),
+        ({"inbound": {"edge_health": {"on": False}}}, "one of"),
         ({"rules": {"position": {"rate": 0}}}, "greater than"),
         ({"rules": {"position": {"size": 33 * 1024 * 1024}}}, "less than"),
         ({"rules": {"position": {"traffic": "reply"}}}, "Input should be"),
         ({"rules": {"rotation": {"rate": 5}}}, "is made with position"),
-        ({"listen": {"command": {"on": False}}}, "stops come on command"),
+        ({"inbound": {"command": {"on": False}}}, "stops come on command"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_words(fields, words):
