@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from fleet.model.geodesy import GeoOrigin, GeoPoint
     from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity, quaternion_from_yaw
     from fleet.model.health import Health, Level
-    from fleet.model.joints import JointRange
     from fleet.model.navigation import (
         FlyMission,
         FollowPath,
@@ -61,7 +60,6 @@ _HOME = {
     "fleet.model.geodesy": ("GeoOrigin", "GeoPoint"),
     "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity", "quaternion_from_yaw"),
     "fleet.model.health": ("Health", "Level"),
-    "fleet.model.joints": ("JointRange",),
     "fleet.model.navigation": (
         "FlyMission",
         "FollowPath",
@@ -92,7 +90,6 @@ __all__ = [
     "GoTo",
     "Goal",
     "Health",
-    "JointRange",
     "Level",
     "Limits",
     "LineFraming",

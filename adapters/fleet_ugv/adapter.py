@@ -12,7 +12,6 @@ from uuid import UUID
 
 from fleet import (
     Adapter,
-    JointRange,
     Limits,
     NotReady,
     Pose,
@@ -25,6 +24,7 @@ from fleet import (
 )
 from fleet.camera.picture import photograph
 from fleet.link.url import parse
+from fleet.model.joints import JointRange
 from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board

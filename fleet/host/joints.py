@@ -44,9 +44,10 @@ class _NotTaken(Refused):
 
 
 class JointDriving:
-    """``lease``: seconds that a target lives. ``barred`` says why nothing may move the robot now, if so.
+    """``followers`` hear where the joints are. ``lease``: seconds that a target lives.
 
-    ``halt`` writes the robot's halt, ``crashed`` hears of an adapter that raised what it may not.
+    ``barred`` says why nothing may move the robot now, if so, ``halt`` writes its halt, ``crashed`` hears of
+    an adapter that raised what it may not.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class JointDriving:
         crashed: Callable[[Exception], None],
     ) -> None:
         self.deadman = DeadMan()
+        self.followers: list[Callable[[JointReport], object]] = []
         self._clock = clock
         self._lease = lease
         self._barred = barred
@@ -96,9 +98,11 @@ class JointDriving:
         self._adapter = adapter
 
     def see(self, report: JointReport) -> None:
-        """Take where joints were measured."""
+        """Take where joints were measured, and tell those that follow them."""
         now = self._clock.monotonic()
         self._measured.update({joint: (at, now) for joint, at in report.positions.items()})
+        for tell in self.followers:
+            tell(report)
 
     def forget(self) -> None:
         """Forget where the joints are: whatever tells it begins anew."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
+from functools import partial
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
@@ -33,9 +34,13 @@ def take_setpoints(
     for kind, channel in _KEYS.items():
         calls = {_key(robot.twin, channel): taker(robot, kind, loop) for robot in robots}
         reports.subscribe_many(_key("*", channel), calls)
+    here = {robot.twin: robot for robot in robots}
     for robot in robots:
-        if robot.config.follows is not None:
-            reports.subscribe_many(*_followed(robot, str(robot.config.follows), loop))
+        leader = str(robot.config.follows)
+        if leader in here:  # reports do not come back to the session that says them
+            here[leader].controller.joints.followers.append(partial(loop.call_soon, robot.follow))
+        elif robot.config.follows is not None:
+            reports.subscribe_many(*_followed(robot, leader, loop))
 
 
 def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Callable[[bytes], None]:
