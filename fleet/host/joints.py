@@ -88,6 +88,8 @@ class JointDriving:
         if by is None or not self.deadman.armed:
             self._by = None
             return None
+        if _role(leader) == "follower":
+            return None
         ranges = self._ranges()
         common = {joint: at for joint, at in leader.positions.items() if joint in ranges}
         origin = Origin(Transport.BUS, LEADER, by.session)
@@ -100,7 +102,8 @@ class JointDriving:
     def see(self, report: JointReport) -> None:
         """Take where joints were measured, and tell those that follow them."""
         now = self._clock.monotonic()
-        self._measured.update({joint: (at, now) for joint, at in report.positions.items()})
+        if _role(report) != "leader":  # of two arms on one twin the follower is led
+            self._measured.update({joint: (at, now) for joint, at in report.positions.items()})
         for tell in self.followers:
             tell(report)
 
@@ -222,3 +225,8 @@ class JointDriving:
         self.let_go()
         self._halt()
         self._crashed(error)
+
+
+def _role(report: JointReport) -> str | None:
+    """Return which of two arms a report is of, where one twin has both."""
+    return report.tags.role if report.tags is not None else None

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
-from functools import partial
 
 from fleet.bus.zenoh_session import ZenohSession
 from fleet.errors import WireError
@@ -38,7 +37,7 @@ def take_setpoints(
     for robot in robots:
         leader = str(robot.config.follows)
         if leader in here:  # reports do not come back to the session that says them
-            here[leader].controller.joints.followers.append(partial(loop.call_soon, robot.follow))
+            here[leader].controller.joints.followers.append(_beside(robot, loop))
         elif robot.config.follows is not None:
             reports.subscribe_many(*_followed(robot, leader, loop))
 
@@ -52,6 +51,15 @@ def taker(robot: LocalRobot, kind: Kind, loop: asyncio.AbstractEventLoop) -> Cal
             loop.call_soon_threadsafe(take, robot.tell_refused)
 
     return arrived
+
+
+def _beside(robot: LocalRobot, loop: asyncio.AbstractEventLoop) -> Callable[[JointReport], None]:
+    """Return what takes where a leader is that this process has too; its own turn is not held up by it."""
+
+    def told(report: JointReport) -> None:
+        loop.call_soon(robot.follow, report)
+
+    return told
 
 
 def _followed(

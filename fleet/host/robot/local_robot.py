@@ -262,8 +262,7 @@ class LocalRobot:
         watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, self._expired))
         joints = self.controller.joints
         if self._can.moves_joints:
-            told = partial(self._loop.call_soon_threadsafe, self._joints_ran_out)
-            watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, told))
+            watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, self._joints_expired))
             self._scheduler.every(STEP, joints.step, owner=self.name, failed=self.runner.crashed)
 
     def follow(self, report: JointReport) -> None:
@@ -367,9 +366,9 @@ class LocalRobot:
         """Follow the watchdog's halt on the loop."""
         self._loop.call_soon_threadsafe(self._lease_ran_out)
 
-    def _joints_ran_out(self) -> None:
-        """Follow the watchdog, which had the joints hold."""
-        self._recorder.lease_ran_out()
+    def _joints_expired(self) -> None:
+        """Tell that the watchdog had the joints hold."""
+        self._loop.call_soon_threadsafe(self._recorder.lease_ran_out)
         self._log.warning("no joint target within its lease: the joints hold where they are")
 
     def _lease_ran_out(self) -> None:

@@ -15,7 +15,7 @@ from fleet.host.robot.controller import RobotController
 from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.joints import JointRange
-from fleet.model.report import JointReport
+from fleet.model.report import JointReport, JointTags
 from fleet.testing.clock import ManualClock
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
@@ -304,6 +304,13 @@ def desk_without_joints():
     answers: list[Any] = []
     controller.receive(JointSetpoint({"hip": 0.1}), Receipt("joint_targets", answers.append))
     return answers[0].reason
+
+
+def test_where_the_leader_of_two_arms_of_one_twin_is_is_no_place_of_the_follower(bench):
+    tags = JointTags(role="leader")
+    bench.controller.joints.see(JointReport(bench.clock.time(), {"hip": 0.9}, tags=tags))
+    bench.lead({"hip": 0.0})
+    assert bench.at["hip"] == pytest.approx(0.0)
 
 
 # -- following a leader ------------------------------------------------------------------------------
