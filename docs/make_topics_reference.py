@@ -161,8 +161,20 @@ What is asked of a robot is answered: to the Response Topic of a request, else w
 ended, by a status on `T command` with `done`, the reason in the robot's own words when that is false, and the
 request's Correlation Data, where that is text, as `correlation_id`; what was done at once has `done` in its
 one answer. With `legacy_status: false` a robot sends no status.
-Joint targets become the command `joint_targets {positions, velocities, efforts, mode}`, which an adapter may
-declare; without it they are refused. Missions are flown by robots with a memory for them.
+Missions are flown by robots with a memory for them.
+
+Joint targets on `J update` are a stream of motion, as velocities are: at most `max_age` (0.5 s) old, none
+older than its sender's last, within the control lease, from a source type that `accepts.command` names;
+each lives for `setpoint_lease` (0.5 s), then the joint holds where it is, as after any stop. All published
+forms are read (`target_positions`, aggregated, single, flat; `update_mode` absolute or relative);
+velocities and efforts beside a position are not used. A joint that takes no targets, a position outside its
+range, or one that is no number, refuses the whole message. No joint goes faster than its adapter declares.
+What an `edge_leader` measured leads a robot that accepts `edge_leader`; what `edge`, `edge_follower` and
+`sim` measured asks nothing.
+
+A robot with `follows: TWIN` in fleet.yaml follows the joints that this twin tells on the bus, those of the
+same names, from the command `follow_leader` on, until any stop, or until the leader is silent for a lease.
+A leader (`role: leader`) cannot be led by one.
 
 Of `T position`, `T rotation` and `T scale` only what the editor says (`source_type: edit`) goes to the bus,
 for local programs; it moves nothing. What others measured or simulated of the twin is left alone. With MQTT
@@ -350,6 +362,10 @@ def channels() -> Iterator[str]:
         sensor = "/{type}" if rule.suffix.endswith("+") else "[/{sensor}]" if rule.sensors else ""
         yield f"| `cw/{{twin}}/data/{channel}{sensor}` | {shape} | {', '.join(map(topic, suffixes))} |"
     yield "| `cw/{twin}/data/commands/velocity` | `linear_x` to `angular_z`, signed | the robot: a setpoint |"
+    yield (
+        "| `cw/{twin}/data/commands/joint_positions` | as on `J update`, or arrays `names` and `positions` | "
+        "the robot: joint targets |"
+    )
 
 
 def events() -> Iterator[str]:

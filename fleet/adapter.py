@@ -26,6 +26,7 @@ from fleet.link.framing import Framing, LineFraming
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health
+from fleet.model.joints import JointRange
 from fleet.model.navigation import Progress, Task
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig, Limits, Separation
@@ -115,6 +116,11 @@ class Adapter(ABC, Generic[ConfigT]):
         """Return True when the robot goes to goals by itself (``navigate`` is overridden)."""
         return cls.navigate is not Adapter.navigate
 
+    @classmethod
+    def moves_joints(cls) -> bool:
+        """Return True when the robot takes joint targets (``move_joints`` is overridden)."""
+        return cls.move_joints is not Adapter.move_joints
+
     @abstractmethod
     async def run(self, robot: Robot) -> None:
         """Open the way to the robot and serve it until it ends or raises.
@@ -129,6 +135,27 @@ class Adapter(ABC, Generic[ConfigT]):
         The host has clamped it, and calls again with zero when its lease runs out.
         """
         raise Unsupported(f"{type(self).__name__} takes no velocities")
+
+    def joint_ranges(self) -> Mapping[str, JointRange]:
+        """Return the joints that take targets now, by name; what is not among them is refused.
+
+        Each must be in a ``JointReport`` of the robot's: the host leads it from where it was measured.
+        """
+        return {}
+
+    def move_joints(self, targets: Mapping[str, float]) -> None:  # noqa: ARG002 - for overriders
+        """Have these joints (rad, or m) go there at once, and hold there; never blocks.
+
+        The host calls it many times a second, no farther within its range than the joint's speed allows.
+        """
+        raise Unsupported(f"{type(self).__name__} takes no joint targets")
+
+    def hold_joints(self) -> None:
+        """Hold the joints where they are, because nobody leads them any more; bound like ``halt``.
+
+        ``halt`` and ``stop`` must do it as well.
+        """
+        self.halt()
 
     @abstractmethod
     async def stop(self, reason: str) -> None:
@@ -192,6 +219,17 @@ class FrameAdapter(ABC, Generic[ConfigT]):
     @abstractmethod
     def encode(self, ask: Command | Velocity) -> Iterable[bytes]:
         """Yield the frames that carry this out; raise Refused or Unsupported with the reason."""
+
+    def joint_ranges(self) -> Mapping[str, JointRange]:
+        """Return the joints that take targets; as an Adapter's. A robot that has some overrides both."""
+        return {}
+
+    def encode_joints(self, targets: Mapping[str, float]) -> Iterable[bytes]:  # noqa: ARG002 - for overriders
+        """Yield the frames by which these joints (rad, or m) go there at once, and hold there.
+
+        When nobody leads them any more, ``halt`` is written: it must hold them where they are.
+        """
+        raise Unsupported(f"{type(self).__name__} takes no joint targets")
 
     @abstractmethod
     def decode(self, frame: bytes, stamp: float) -> Iterable[Report | Send]:

@@ -204,6 +204,11 @@ class AdapterConfig(TopicsConfig):
         description="One of two arms that move together: its state says edge_leader or edge_follower. "
         "A simulated robot says sim all the same.",
     )
+    follows: UUID | None = Field(
+        None,
+        description="The twin of the leader whose joints this robot's follow, those of the same names, once "
+        "`follow_leader` is asked and until any stop. `accepts.command` must have edge_leader.",
+    )
     accepts: Accepts = Field(Accepts(), description="Whose commands the robot obeys.")
     limits: Limits = Field(Limits(), description="Over the adapter's own limits.")
     fence: FenceConfig | None = Field(None, description="Where the robot may be.")
@@ -261,6 +266,20 @@ class AdapterConfig(TopicsConfig):
             raise wrong("start", "origin places the robot already; leave one of the two out")
         if abs(self.start[2]) > math.tau:
             raise wrong("start", f"the heading counts in radians: {self.start[2]:g} is more than a turn")
+        return self
+
+    @model_validator(mode="after")
+    def _leads_or_follows(self) -> Self:
+        """Refuse a leader that would be led, by itself above all, and a follower that does not accept one."""
+        is_led = "edge_leader" in (self.accepts.command or ())
+        if self.follows == self.twin:
+            raise wrong("follows", "this is the robot's own twin: a robot cannot follow itself")
+        if self.role == "leader" and self.follows is not None:
+            raise wrong("follows", "role is leader: a leader is not led; leave one of the two out")
+        if self.role == "leader" and is_led:
+            raise wrong("accepts", "role is leader: it would follow its own state; leave edge_leader out")
+        if self.follows is not None and not is_led:
+            raise wrong("follows", "its leader is not obeyed: put edge_leader into accepts.command")
         return self
 
     def timeout_of(self, command: str) -> float | None:  # noqa: ARG002 - for those that let it be said

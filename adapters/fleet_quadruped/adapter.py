@@ -29,13 +29,17 @@ from fleet import (
 )
 from fleet.camera.picture import photograph
 from fleet.model.geometry import ZERO_VELOCITY
+from fleet.model.joints import JointRange
 from fleet.robot_config import Separation
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.body.machine import BodyRequest
+from fleet_quadruped.body.posing import window
 from fleet_quadruped.config import QuadrupedConfig
 from fleet_quadruped.control.orders import Activity, DogState, Order
 from fleet_quadruped.process import BodyProcess
 from fleet_quadruped.reports import MotionReports, health_of, new_origin, slow_reports
+from fleet_quadruped.robot.description import DogDescription
+from fleet_quadruped.robot.names import JOINTS
 
 __all__ = ["QuadrupedAdapter", "QuadrupedConfig"]
 
@@ -45,8 +49,10 @@ _SILENT = 1.0  # s without a state after which the body controller counts as fro
 _EMERGENCY = "emergency_stop"
 Condition = Callable[[], bool]
 _Height = Annotated[float, Range(-1.0, 1.0, "m")]  # the word says up or down; the body bounds it further
+_POSING = "posing"
+_LED = 0.3  # s that the body leads joints on after it was told to
 _STANDS = frozenset({"standing", "walking"})
-_STILL = frozenset({"standing", "off", "damped"})
+_STILL = frozenset({"standing", "held", "off", "damped"})
 _RECOVERING = "recovering"
 _ANSWERED = _STILL | {_RECOVERING}  # where a plain stop ends, or needs something more
 _STOPPED = 4.5  # s until it must stand still; the host waits half a second longer
@@ -123,16 +129,43 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
             await self._until(lambda: self._state.mode in _STILL, "standing still", within=_STOPPED)
 
     def halt(self) -> None:
-        """Order to stand still; from any thread."""
+        """Order to stand still, in the posture that it has; from any thread."""
         body = self._body
         if body is not None:
-            self._put(body, _walking(ZERO_VELOCITY, self._now()))
+            self._put(body, _still(self._now()), halts=1)
 
     def emergency_halt(self) -> None:
         """Order to give way with damping and go off, in the next cycle; from any thread."""
         body = self._body
         if body is not None:
-            self._put(body, _walking(ZERO_VELOCITY, self._now()), stops=1)
+            self._put(body, _still(self._now()), stops=1, halts=1)
+
+    # -- joints --------------------------------------------------------------------------------------
+
+    def joint_ranges(self) -> Mapping[str, JointRange]:
+        """Return its joints, in joint_mode no farther than they are led from its posture."""
+        dog = self._dog
+        if not isinstance(dog, DogDescription):  # a machine that walks by itself
+            return {}
+        margin, speed = dog.safety.margin, dog.safety.joint_speed
+        bounds = tuple((joint.low + margin, joint.high - margin) for joint in dog.all_joints)
+        if self._state.posture:
+            bounds = window(dog, self._state.posture)
+        return {name: JointRange(low, high, speed) for name, (low, high) in zip(JOINTS, bounds, strict=True)}
+
+    def move_joints(self, targets: Mapping[str, float]) -> None:
+        """Lead joints there; only a dog in joint_mode is led."""
+        body = self._reached()
+        if self._state.mode != _POSING:
+            raise NotReady(f"the dog is {self._state.mode}", hint="send joint_mode first")
+        goal = tuple(targets.get(name) for name in JOINTS)
+        self._put(body, {"joints": goal, "joints_until": self._now() + _LED})
+
+    def hold_joints(self) -> None:
+        """Order to hold the joints where they are; joint_mode goes on. From any thread."""
+        body = self._body
+        if body is not None:
+            self._put(body, {"joints": ()})
 
     # -- commands ------------------------------------------------------------------------------------
 
@@ -147,6 +180,17 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         """Sit down and take the torque off; with delta_z (m): stand that much lower."""
         async for progress in self._rise_or_lower(delta_z, up=False):
             yield progress
+
+    @command("joint_mode", timeout=5.0)
+    async def joint_mode(self) -> AsyncIterator[Progress]:
+        """Hold the posture that it has, and let its joints be led a little from it, until any stop."""
+        if self._dog is not None and not isinstance(self._dog, DogDescription):
+            raise Unsupported("this machine moves its joints by itself")
+        await self._errand(BodyRequest.POSE)
+        yield Progress(0.0)
+        await self._until(lambda: self._state.mode == _POSING or self._off(), "joint_mode", within=4.0)
+        if self._off():
+            raise Fault(self._state.fault or f"it is {self._state.mode}")
 
     @command("recovery_stand", timeout=30.0)
     async def recovery_stand(self) -> AsyncIterator[Progress]:
@@ -252,11 +296,13 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         """Send the newest order again; that it is fresh is what keeps the dog walking."""
         self._change()
 
-    def _put(self, body: BodyProcess, changes: Mapping[str, object], *, stops: int = 0) -> None:
-        """Change and send the order, whole, from any thread; ``stops`` emergency stops are added."""
+    def _put(
+        self, body: BodyProcess, changes: Mapping[str, object], *, stops: int = 0, halts: int = 0
+    ) -> None:
+        """Change and send the order, whole, from any thread; so many stops are added."""
         with self._ordering:
-            stop = self._order.stop + stops
-            self._order = msgspec.structs.replace(self._order, **changes, stop=stop, alive=self._now())
+            counted = {"stop": self._order.stop + stops, "halts": self._order.halts + halts}
+            self._order = msgspec.structs.replace(self._order, **changes, **counted, alive=self._now())
             body.orders.put(self._order)
 
     def _now(self) -> float:
@@ -296,6 +342,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         if self._robot is not None and self._state.stamp:
             for report in slow_reports(self._state, self._robot.clock.time(), self._origin):
                 self._robot.report(report)
+
+
+def _still(now: float) -> dict[str, object]:
+    """Return what any stop changes in the order."""
+    return {**_walking(ZERO_VELOCITY, now), "joints": ()}
 
 
 def _walking(velocity: Velocity, now: float) -> dict[str, object]:

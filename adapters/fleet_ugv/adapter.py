@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Annotated, ClassVar, TypeVar
 from uuid import UUID
 
@@ -23,9 +24,11 @@ from fleet import (
 )
 from fleet.camera.picture import photograph
 from fleet.link.url import parse
+from fleet.model.joints import JointRange
 from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_ugv.board import Board
+from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
 from fleet_ugv.odometry import WheelOdometry
@@ -40,6 +43,13 @@ _Level = Annotated[int, Range(0, 255, "(full brightness)")]
 _Levels = Annotated[list[int], Range(0, 255, "(full brightness)")]
 _Pan = Annotated[float, Range(-math.pi, math.pi, "rad")]
 _Tilt = Annotated[float, Range(-math.pi / 6, math.pi / 2, "rad")]
+MOUNT: Mapping[str, JointRange] = MappingProxyType(
+    {
+        "pan": JointRange(-math.pi, math.pi, GIMBAL_SPEED),
+        "tilt": JointRange(-math.pi / 6, math.pi / 2, GIMBAL_SPEED),
+    }
+)
+"""The joints of the camera's mount: the firmware's ranges, at the speed that is written with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
 NOT_OPEN = "the line is not open"
 
@@ -63,6 +73,7 @@ class UgvAdapter(Adapter[UgvConfig]):
         self._robot: Robot | None = None
         self._lamps = (0, 0)
         self._camera = (0.0, 0.0)
+        self._led = False  # the camera's joints were led since it was sent anywhere
 
     async def run(self, robot: Robot) -> None:
         """Open the line and serve the base; raises LinkLost or LinkRefused."""
@@ -111,10 +122,33 @@ class UgvAdapter(Adapter[UgvConfig]):
                 await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
 
     def halt(self) -> None:
-        """Stop the wheels at once; from any thread."""
+        """Stop the wheels, and the camera's mount, at once; from any thread."""
         board = self._board
         if board is not None:
             board.halt()
+
+    # -- the camera's joints -------------------------------------------------------------------------
+
+    def joint_ranges(self) -> Mapping[str, JointRange]:
+        """Return pan (right positive) and tilt (up positive) of a base with a camera's mount."""
+        return MOUNT if self._board is not None and self._board.codec.gimbal_stop else {}
+
+    def move_joints(self, targets: Mapping[str, float]) -> None:
+        """Turn the mount; the joint that is not named stays where it was sent. Whole degrees are written."""
+        pan, tilt = self._aimed()
+        self._turn_camera(targets.get("pan", pan), targets.get("tilt", tilt))
+        self._led = True
+
+    def hold_joints(self) -> None:
+        """Stop the mount where it is; from any thread."""
+        board = self._board
+        if board is not None:
+            board.hold_gimbal()
+
+    def _aimed(self) -> tuple[float, float]:
+        """Return from where the mount is turned on: where it was sent, or, once it was led, where it is."""
+        mount = self._board.observer.mount if self._board is not None else None
+        return mount if self._led and mount is not None else self._camera
 
     def _open_board(self) -> Board:
         """Return the base; raises NotReady while there is none."""
@@ -179,22 +213,22 @@ class UgvAdapter(Adapter[UgvConfig]):
     @command("camera_up", moves=False, timeout=2.0)
     async def camera_up(self) -> None:
         """Tilt the camera up by 0.1 rad."""
-        self._turn_camera(self._camera[0], self._camera[1] + NUDGE)
+        self._nudge(tilt=NUDGE)
 
     @command("camera_down", moves=False, timeout=2.0)
     async def camera_down(self) -> None:
         """Tilt the camera down by 0.1 rad."""
-        self._turn_camera(self._camera[0], self._camera[1] - NUDGE)
+        self._nudge(tilt=-NUDGE)
 
     @command("camera_left", moves=False, timeout=2.0)
     async def camera_left(self) -> None:
         """Pan the camera left by 0.1 rad."""
-        self._turn_camera(self._camera[0] - NUDGE, self._camera[1])
+        self._nudge(pan=-NUDGE)
 
     @command("camera_right", moves=False, timeout=2.0)
     async def camera_right(self) -> None:
         """Pan the camera right by 0.1 rad."""
-        self._turn_camera(self._camera[0] + NUDGE, self._camera[1])
+        self._nudge(pan=NUDGE)
 
     @command("camera_default", moves=False, timeout=2.0)
     async def camera_default(self) -> None:
@@ -211,17 +245,23 @@ class UgvAdapter(Adapter[UgvConfig]):
         tilt_delta: _Delta = 0.0,
     ) -> None:
         """Turn the camera to pan and tilt (rad, right and up positive), or by their deltas."""
-        at = self._camera
+        at = self._aimed()
         self._turn_camera(
             (at[0] if pan is None else pan) + pan_delta, (at[1] if tilt is None else tilt) + tilt_delta
         )
+
+    def _nudge(self, *, pan: float = 0.0, tilt: float = 0.0) -> None:
+        """Turn the camera a little further."""
+        at = self._aimed()
+        self._turn_camera(at[0] + pan, at[1] + tilt)
 
     def _turn_camera(self, pan: float, tilt: float) -> None:
         """Turn the camera within what the mount can do."""
         board = self._open_board()
         camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
         board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))
-        self._camera = board.observer.camera = camera
+        self._camera, self._led = camera, False
+        board.observer.camera = camera
 
     @command("oled_ctrl", moves=False, safe=True, timeout=2.0)
     async def oled_ctrl(self, *, text: str = "") -> None:

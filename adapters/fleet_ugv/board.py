@@ -7,6 +7,7 @@ from any thread.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -67,7 +68,7 @@ class Board:
         )
         self._asked = self._robot.clock.monotonic()
         self.readiness.opened(self._asked)
-        self._robot.leave_halt(link, (self.codec.stop,))
+        self._robot.leave_halt(link, filter(None, (self.codec.stop, self.codec.gimbal_stop)))
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
         self._robot.every(LOOK, self.turn)
@@ -84,10 +85,18 @@ class Board:
         return (self.codec.motion(self._kinematics.inverse(velocity)),)
 
     def halt(self) -> None:
-        """Write the stop at once; from any thread."""
+        """Write the stop of wheels and mount at once; from any thread."""
         motion = self._motion
         if motion is not None:
             motion.halt()
+            self.hold_gimbal()
+
+    def hold_gimbal(self) -> None:
+        """Write what stops the mount where it is, at once; from any thread."""
+        slot = self._slot
+        if slot is not None and self.codec.gimbal_stop:
+            with contextlib.suppress(LinkLost):  # which stops at its last target
+                slot.send(self.codec.gimbal_stop)
 
     def write(self, data: bytes) -> None:
         """Write what moves no wheel; raises NotReady."""

@@ -19,11 +19,15 @@ METRICS_EVERY = 1.0  # s
 
 
 class Observer:
-    """What is known of one base; ``camera``: where the mount was last sent (pan, tilt), rad."""
+    """What is known of one base.
+
+    ``camera``: where the mount was last sent (pan, tilt), rad; ``mount``: where it was measured.
+    """
 
     def __init__(self, config: UgvConfig, odometry: WheelOdometry) -> None:
         self.odometry = odometry
         self.camera: tuple[float, float] | None = None
+        self.mount: tuple[float, float] | None = None
         self.voltage: float | None = None
         self.speed = 0.0
         self.yaw_rate = 0.0
@@ -39,6 +43,8 @@ class Observer:
             self.speed, self.yaw_rate = step.speed, step.yaw_rate
         self.voltage = feedback.voltage if feedback.voltage is not None else self.voltage
         self._temperature = feedback.temperature
+        if feedback.pan is not None and feedback.tilt is not None:
+            self.mount = (feedback.pan, feedback.tilt)
         return step
 
     def reports(self, feedback: Feedback, now: float, stamp: float) -> Iterator[Report]:

@@ -88,6 +88,21 @@ def warn_of_batteries(robots: Mapping[int, AdapterConfig], document: Document) -
         document.warn(mark, message, "what is done at low would end below the reserve; make low the larger")
 
 
+def check_followers(robots: Mapping[int, AdapterConfig], document: Document) -> None:
+    """Report robots that follow one that is led itself, so that no loop moves itself, or a simulated one."""
+    by_twin = {robot.twin: robot for robot in robots.values()}
+    for index, robot in robots.items():
+        leader = by_twin.get(robot.follows) if robot.follows is not None else None
+        if leader is None:
+            continue
+        mark = document.marks.get(("robots", index, "follows")) or document.marks["robots", index]
+        if leader.follows is not None:
+            document.report(mark, f"{leader.name} follows another robot itself", "follow that one")
+        elif leader.simulated and not robot.simulated:
+            hint = "a simulated robot moves no real one; follow a real one"
+            document.report(mark, f"{leader.name} is simulated", hint)
+
+
 def warn_of_places(
     robots: Mapping[int, AdapterConfig], at_home: Collection[int], *, has_site: bool, document: Document
 ) -> None:

@@ -20,6 +20,7 @@ from pydantic import ConfigDict, Field
 from fleet.config.checks import (
     Identity,
     check_bus,
+    check_followers,
     check_groups,
     check_robots,
     check_stop_inputs,
@@ -125,6 +126,7 @@ def _load(file: pathlib.Path, environ: Mapping[str, str], partial: bool, registr
         check_bus(sections.bus, document)
         check_workers(sections, document)
     configs = {index: robot.config for index, robot in robots.items()}
+    check_followers(configs, document)
     warn_of_batteries(configs, document)
     warn_of_drop_ins({index: made.config for index, made in robots.items() if made.plugin.file}, document)
     at_home = [index for index, robot in robots.items() if getattr(robot.plugin.adapter, "tells_home", False)]

@@ -1,4 +1,4 @@
-"""What may be asked of a robot: a command, a setpoint, or navigation; and what comes back."""
+"""What may be asked of a robot: a command, a setpoint of its velocity or joints, navigation; the answer."""
 
 from __future__ import annotations
 
@@ -57,6 +57,21 @@ class Setpoint(msgspec.Struct, frozen=True):
     lease: float | None = None
     origin: Origin = Origin(Transport.BUS)
     stamp: float | None = None
+
+
+class JointSetpoint(msgspec.Struct, frozen=True):
+    """Where joints are to go now, by name: rad (or m); the newest wins, and each lives for its lease.
+
+    ``relative``: they count from where the joints are. ``id`` tells a repeat of such a one, which would
+    move them once more; it is empty where it cannot be told.
+    """
+
+    positions: Mapping[str, float]
+    relative: bool = False
+    name: str = "joint_targets"
+    origin: Origin = Origin(Transport.BUS)
+    stamp: float | None = None
+    id: str = ""
 
 
 class ReplyStatus(enum.StrEnum):

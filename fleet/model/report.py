@@ -41,6 +41,7 @@ class JointTags(msgspec.Struct, frozen=True, omit_defaults=True):
     """What joints may be told with, by the names of ``joint/update``: who moves them, and what is seen then.
 
     ``source_subtype`` is how they are moved (a policy, a gamepad), ``workload_uuid`` the run that moves them.
+    ``role``: which of two arms they are, where one twin has both: told as ``edge_leader``, ``edge_follower``.
     """
 
     source_subtype: str | None = None
@@ -48,6 +49,7 @@ class JointTags(msgspec.Struct, frozen=True, omit_defaults=True):
     camera_frame_counters: list[dict[str, Any]] | None = None
     stream_instance_id: str | None = None
     applied_position_targets: dict[str, float] | None = None
+    role: Literal["leader", "follower"] | None = None
 
 
 class JointReport(msgspec.Struct, frozen=True, gc=False):

@@ -23,12 +23,11 @@ from fleet.wire.envelope import (
     identity,
     name_of,
     origin_and_stamp,
+    sampled_object,
     seconds_of,
-    stamp_of,
     stop_asked,
     tolerant,
 )
-from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.spelling import refuse_misspelt, refuse_unknown
 from fleet.wire.stops import EMERGENCY, STOP_WORDS, is_reply, releases, stop_word
 from fleet.wire.strict import LARGEST_INTEGER, child, number, optional_number, parse_object
@@ -165,7 +164,7 @@ def decode_motion(
     played again moves nothing. A message that names a stop is that stop. Raises BadCommand.
     """
     try:
-        message = _sampled(payload) if way is Transport.BUS else parse_object(payload)
+        message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
         stop = stop_asked(message, way)
         if stop is not None:
             return stop
@@ -175,15 +174,6 @@ def decode_motion(
         return envelope.setpoint(_twist(message) if nested else _signed(message, ""))
     except WireError as error:
         raise BadCommand(error, command="motion") from None
-
-
-def _sampled(sample: bytes) -> dict[str, Any]:
-    """Read a message of the bus; its header says when it was put, 0 that nobody knows."""
-    message = parse_object(json_payload(sample))
-    stamp = stamp_of_header(sample)
-    if stamp and stamp_of(message) is None:
-        message["timestamp"] = stamp
-    return message
 
 
 def _usual(payload: bytes) -> _Usual | None:

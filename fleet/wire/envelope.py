@@ -12,8 +12,9 @@ import msgspec
 
 from fleet.errors import WireError
 from fleet.model.command import Command, Origin, Transport
+from fleet.wire.samples import json_payload, stamp_of_header
 from fleet.wire.stops import stop_named
-from fleet.wire.strict import kind, number
+from fleet.wire.strict import kind, number, parse_object
 
 MILLISECONDS_FROM = 1e11  # a stamp beyond this many seconds (year 5138) counts milliseconds
 
@@ -129,6 +130,15 @@ def stamp_of(message: Mapping[str, Any]) -> float | None:
     if message.get(field) is None:
         return None
     return seconds_of(number(message, field))
+
+
+def sampled_object(sample: bytes) -> dict[str, Any]:
+    """Read a message of the bus; its header says when it was put, 0 that nobody knows. Raises WireError."""
+    message = parse_object(json_payload(sample))
+    stamp = stamp_of_header(sample)
+    if stamp and stamp_of(message) is None:
+        message["timestamp"] = stamp
+    return message
 
 
 def seconds_of(stamp: float) -> float:

@@ -6,10 +6,13 @@
 | aggregated | ``positions``, ``velocities``, ``efforts`` |
 | single | ``type: joint_state``, ``joint_name``, ``joint_state {position, velocity, effort}`` |
 | flat | every other number at the top level is a joint's position |
+| bus | ``names`` and ``positions`` as arrays of one length, on ``commands/joint_positions`` alone |
 
-The last three are also how joints are measured. A sender of state (``edge``, ``sim``) that sets no target
-asks nothing. What remains is the command ``joint_targets`` with ``positions``, ``velocities``, ``efforts``
-and ``mode``; a robot obeys it when its adapter declares that command.
+All but the first are also how joints are measured. A sender of state (``edge``, ``sim``) that sets no target
+asks nothing; but ``edge_leader`` shows where the follower is to go, unless the robot is a leader itself and
+this its own state. What remains is a setpoint of positions. Velocities and efforts beside a position are
+checked and not used: how fast a joint goes is bounded by its own declaration; without one they are refused.
+``update_mode`` is ``absolute``, or ``relative`` to where the joint is.
 """
 
 from __future__ import annotations
@@ -18,14 +21,23 @@ from collections.abc import Mapping
 from typing import Any
 
 from fleet.errors import WireError
-from fleet.model.command import Command, Transport
-from fleet.wire.envelope import BadCommand, identity, optional_word, origin_and_stamp, stop_asked
+from fleet.model.command import Command, JointSetpoint, Transport
+from fleet.wire.envelope import (
+    BadCommand,
+    identity,
+    optional_word,
+    origin_and_stamp,
+    sampled_object,
+    stop_asked,
+)
 from fleet.wire.spelling import refuse_misspelt
 from fleet.wire.strict import child, finite, parse_object, path, text
 
 JOINT_TARGETS = "joint_targets"
 MOST_JOINTS = 256
 STATE_SENDERS = frozenset({"edge", "edge_leader", "edge_follower", "sim"})
+LEADER = "edge_leader"
+_MODES = ("absolute", "relative")
 _SETS = ("positions", "velocities", "efforts")
 _SINGLE = {"position": "positions", "velocity": "velocities", "effort": "efforts"}
 NEVER_JOINTS = frozenset(
@@ -61,35 +73,58 @@ _SET_FIELDS = frozenset({"mode", "update_mode", *_SETS, *(f"target_{name}" for n
 Sets = dict[str, dict[str, float]]
 
 
-def decode_joints(payload: bytes, *, way: Transport, request_id: str = "", twin: str = "") -> Command | None:
-    """Return the joint targets in a message, as a command; None for joints that somebody measured.
+def decode_joints(
+    payload: bytes, *, way: Transport, request_id: str = "", twin: str = "", leads: bool = False
+) -> JointSetpoint | Command | None:
+    """Return the joint targets in a message; None for joints that somebody measured.
 
-    A message that names a stop is that stop.
-
-    Raises BadCommand, which names the command.
+    ``leads``: the robot is a leader, so what a leader measured is its own state. On the bus a sample may have
+    Cyberwave's header, whose stamp counts where the message has none. A message that names a stop is that
+    stop. Raises BadCommand, which names the command.
     """
     try:
-        message = parse_object(payload)
+        message = sampled_object(payload) if way is Transport.BUS else parse_object(payload)
         stop = stop_asked(message, way)
         if stop is not None:
             return stop
         origin, stamp = origin_and_stamp(message, way, strict=True, twin=twin)
-        targets = _named_sets(message, "target_")
-        if not targets and origin.source_type in STATE_SENDERS:
+        sets = _named_sets(message, "target_")
+        measures = origin.source_type in STATE_SENDERS and not (origin.source_type == LEADER and not leads)
+        if not sets and measures:
             return None
-        data: dict[str, Any] = {**(targets or _measured_form(message))}
-        mode = optional_word(message, "update_mode") or optional_word(message, "mode")
-        if mode:
-            data["mode"] = mode
+        sets = sets or _measured_form(message, arrays=way is Transport.BUS)
+        positions, relative = _positions(sets), _is_relative(message)
     except WireError as error:
         raise BadCommand(error, command=JOINT_TARGETS) from None
-    same = identity(payload, stamp, request_id, data)
-    return Command(JOINT_TARGETS, data, origin, same, stamp)
+    same = identity(payload, stamp, request_id, positions) if relative else ""
+    return JointSetpoint(positions, relative, JOINT_TARGETS, origin, stamp, same)
 
 
-def _measured_form(message: Mapping[str, Any]) -> Sets:
-    """Read the three forms in which joints are measured, too; raises WireError when no joint is named."""
-    found = _single(message) if "joint_name" in message else _named_sets(message, "") or _flat(message)
+def _positions(sets: Sets) -> dict[str, float]:
+    """Return where the joints are to go; raises WireError for one that is only to move or push somehow."""
+    positions = sets.get("positions", {})
+    for name in ("velocities", "efforts"):
+        for joint in sets.get(name, {}):
+            if joint not in positions:
+                raise WireError("a joint is led by its position; give that as well", where=path(name, joint))
+    return positions
+
+
+def _is_relative(message: Mapping[str, Any]) -> bool:
+    """Return whether positions count from where the joints are; raises WireError for another mode."""
+    field = "update_mode" if "update_mode" in message else "mode"
+    mode = optional_word(message, field)
+    if mode and mode not in _MODES:
+        raise WireError(f"one of {', '.join(_MODES)} is needed, not {mode!a}", where=field)
+    return mode == "relative"
+
+
+def _measured_form(message: Mapping[str, Any], *, arrays: bool) -> Sets:
+    """Read the forms in which joints are measured, too; raises WireError when no joint is named."""
+    if arrays and "names" in message:
+        found = _arrays(message)
+    else:
+        found = _single(message) if "joint_name" in message else _named_sets(message, "") or _flat(message)
     if not found:
         raise WireError("no joint is named")
     return found
@@ -108,6 +143,16 @@ def _single(message: Mapping[str, Any]) -> Sets:
     name, state = text(message, "joint_name"), child(message, "joint_state")
     given = {field: finite(state[field], path("joint_state", field)) for field in _SINGLE if field in state}
     return {_SINGLE[field]: {name: value} for field, value in given.items()}
+
+
+def _arrays(message: Mapping[str, Any]) -> Sets:
+    """Read the bus's own form; raises WireError for arrays that do not belong together."""
+    names, values = message["names"], message.get("positions")
+    if not (isinstance(names, list) and isinstance(values, list) and len(names) == len(values)):
+        raise WireError("two arrays of one length are needed", where="names, positions")
+    if not all(isinstance(name, str) for name in names) or len(set(names)) != len(names):
+        raise WireError("each joint must be named once, by text", where="names")
+    return {"positions": _numbers(dict(zip(names, values, strict=True)), "positions")} if names else {}
 
 
 def _flat(message: Mapping[str, Any]) -> Sets:

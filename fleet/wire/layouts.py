@@ -46,6 +46,9 @@ def joint_messages(report: JointReport, by: MessageSource) -> list[tuple[str, Bo
     Raises WireError for a joint that the flat form cannot tell from other fields.
     """
     tags = msgspec.to_builtins(report.tags) if report.tags is not None else {}
+    role = tags.pop("role", None)
+    if role and by.source_type.startswith("edge"):  # a simulated robot says sim all the same
+        tags["source_type"] = f"edge_{role}"
     common = {**by.fields, "timestamp": report.stamp, **tags}
     whole = {**common, **_aggregated(report)}
     own = _JOINTS.get(by.layout)

@@ -193,7 +193,7 @@ _INWARD_TABLE = (
     InboundRule("command", Recipient.COMMAND, 1, "commands, and velocities by verb"),
     InboundRule("navigate/command", Recipient.NAVIGATE, 1, "goals, and controls of the running action"),
     InboundRule("motion/command", Recipient.MOTION, 0, "a signed velocity"),
-    InboundRule(JOINT_UPDATE, Recipient.JOINTS, 0, "joint targets; measured joints are left alone"),
+    InboundRule(JOINT_UPDATE, Recipient.JOINTS, 0, "joint targets, and where a leader's joints are"),
     InboundRule("mission/command", Recipient.MISSION, 1, "missions, and controls of the one that is flown"),
     InboundRule(
         "webrtc-offer",

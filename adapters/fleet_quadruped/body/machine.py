@@ -13,18 +13,21 @@ from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.lowering import Lowering
 from fleet_quadruped.body.measured import ZEROS, Sense, Targets
 from fleet_quadruped.body.motion import PostureMotion, folding, rising, rolling, sitting
+from fleet_quadruped.body.posing import Goal, Posing
 from fleet_quadruped.body.probing import probing
 from fleet_quadruped.body.walk import Walker
 from fleet_quadruped.robot.description import DogDescription
-from fleet_quadruped.safety.stages import UPRIGHT, Mode, Stage, Trip, forced
+from fleet_quadruped.safety.stages import POSED, UPRIGHT, Mode, Stage, Trip, forced
 
 _ENABLE_TIME = 1.0  # s
 _SETTLE_TIME = 0.5  # s
 _UPRIGHT = 0.85  # of the body's z axis that must point up before it rises
 _TRIES = 5
 _LEVEL = 0.15  # rad that a dog may be tilted where it is checked
+_LEANS_POSED = 0.25  # rad at which its joints are led no further: it holds, and leans no more
 _LEANS = 0.35  # rad at which a check ends: it is sent to half of that
 _STANDS = frozenset({Mode.STANDING, Mode.WALKING})
+_NOT_WALKED = POSED | {Mode.RISING}
 _LIES = frozenset({Mode.ENABLING, Mode.SETTLING})  # nothing is to be lowered, so nothing moves
 
 
@@ -36,6 +39,7 @@ class BodyRequest(enum.StrEnum):
     RECOVER = "recover"
     CHECK = "check"
     HEIGHT = "height"
+    POSE = "pose"
     RESET = "reset"
 
 
@@ -75,6 +79,8 @@ class BodyStateMachine:
         self._lowering: Lowering | None = None
         self.tries = 0
         self._reset = False
+        self.posing: Posing | None = None  # in POSING and HELD
+        self.goal: Goal = ()  # where its joints are led now
 
     # -- being asked ---------------------------------------------------------------------------------
 
@@ -91,12 +97,24 @@ class BodyStateMachine:
             self.fault = self.fault or trip.cause
             self._enter(mode)
 
+    def halt(self) -> None:
+        """Hold the posture that it has; its joints are led no more until somebody asks for it."""
+        if self.mode is Mode.POSING:
+            self.mode = Mode.HELD
+        if self.mode is Mode.ENABLING and self._after is Mode.POSING:  # it lies, and holds nothing yet
+            self._enter(Mode.OFF)
+        if self.posing is not None:
+            self.posing.leaves = False
+
     def lower(self) -> None:
         """Let a dog down that was found held by its drives, and take the torque off."""
         self._enter(Mode.DAMPED)
 
     def _stand(self, _value: float, sense: Sense) -> str:
         if self.mode in _STANDS or self.mode is Mode.RISING:
+            return ""
+        if self.mode in POSED and self.posing is not None:
+            self._leave_posture(self.posing)
             return ""
         if self.mode is not Mode.OFF:
             return f"it is {self.mode.value}"
@@ -107,6 +125,31 @@ class BodyStateMachine:
         self._after = Mode.RISING
         self._enter(Mode.ENABLING)
         return ""
+
+    def _leave_posture(self, posing: Posing) -> None:
+        """Stand as before, slowly, or stand up if it lies."""
+        self.mode, posing.leaves = Mode.HELD, posing.stands
+        if not posing.stands:
+            self._enter(Mode.RISING)
+
+    def _pose(self, _value: float, sense: Sense) -> str:
+        """Let its joints be led; return why not, empty when they are."""
+        if self.mode in POSED:
+            self.mode = Mode.POSING
+            if self.posing is not None:
+                self.posing.leaves = False
+            return ""
+        if self.mode is Mode.STANDING:
+            self._enter(Mode.POSING)
+            self.posing = Posing(self._dog, self._dog.stance(self.walker.height), stands=True)
+            return ""
+        if self.mode is not Mode.OFF:
+            return f"it is {self.mode.value}; stop it first"
+        if self.fault:
+            return f"a fault is latched: {self.fault}; look at the dog, then send reset_faults"
+        if sense.imu is not None and sense.imu.up < _UPRIGHT:
+            return "it is not upright; put it on its belly"
+        return self._power_up(Mode.POSING)
 
     def _recover(self, _value: float, sense: Sense) -> str:
         """Get up from whatever it lies on; return why not, empty when it does."""
@@ -145,7 +188,7 @@ class BodyStateMachine:
         if self.mode is Mode.RECOVERING:  # it lies already, and gives way as it does
             self._enter(Mode.SETTLING)
             return ""
-        if self.mode not in _STANDS:
+        if self.mode not in _STANDS | POSED:
             return f"it is {self.mode.value}"
         self._enter(Mode.SITTING)
         return ""
@@ -178,6 +221,7 @@ class BodyStateMachine:
     def _enter(self, mode: Mode) -> None:
         self._before = self.mode
         self.mode, self._since, self._motion, self._lowering = mode, 0.0, None, None
+        self.posing = None
 
     def _off(self, _dt: float, _sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
         wish, self._reset = (Wish.RESET if self._reset else Wish.REST), False
@@ -206,8 +250,21 @@ class BodyStateMachine:
         self.mode = Mode.WALKING if self.walker.walking else Mode.STANDING
         return Wanted(Wish.HOLD, targets)
 
+    def _posed(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
+        """Hold a posture; it is led on while it is told where to."""
+        posing = self.posing = self.posing or Posing(self._dog, sense.angles, stands=False)
+        base = Targets(posing.start, ZEROS, ZEROS)
+        if posing.stands:
+            base = self.walker.step(dt, Twist(), sense)
+        if sense.imu is not None and sense.imu.tilt > _LEANS_POSED:
+            self.mode = Mode.HELD if self.mode is Mode.POSING else self.mode
+        targets = posing.step(dt, self.goal if self.mode is Mode.POSING else (), base)
+        if posing.leaves and posing.is_back:
+            self._enter(Mode.STANDING)
+        return Wanted(Wish.HOLD, targets)
+
     def _sitting(self, dt: float, sense: Sense, _twist: Twist, _waiting: str) -> Wanted:
-        if self._motion is None and self._before is Mode.RISING:  # the walker has not stood on these feet yet
+        if self._motion is None and self._before in _NOT_WALKED:  # the walker does not stand on these feet
             self._motion = folding(self._dog, sense.angles, self._dog.poses.sit_time)
         if self._motion is None and self.walker.walking and self._since < self.walker.time_to_stand:
             return Wanted(Wish.HOLD, self.walker.step(dt, Twist(), sense))
@@ -282,6 +339,7 @@ class BodyStateMachine:
         BodyRequest.CHECK: _check,
         BodyRequest.HEIGHT: _height,
         BodyRequest.RESET: _reset_faults,
+        BodyRequest.POSE: _pose,
     }
     _STEPS: ClassVar[Mapping[Mode, Callable[[BodyStateMachine, float, Sense, Twist, str], Wanted]]] = {
         Mode.OFF: _off,
@@ -291,6 +349,8 @@ class BodyStateMachine:
         Mode.WALKING: _upright,
         Mode.SITTING: _sitting,
         Mode.SETTLING: _settling,
+        Mode.POSING: _posed,
+        Mode.HELD: _posed,
         Mode.RECOVERING: _recovering,
         Mode.CHECKING: _checking,
         Mode.DAMPED: _damped,

@@ -62,7 +62,7 @@ class Controller:
         self._trip: Trip | None = None
         self._errand = 0
         self._refusal = ""
-        self._stops = 0
+        self._stops = self._halts = 0
         self._lamp = Lamp(dog.led, buses)
         self._loads = dog.loads
 
@@ -124,7 +124,9 @@ class Controller:
         self._obey(order, now, sense)
         self.body.walker.speed_share = self._monitor.speed_share(self._joints)
         self.body.walker.gait = order.gait
-        moving = now < order.until and now - order.alive < self.dog.safety.deadman
+        heard = now - order.alive < self.dog.safety.deadman
+        moving = now < order.until and heard
+        self.body.goal = order.joints if now < order.joints_until and heard else ()
         if not self._meet():
             return
         wanted = self.body.step(dt, sense, order.twist if moving else Twist(), self._waiting())
@@ -160,6 +162,7 @@ class Controller:
             measured=tuple([self._looked - age for age in self._joints.ages]),
             posed=self._looked - max(*self._joints.ages, self._imu_age),
             felt=self._looked - self._imu_age,
+            posture=self.body.posing.start if self.body.posing is not None else (),
             angles=self._joints.angles,
             speeds=self._joints.speeds,
             torques=self._joints.torques,
@@ -246,6 +249,9 @@ class Controller:
             self._refusal = self._start_refusal(order.activity.ask) or self.body.ask(
                 order.activity.ask, order.activity.value, sense
             )
+        if order.halts > self._halts:
+            self._halts = order.halts
+            self.body.halt()
         if order.stop > self._stops:
             self._stops = order.stop
             self.body.trip(_STOP_TRIP)
@@ -265,7 +271,7 @@ class Controller:
     def _start_refusal(self, ask: BodyRequest) -> str:
         """Return why the drives cannot be powered now, naming one; empty when they can."""
         if (
-            ask not in {BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK}
+            ask not in {BodyRequest.STAND, BodyRequest.RECOVER, BodyRequest.CHECK, BodyRequest.POSE}
             or self.body.mode is not Mode.OFF
             or self.body.fault
         ):

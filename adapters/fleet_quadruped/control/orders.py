@@ -22,7 +22,9 @@ class Activity(msgspec.Struct, frozen=True):
 class Order(msgspec.Struct, frozen=True):
     """The newest wish of the adapter. ``until`` is the monotonic time at which the velocity ends.
 
-    ``stop`` counts emergency stops: a higher number than before is one. ``lamp``: None leaves it alone.
+    ``joints``: where each is led, rad, in the order of ``JOINTS``, None or left out where it is not; until
+    ``joints_until``. ``stop`` counts emergency stops, ``halts`` all stops: a higher number than before is
+    one. ``lamp``: None leaves it alone.
     """
 
     x: float = 0.0
@@ -32,7 +34,10 @@ class Order(msgspec.Struct, frozen=True):
     until: float = 0.0
     alive: float = 0.0  # monotonic time at which the adapter wrote this
     activity: Activity = Activity()
+    joints: tuple[float | None, ...] = ()
+    joints_until: float = 0.0
     stop: int = 0
+    halts: int = 0
     lamp: bool | None = None
     leave: bool = False
 
@@ -73,6 +78,7 @@ class DogState(msgspec.Struct, frozen=True):
     measured: tuple[float, ...] = ()
     posed: float = -math.inf
     felt: float = -math.inf
+    posture: tuple[float, ...] = ()  # near which its joints are led, rad; empty when they are not
     angles: tuple[float, ...] = ()
     speeds: tuple[float, ...] = ()
     torques: tuple[float, ...] = ()

@@ -203,6 +203,10 @@ class Safety(Watch):
     following_time: float = Field(0.1, gt=0, le=1, description="Seconds it may be beyond that.")
     step: float = Field(0.2, gt=0, le=1, description="Largest change of a target in one cycle, rad.")
     margin: float = Field(0.035, ge=0, le=0.2, description="Kept between targets and joint limits, rad.")
+    joint_reach: float = Field(
+        0.1, gt=0, le=0.1, description="Farthest that a joint is led from the posture of joint_mode, rad."
+    )
+    joint_speed: float = Field(0.3, gt=0, le=1, description="Speed at which joints are led, rad/s.")
     kd: float = Field(3.0, gt=0, le=5, description="Damping of the emergency stop, N m s/rad.")
     damp_time: float = Field(
         2.0,

@@ -32,6 +32,8 @@ class Mode(enum.StrEnum):
     SETTLING = "settling"  # folded, giving way, about to be off
     RECOVERING = "recovering"
     CHECKING = "checking"  # small moves of the trunk by which signs and offsets are seen
+    POSING = "posing"  # its joints are led, near the posture in which that began
+    HELD = "held"  # it holds the posture to which its joints were led
     DAMPED = "damped"  # stopped hard; off follows
 
 
@@ -62,6 +64,8 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
                 Mode.WALKING: Mode.SITTING,
                 Mode.RECOVERING: Mode.DAMPED,
                 Mode.CHECKING: Mode.DAMPED,
+                Mode.POSING: Mode.SITTING,
+                Mode.HELD: Mode.SITTING,
             }
         ),
         Stage.DAMP: MappingProxyType(
@@ -71,13 +75,14 @@ FORCED: Mapping[Stage, Mapping[Mode, Mode]] = MappingProxyType(
 )
 """Where a trip takes the body; a mode that is not named stays."""
 
-POSITIONED = frozenset(
-    {Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.RECOVERING, Mode.CHECKING}
-)
-"""Modes in which the drives hold positions."""
+POSED = frozenset({Mode.POSING, Mode.HELD})
+"""Modes in which it holds a posture of its own."""
 
-UPRIGHT = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.CHECKING})
+UPRIGHT = POSED | {Mode.RISING, Mode.STANDING, Mode.WALKING, Mode.SITTING, Mode.CHECKING}
 """Modes in which tilting means falling."""
+
+POSITIONED = UPRIGHT | {Mode.RECOVERING}
+"""Modes in which the drives hold positions."""
 
 
 def forced(stage: Stage, mode: Mode) -> Mode:

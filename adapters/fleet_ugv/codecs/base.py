@@ -13,11 +13,13 @@ from fleet_ugv.model import Event, Motion
 class Codec(ABC):
     """Translates for one open line; a fresh one for each. Nothing in it waits, reads a clock or does I/O.
 
-    ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread).
+    ``stop``: the bytes that stop the wheels, whatever state the codec is in (read from any thread);
+    ``gimbal_stop``: those that stop the camera's mount where it is, empty for a base without one.
     ``garbage`` counts pieces that made no sense.
     """
 
     stop: ClassVar[bytes]
+    gimbal_stop: bytes = b""
     garbage: int = 0
 
     @abstractmethod

@@ -19,6 +19,9 @@ from fleet_ugv.model import Confirmed, Event, Feedback, Motion, Trouble, Wheels
 
 FASTEST = 2.0  # m/s; the firmware ignores more
 LONGEST_LINE = 1024  # bytes that the board says at most, with room to spare
+PAN_TILT = 2  # the module of T 900 that is a camera's mount
+GIMBAL_STEPS = 600  # of a servo, a second, at which T 134 turns the mount
+GIMBAL_SPEED = GIMBAL_STEPS * math.tau / 4096  # rad/s: a turn of its servos has 4096 steps
 SHOWN = 60  # characters of a display's line: the board drops commands beyond 256 bytes
 GYRO = math.radians(1 / 16.4)  # rad/s of one step
 ACCEL = 9.80665 / 8192  # m/s2 of one step
@@ -44,6 +47,7 @@ class WaveshareCodec(LineCodec):
         self._main = main
         self._module = module
         self._timeout = round(timeout * 1000)
+        self.gimbal_stop = b'{"T":135}\n' if module == PAN_TILT else b""
 
     def _event(self, line: bytes) -> Event | None:
         """Return what one line says; the board prints plain text while it starts."""
@@ -86,7 +90,7 @@ class WaveshareCodec(LineCodec):
         """Return the feedback of ugv_base_ros: centimetres, centivolts, raw steps, degrees."""
         odl, odr = _number(said, "odl", _METRES), _number(said, "odr", _METRES)
         centivolts = _number(said, "v", (_VOLTS[0] * 100, _VOLTS[1] * 100))
-        has_gimbal = self._module == 2
+        has_gimbal = self._module == PAN_TILT
         accel = None if self._module == 1 else _vector(said, "a", ACCEL)  # an arm's fields overwrite it
         return Feedback(
             distances=None if odl is None or odr is None else (odl / 100, odr / 100),
@@ -129,7 +133,7 @@ class WaveshareCodec(LineCodec):
     def gimbal(self, pan: int, tilt: int) -> bytes:
         """Return T 134 in the firmware's limits."""
         x, y = min(max(pan, -180), 180), min(max(tilt, -30), 90)
-        return b'{"T":134,"X":%d,"Y":%d,"SX":600,"SY":600}\n' % (x, y)
+        return b'{"T":134,"X":%d,"Y":%d,"SX":%d,"SY":%d}\n' % (x, y, GIMBAL_STEPS, GIMBAL_STEPS)
 
     def display(self, lines: Sequence[str]) -> bytes:
         """Return T 3 for each line, or T -3."""

@@ -14,6 +14,7 @@ import msgspec
 
 from fleet import LineFraming
 from fleet_ugv.sim.board import SimBoard
+from fleet_ugv.sim.mount import Mount
 from fleet_ugv.sim.physics import BaseBody
 
 LARGEST = 256  # bytes of a command
@@ -34,8 +35,13 @@ class WaveshareBoard(SimBoard):
         super().__init__(body, timeout=DEFAULT_TIMEOUT, voltage=11.9, seed=seed)
         self.display: dict[int, str] = {}
         self.lamps = (0, 0)
-        self.camera = (0.0, 0.0)
+        self._mount = Mount()
         self.restart(0.0)
+
+    @property
+    def camera(self) -> tuple[float, float]:
+        """Where the camera's mount truly is: pan and tilt, degrees."""
+        return self._mount.at
 
     def restart(self, now: float) -> None:
         """Forget everything; print for a while."""
@@ -52,6 +58,7 @@ class WaveshareBoard(SimBoard):
 
     def obey(self, data: bytes, now: float) -> bytes:
         """Carry out commands; deaf while it boots."""
+        self._mount.turn(now)
         if now < self._booted:
             return b""
         return b"".join(self._line(line, now) for line in self._cutter.feed(data))
@@ -95,7 +102,9 @@ class WaveshareBoard(SimBoard):
             case 132:
                 self.lamps = (int(said["IO4"]), int(said["IO5"]))
             case 134:
-                self.camera = (float(said["X"]), min(max(float(said["Y"]), -30.0), 90.0))
+                self._mount.send(float(said["X"]), float(said["Y"]), float(said["SX"]), float(said["SY"]))
+            case 135:
+                self._mount.stop()
             case _:
                 self._configure(kind, said)
 
@@ -116,6 +125,7 @@ class WaveshareBoard(SimBoard):
 
     def speak(self, now: float) -> bytes:
         """Return boot text, or a feedback every 50 ms."""
+        self._mount.turn(now)
         if now < self._booted:
             text, self._boot_text = self._boot_text, b""
             return text
@@ -154,5 +164,5 @@ class WaveshareBoard(SimBoard):
             "v": round(self.voltage * 100),
         }
         if self._module == 2:
-            said |= {"pan": self.camera[0], "tilt": self.camera[1]}
+            said |= {"pan": round(self.camera[0], 2), "tilt": round(self.camera[1], 2)}
         return said

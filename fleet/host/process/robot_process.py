@@ -33,6 +33,7 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
+from fleet.host.setpoints import take_setpoints
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json
@@ -164,10 +165,9 @@ class RobotProcess:
         self._settling = self.loop.call_later(SETTLED, gc.freeze)
         for robot in self.robots.values():
             self._declare(robot)
-            self.watchdog.add(robot.name, robot.watched())
+            robot.be_watched(self.watchdog)
             self.scheduler.every(STATE_EVERY, partial(self.publish_state, robot.name))
-        drivers = {_velocity_key(robot.twin): self._driver(robot) for robot in self.robots.values()}
-        self.bus.reports.subscribe_many(_velocity_key("*"), drivers)
+        take_setpoints(self.robots.values(), self.bus.reports, self.loop)
         self.scheduler.every(STATE_EVERY, self._look_at_processor)
         self.claims.start()
         self.scheduler.at_end(self.outbox.flushing)
@@ -330,16 +330,6 @@ class RobotProcess:
 
         return asked
 
-    def _driver(self, robot: LocalRobot) -> Callable[[bytes], None]:
-        """Return what takes local setpoints."""
-
-        def arrived(payload: bytes) -> None:
-            take = robot.read("motion", payload, way=Transport.BUS)
-            if take is not None:
-                self.loop.call_soon_threadsafe(take, robot.tell_refused)
-
-        return arrived
-
     def _read(self, robot: LocalRobot, question: Query) -> Callable[[], None]:
         """Read a question for a robot, on the bus's thread; return what takes it, on the loop.
 
@@ -391,8 +381,3 @@ class RobotProcess:
         text = f"the event loop is stuck in {name}: this process ends now"
         run_in_thread(partial(log_and_flush, log, text, within=LAST_WORDS), wait=LAST_WORDS)
         os._exit(70)
-
-
-def _velocity_key(twin: str) -> str:
-    """Return the key of a robot's setpoints on the bus; ``*`` is every robot's."""
-    return f"cw/{twin}/data/commands/velocity"

@@ -5,15 +5,16 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
 from fleet.errors import WireError
-from fleet.model.command import Answer, Command, Origin, Reply, Setpoint, Transport
+from fleet.model.command import Answer, Command, JointSetpoint, Origin, Reply, Setpoint, Transport
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
 from fleet.wire.commands import Defaults, decode_command, decode_motion
-from fleet.wire.joints import JOINT_TARGETS, decode_joints
+from fleet.wire.joints import decode_joints
 from fleet.wire.missions import decode_mission
 from fleet.wire.navigation import decode_navigate
 from fleet.wire.rules import MIB, Kind
@@ -21,7 +22,7 @@ from fleet.wire.stops import STOP_WORDS, UNREAD, stop_in
 
 log = logging.getLogger(__name__)
 
-Ask = Command | Setpoint | Navigate
+Ask = Command | Setpoint | JointSetpoint | Navigate
 
 LARGEST = MIB  # bytes of a message that is read
 
@@ -50,7 +51,7 @@ class RequestDecoder:
         self._decoders: dict[Kind, Callable[..., Ask | None]] = {
             "navigate": self._navigate,
             "motion": decode_motion,
-            "joints": decode_joints,
+            "joints": partial(decode_joints, leads=config.role == "leader"),
             "mission": self._mission,
         }
 
@@ -120,7 +121,7 @@ def is_stop(ask: Ask) -> bool:
 
 def is_discrete(ask: Ask) -> bool:
     """Return True for what is no part of a stream: neither a velocity nor joint targets."""
-    return not isinstance(ask, Setpoint) and ask.name != JOINT_TARGETS
+    return not isinstance(ask, Setpoint | JointSetpoint)
 
 
 def reply_with_flaw(answer: Answer, flaw: str) -> Answer:
@@ -138,5 +139,7 @@ def max_wait(ask: Ask, config: AdapterConfig) -> float:
     """Return the seconds that an ask may wait for the event loop; what stops a robot is never too late."""
     if isinstance(ask, Setpoint):
         return math.inf if ask.velocity.is_zero else config.max_age
+    if isinstance(ask, JointSetpoint):
+        return config.max_age
     holds = isinstance(ask, Navigate) and ask.ask is Control.PAUSE
     return math.inf if holds or is_stop(ask) else config.command_max_age

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from fleet.clock import Clock
-from fleet.model.command import Command, Origin, Setpoint, Transport
+from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.model.report import Report, TelemetryReport
@@ -29,7 +29,7 @@ LEVELS = MappingProxyType(
 )
 
 _OURS = frozenset({Transport.MISSION, Transport.LOCAL})  # which no message from outside can claim
-Ask = Command | Setpoint | Navigate
+Ask = Command | Setpoint | JointSetpoint | Navigate
 
 
 def robot_log(name: str) -> logging.Logger:

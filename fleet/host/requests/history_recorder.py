@@ -1,7 +1,8 @@
 """Writes into the history what is asked of one robot, by whom, and how it ended.
 
-A velocity is asked many times a second: the first of a row of them is written, and how the row ended. What is
-refused again and again is counted, and the number told with the next refusal that is written.
+A velocity, or where joints are to go, is asked many times a second: the first of a row of them is written,
+and how the row ended. What is refused again and again is counted, and the number told with the next refusal
+that is written.
 
 What is asked of a robot, a stop above all, does not depend on being written: a failure here is logged.
 """
@@ -22,7 +23,7 @@ from fleet.host.requests.event_reporter import request_of, requester_of
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import StopCause
 from fleet.host.safety.emergency_stop import RELEASE
-from fleet.model.command import Command, Origin, Reply, Setpoint
+from fleet.model.command import Command, JointSetpoint, Origin, Reply, Setpoint
 from fleet.model.event import EventKind, EventReport, Requester, Severity
 from fleet.model.navigation import Navigate
 from fleet.wire.stops import EMERGENCY
@@ -63,7 +64,7 @@ class HistoryRecorder:
     @never_raises
     def asked(self, ask: Ask, receipt: Receipt) -> None:
         """Write an ask and what is answered to it; on the loop, before it is taken."""
-        if isinstance(ask, Setpoint):
+        if isinstance(ask, Setpoint | JointSetpoint):
             receipt.watch(partial(self._drove, ask))
             return
         if is_stop(ask):
@@ -151,7 +152,7 @@ class HistoryRecorder:
             self._add(EventKind.COMMAND, text, ask, data={"repeat": True})
 
     @never_raises
-    def _drove(self, ask: Setpoint, reply: Reply) -> None:
+    def _drove(self, ask: Setpoint | JointSetpoint, reply: Reply) -> None:
         """Write the first velocity of a row, and now and then one that is refused."""
         now, asker = self._clock.monotonic(), requester_of(ask.origin)
         if reply.ok:
@@ -210,6 +211,8 @@ def _name(ask: Ask) -> str:
 
 def _data(ask: Ask) -> dict[str, Any]:
     """Return what was asked, in plain JSON values."""
+    if isinstance(ask, JointSetpoint):
+        return {"positions": dict(ask.positions), **({"relative": True} if ask.relative else {})}
     if isinstance(ask, Command):
         return {**ask.data, "flaw": ask.flaw} if ask.flaw else dict(ask.data)
     what = ask.velocity if isinstance(ask, Setpoint) else ask.ask

@@ -32,6 +32,7 @@ class Capabilities(msgspec.Struct, frozen=True):
     separation: Separation = Adapter.separation
     holonomic: bool = False
     combines_keys: bool = False
+    moves_joints: bool = False
 
     def refusal(self, velocity: Velocity) -> str | None:
         """Return why the robot cannot move like this at all; None when it can."""
@@ -43,6 +44,11 @@ class Capabilities(msgspec.Struct, frozen=True):
             return "it stays on the ground"
         return None
 
+    @property
+    def joint_refusal(self) -> str | None:
+        """Why the robot takes no joint targets at all; None when it takes some."""
+        return None if self.moves_joints else "it takes no joint targets"
+
     def cannot(self, task: Task) -> str | None:
         """Return why the robot cannot carry out such a task at all; None when it can."""
         if isinstance(task, FlyMission) and not self.navigates:
@@ -52,7 +58,8 @@ class Capabilities(msgspec.Struct, frozen=True):
     @property
     def moves(self) -> bool:
         """True where anything that is declared may move the robot."""
-        return self.drives or self.navigates or any(spec.moves for spec in self.commands.values())
+        streamed = self.drives or self.moves_joints
+        return streamed or self.navigates or any(spec.moves for spec in self.commands.values())
 
     def hint(self, name: str) -> str:
         """Say which command was perhaps meant by one that is not declared."""
@@ -83,8 +90,10 @@ def capabilities(plugin: AdapterClass) -> Capabilities:
     if issubclass(plugin, FrameAdapter):
         verbs = {verb: _verb(verb) for verb in plugin.verbs}
         commands, drives, navigates = verbs | dict(commands_of(plugin)), plugin.drives, False
+        moves_joints = plugin.joint_ranges is not FrameAdapter.joint_ranges
     else:
         commands, drives, navigates = dict(plugin.commands()), plugin.drives(), plugin.navigates()
+        moves_joints = plugin.moves_joints()
     return Capabilities(
         commands,
         drives,
@@ -93,6 +102,7 @@ def capabilities(plugin: AdapterClass) -> Capabilities:
         plugin.separation,
         plugin.holonomic,
         plugin.combines_keys,
+        moves_joints,
     )
 
 

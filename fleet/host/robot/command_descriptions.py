@@ -22,6 +22,7 @@ _WORDS: Mapping[Any, str] = {float: "number", int: "whole number", str: "text", 
 _HOST = {
     "release_emergency_stop": "Let the robot move again after an emergency stop.",
     "restart_adapter": "End its adapter's run and begin anew; ends a quarantine.",
+    "follow_leader": "Lead its joints where its leader's are, until any stop.",
     "set_linear_velocity": "Store the speed of later verbs, m/s.",
     "set_angular_velocity": "Store the turning speed of later verbs, rad/s.",
     "stop": "Bring the robot to a standstill and hold it.",

@@ -13,32 +13,29 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.commands import CommandSpec
-from fleet.errors import CommandError, LinkError, Refused
+from fleet.errors import Refused
 from fleet.host.follow.goal_follower import LEASE, GoalNavigator, goal_follower_of, goal_navigator
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.requests.event_reporter import EventReporter
+from fleet.host.own_commands import MOTION, own_commands
+from fleet.host.requests.event_reporter import Ask, EventReporter
 from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.executor import Executor, may_still_move, takes
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.robot.navigator import Navigator
-from fleet.host.robot.standstill import stand_still, what_was_written, write_halt
+from fleet.host.robot.standstill import answer_stop, stand_still, what_was_written, write_halt
 from fleet.host.robot.velocity_control import VelocityControl
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.safety.admission import Admission
-from fleet.host.safety.emergency_stop import RELEASE, EmergencyStopLatch
+from fleet.host.safety.emergency_stop import EmergencyStopLatch
 from fleet.host.safety.verb_speeds import VerbSpeeds
-from fleet.model.command import Command, Setpoint
+from fleet.model.command import Command, JointSetpoint, Setpoint
 from fleet.model.geometry import Velocity
 from fleet.model.navigation import Control, Navigate
 from fleet.model.report import Report
 from fleet.robot_config import AdapterConfig
-from fleet.wire.commands import SETTINGS
 from fleet.wire.stops import EMERGENCY, STOP_WORDS
-
-STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
-RESTART = "restart_adapter"  # the host's own: end a quarantine, or begin the run anew
 
 
 class RobotController:
@@ -64,25 +61,21 @@ class RobotController:
         limits, combines = config.limits.over(capabilities.limits), capabilities.combines_keys
         self.event_reporter = EventReporter(self.name, publish, clock, in_motion=lambda: self.in_motion)
         self.guard = MotionGuard(config, limits, clock, robot=self, event_reporter=self.event_reporter)
-        lease, guard = config.setpoint_lease, self.guard
-        self._driving = VelocityControl(
-            limits, clock, lease, guard, combines=combines, halt=self.halt, crashed=crashed
-        )
-        self.deadman = self._driving.deadman
-        self._crashed, self._clock = crashed, clock
-        self._journal = journal
+        self._crashed, self._clock, self._journal = crashed, clock, journal
         self.speeds = VerbSpeeds(limits)
         latch = EmergencyStopLatch(journal.latched, journal.latch)
         self._admission = Admission(config, clock, latch, self.speeds)
+        life, barred = config.setpoint_lease, self._admission.motion
+        self._driving = VelocityControl(
+            limits, clock, life, self.guard, combines=combines, barred=barred, halt=self.halt, crashed=crashed
+        )
+        self.deadman, self.joints = self._driving.deadman, self._driving.joints
         self.senders, self.latch = self._admission.offsets, latch  # the latch: any thread
         self.would_refuse = self._admission.would_refuse
         self._repeats = journal.repeats(clock.monotonic())
-        settings = SETTINGS if capabilities.drives else ()
-        self.own: dict[str, Callable[[Command, Receipt], None]] = {  # what the host does itself, and answers
-            RELEASE: lambda _, receipt: receipt.do(self.latch.release),
-            RESTART: lambda _, receipt: receipt.do(restart),
-            **dict.fromkeys(settings, lambda ask, receipt: receipt.done(self.speeds.store(ask))),
-        }
+        release, store, drives = self.latch.release, self.speeds.store, capabilities.drives
+        follow = self.joints.follow if config.follows and capabilities.moves_joints else None
+        self.own = own_commands(release=release, restart=restart, store=store, drives=drives, follow=follow)
         self._adapter: Adapter[Any] | None = None
         self.offline = "it has not been reached yet"  # why it cannot be asked; empty while it can
         self.in_control = self._heard = False  # _heard: since the adapter's run began
@@ -107,23 +100,22 @@ class RobotController:
         """What the robot is doing for somebody, in a word or two; empty when nothing."""
         if self.latched:
             return "emergency stop"
-        return self._navigator.activity or self._executor.moving or ("driving" if self.deadman.armed else "")
+        return self._navigator.activity or self._executor.moving or self._driving.activity
 
     @property
     def in_motion(self) -> bool:
         """True while the robot moves, or may move, because of us."""
-        return bool(self.deadman.armed or self._executor.moving or self._navigator.active)
+        return bool(self._driving.activity or self._executor.moving or self._navigator.active)
 
     @property
     def free(self) -> bool:
         """True when the host may act by itself: it is ours, not latched, and nothing safer is under way."""
         return self.in_control and not (self.latched or self._executor.safe)
 
-    # -- the robot comes and goes --------------------------------------------------------------------
-
     def attach(self, adapter: Adapter[Any]) -> None:
         """Take the adapter of a fresh run; it is asked nothing but to stop until ``found``."""
         self._adapter, self._heard = adapter, False
+        self.joints.attach(adapter)
 
     def found(self) -> None:
         """Note that the robot answers: it can be asked from now on."""
@@ -161,6 +153,7 @@ class RobotController:
         """Take the adapter away."""
         self.lost(why)
         self._admission.taken_over()
+        self.joints.forget()
         self._adapter, self.in_control = None, False
 
     def authority_lost(self, reason: str) -> None:
@@ -202,12 +195,14 @@ class RobotController:
         """Bring the robot to a standstill in time, or halt it; raises CommandError, LinkError, a crash."""
         self._driving.let_go()
         if self._adapter is not None:
-            await stand_still(self._adapter, why, STOP_TIMEOUT, name=self.name, halt=self.halt)
+            await stand_still(self._adapter, why, name=self.name, halt=self.halt)
 
-    def receive(self, ask: Command | Setpoint | Navigate, receipt: Receipt) -> None:
+    def receive(self, ask: Ask, receipt: Receipt) -> None:
         """Take a request; its receipt is answered exactly once."""
         if isinstance(ask, Setpoint):
             self._setpoint(ask, receipt)
+        elif isinstance(ask, JointSetpoint):
+            self._joint_setpoint(ask, receipt)
         elif isinstance(ask, Command):
             self._command(ask, receipt)
         else:
@@ -227,7 +222,7 @@ class RobotController:
         if first is not None:
             receipt.follow(first)
             return
-        moves, safe = (spec.moves, spec.safe) if spec else (ask.name in SETTINGS, ask.name not in SETTINGS)
+        moves, safe = (spec.moves, spec.safe) if spec else (ask.name in MOTION, ask.name not in MOTION)
         refusal = self._admission.command(ask, moves=moves, safe=safe) or self.guard.beginning(ask)
         if refusal is not None:
             receipt.reject(refusal)
@@ -279,15 +274,8 @@ class RobotController:
 
     async def _hold_for(self, why: str, receipt: Receipt) -> None:
         """Stop the robot and answer."""
-        try:
-            await self.hold(why)
-        except (CommandError, LinkError) as error:
-            receipt.fail(error)
-        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
-            receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
-            self._crashed(error)
-        else:  # an adapter says nothing of a link that fell meanwhile
-            receipt.reject(self._absence()) if self.offline else receipt.done()
+        absence = lambda: self._absence() if self.offline else ""  # noqa: E731 - it is asked when it stands
+        await answer_stop(self.hold(why), receipt, absence=absence, crashed=self._crashed)
 
     async def _settle(self, why: str, *, anyway: bool = False) -> None:
         """Stop the robot for nobody in particular, after something failed; ``anyway``: not only if ours."""
@@ -299,27 +287,38 @@ class RobotController:
         """Take a velocity: the newest wins, at once; a zero that comes late ends motion, and no more."""
         untimely = self._admission.is_untimely_zero(ask)
         judge = self._admission.untimely_zero if untimely else self._admission.setpoint
-        refusal = self._can.refusal(ask.velocity) or judge(ask)
-        if refusal is None and self._executor.moving:
-            refusal = f"busy with {self._executor.moving}; send stop first"
-        if refusal is not None or self._adapter is None or self.offline:
-            receipt.reject(refusal or self._absence())
+        adapter = self._streamed_to(self._can.refusal(ask.velocity) or judge(ask), receipt)
+        if adapter is None:
             return
         if untimely:
-            self._end_by_zero(self._adapter)
+            if self.in_motion:  # end it, all keys included; one that stands is told nothing
+                self._navigator.cancel("teleoperation took over")
+                self._driving.stand(adapter)
             receipt.done()
             return
         superseding, self.in_control = self.in_motion, True
         self.event_reporter.moves(ask)
         self._navigator.cancel("teleoperation took over")
-        if self._driving.take(self._adapter, ask, receipt, superseding=superseding):
+        if self._driving.take(adapter, ask, receipt, superseding=superseding):
             self.last.accepted(ask.name)
 
-    def _end_by_zero(self, adapter: Adapter[Any]) -> None:
-        """End what moves the robot because of us, all keys included; one that stands is told nothing."""
-        if self.in_motion:
-            self._navigator.cancel("teleoperation took over")
-            self._driving.stand(adapter)
+    def _joint_setpoint(self, ask: JointSetpoint, receipt: Receipt) -> None:
+        """Take joint targets: each joint has its newest, until its lease runs out."""
+        adapter = self._streamed_to(self._can.joint_refusal or self._admission.joints(ask), receipt)
+        if adapter is not None:
+            self.in_control = True
+            self.event_reporter.moves(ask)
+            if self.joints.take(ask, receipt):
+                self.last.accepted(ask.name)
+
+    def _streamed_to(self, refusal: str | None, receipt: Receipt) -> Adapter[Any] | None:
+        """Return who takes one of a stream; None when it is refused, for this or another reason."""
+        if refusal is None and self._executor.moving:
+            refusal = f"busy with {self._executor.moving}; send stop first"
+        if refusal is not None or self._adapter is None or self.offline:
+            receipt.reject(refusal or self._absence())
+            return None
+        return self._adapter
 
     def _lead(self, velocity: Velocity) -> None:
         """Drive on behalf of the host's own follower; raises Refused once the robot must stand."""
@@ -363,6 +362,7 @@ class RobotController:
 
     def _end_driving(self, adapter: Adapter[Any]) -> None:
         """End a velocity that is held, or was until its lease ran out, before the robot moves otherwise."""
+        self.joints.end()
         if not self.guard.held.is_zero:
             self._driving.stand(adapter)
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from fleet.commands import CommandSpec
+from fleet.host.own_commands import MOTION
 from fleet.host.robot.controller import RobotController
 from fleet.model.command import Command, Origin, Transport
-from fleet.wire.commands import SETTINGS
 
 
 def would_refuse(controller: RobotController, name: str, spec: CommandSpec | None) -> str:
@@ -14,7 +14,7 @@ def would_refuse(controller: RobotController, name: str, spec: CommandSpec | Non
     ``spec`` is None for what the host answers itself.
     """
     ask = Command(name, origin=Origin(Transport.BUS))
-    moves, safe = (spec.moves, spec.safe) if spec else (name in SETTINGS, name not in SETTINGS)
+    moves, safe = (spec.moves, spec.safe) if spec else (name in MOTION, name not in MOTION)
     refusal = controller.would_refuse(ask, moves=moves, safe=safe) or controller.guard.beginning(ask)
     if refusal or spec is None:
         return refusal or ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
@@ -22,6 +22,7 @@ from fleet.link.url import open_link, parse
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
+from fleet.model.joints import JointRange
 from fleet.model.report import Report
 from fleet.runtime.exception_barrier import failure_of
 
@@ -134,6 +135,16 @@ class FrameAdapterRunner(Adapter[Any]):
             self.write(frames)
         except LinkLost as error:
             raise NotReady(str(error), hint="the link is being opened again") from error
+
+    def joint_ranges(self) -> Mapping[str, JointRange]:
+        """Return the joints that take targets."""
+        return self.inner.joint_ranges()
+
+    def move_joints(self, targets: Mapping[str, float]) -> None:
+        """Write where joints are to go; raises NotReady without a link, or when it was halted meanwhile."""
+        motion = self._open_motion()
+        turn = motion.turn
+        motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
     async def stop(self, reason: str) -> None:
         """Write the safe-stop frames, now and a few times more."""

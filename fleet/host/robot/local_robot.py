@@ -9,6 +9,7 @@ from functools import partial
 
 from fleet.clock import Clock
 from fleet.errors import WireError
+from fleet.host.joints import STEP
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
 from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
@@ -26,10 +27,10 @@ from fleet.host.robot.report_queue import ReportQueue
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.robot.separation_keeper import LOOK, SeparationKeeper
-from fleet.host.robot.snapshot import Snapshot, is_known
+from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
-from fleet.host.runtime.watchdog import Watched
+from fleet.host.runtime.watchdog import Watchdog, Watched
 from fleet.link.backoff import backoff
 from fleet.model.command import Answer, Command, Origin, Reply, Request, Transport
 from fleet.model.description import RobotDescription
@@ -37,12 +38,9 @@ from fleet.model.event import EventReport
 from fleet.model.health import Health, Level
 from fleet.model.navigation import ActionState
 from fleet.model.report import (
-    BatteryReport,
-    FlightControllerReport,
-    FlightStateReport,
+    JointReport,
     MetricsReport,
     NavigationReport,
-    PoseReport,
     Report,
     TelemetryReport,
 )
@@ -54,20 +52,12 @@ from fleet.supervisor.client import SupervisorClient
 from fleet.wire.rules import Kind
 from fleet.wire.stops import EMERGENCY
 
-READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
-"""What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
-
 
 def source_type(config: AdapterConfig) -> str:
     """Return the source type of a robot's own state."""
     if config.simulated:
         return "sim"
     return f"edge_{config.role}" if config.role else "edge"
-
-
-def _rounded(value: float | None) -> float | None:
-    """Return a figure for people."""
-    return None if value is None else round(value, 2)
 
 
 class LocalRobot:
@@ -123,7 +113,7 @@ class LocalRobot:
             config,
             can,
             publish=self.publish,
-            crashed=self._crashed,
+            crashed=lambda error: self.runner.crashed(error),  # noqa: PLW0108 - it is made after this
             restart=self._restart,
             journal=journal,
             clock=clock,
@@ -223,9 +213,9 @@ class LocalRobot:
         self._tell_failed(kind, getattr(ask, "action_id", ""), why)
 
     def tell_refused(self, reply: Reply) -> None:
-        """Say that a velocity was refused which was published on the bus: nobody waits for its answer."""
+        """Say that a setpoint was refused which was published on the bus: nobody waits for its answer."""
         if not reply.ok:
-            self._refusals.add("setpoint", "refused a velocity of the bus: %s", reply.reason)
+            self._refusals.add("setpoint", "refused a setpoint of the bus: %s", reply.reason)
 
     def _refuse(  # noqa: PLR0917 - by position
         self, kind: Kind, way: Transport, name: str, action_id: str, why: str, answer: Answer
@@ -267,9 +257,19 @@ class LocalRobot:
         self._loop.call_soon_threadsafe(self._follow_emergency, cause)
         self._recorder.stopped(cause)
 
-    def watched(self) -> Watched:
-        """Return what the watchdog needs."""
-        return Watched(self.controller.deadman, self.controller.halt, self._expired)
+    def be_watched(self, watchdog: Watchdog) -> None:
+        """Have the watchdog end a velocity, and what leads the joints, when their lease has run out."""
+        watchdog.add(self.name, Watched(self.controller.deadman, self.controller.halt, self._expired))
+        joints = self.controller.joints
+        if self._can.moves_joints:
+            watchdog.add(f"{self.name} joints", Watched(joints.deadman, joints.hold, self._joints_expired))
+            self._scheduler.every(STEP, joints.step, owner=self.name, failed=self.runner.crashed)
+
+    def follow(self, report: JointReport) -> None:
+        """Take where the leader's joints are; on the loop. They ask nothing before ``follow_leader``."""
+        ask = self.controller.joints.following(report)
+        if ask is not None:
+            self._take("joints", ask, False, self._clock.monotonic(), self.tell_refused)
 
     def publish(self, report: Report) -> None:
         """Send a report on its way; what happened goes into the edge's history too."""
@@ -282,6 +282,8 @@ class LocalRobot:
             self.controller.guard.see(report)
         elif type(report) is NavigationReport:
             self._seen.take(report)
+        elif type(report) is JointReport:
+            self.controller.joints.see(report)
         elif type(report) is MetricsReport:
             report = self._seen.with_way(report)
         self._send(report)
@@ -321,8 +323,8 @@ class LocalRobot:
             separation=self._traffic.unknown(self.name) if self._traffic else "",
             in_use=self.in_use,
             drop_in=self._drop_in,
-            speed=_rounded(self._seen.speed(self._clock.time())),
-            age=_rounded(self._seen.age(self._clock.monotonic())),
+            speed=rounded(self._seen.speed(self._clock.time())),
+            age=rounded(self._seen.age(self._clock.monotonic())),
         )
 
     def describe(self) -> RobotDescription:
@@ -356,10 +358,6 @@ class LocalRobot:
             supervised=self._supervised,
         )
 
-    def _crashed(self, error: Exception) -> None:
-        """Hand an adapter's failure to the runner."""
-        self.runner.crashed(error)
-
     def _restart(self) -> None:
         """Begin the adapter's run anew."""
         self.runner.restart()
@@ -367,6 +365,11 @@ class LocalRobot:
     def _expired(self) -> None:
         """Follow the watchdog's halt on the loop."""
         self._loop.call_soon_threadsafe(self._lease_ran_out)
+
+    def _joints_expired(self) -> None:
+        """Tell that the watchdog had the joints hold."""
+        self._loop.call_soon_threadsafe(self._recorder.lease_ran_out)
+        self._log.warning("no joint target within its lease: the joints hold where they are")
 
     def _lease_ran_out(self) -> None:
         """Follow the watchdog's halt."""

@@ -21,6 +21,9 @@ MEASURED = 0.5  # s of way that make a speed
 GAP = 2.0  # s without a pose after which what lies between says nothing of the speed
 STALE = 2.0  # s after which a speed is no longer that of now
 
+READ = frozenset({PoseReport, BatteryReport, FlightStateReport, FlightControllerReport})
+"""What the host itself reads of a robot's reports, to show it, to lead and to guard it; the rest passes."""
+
 
 class Snapshot:
     """The last mode, arming, battery, position, speed and home (m AMSL) of one robot.
@@ -94,3 +97,8 @@ def is_known(report: Report) -> bool:
         return True
     at, turned = report.position, report.rotation
     return math.isfinite(at.x + at.y + at.z + turned.w + turned.x + turned.y + turned.z)
+
+
+def rounded(value: float | None) -> float | None:
+    """Return a figure for people."""
+    return None if value is None else round(value, 2)

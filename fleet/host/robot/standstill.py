@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from fleet.adapter import Adapter
-from fleet.errors import TimedOut
+from fleet.errors import CommandError, LinkError, TimedOut
 from fleet.host.requests.event_reporter import robot_log
+from fleet.host.requests.receipt import Receipt
 from fleet.host.runtime.cancellation import wait_bounded
 from fleet.runtime.exception_barrier import call_guarded, guarded
+
+STOP_TIMEOUT = 5.0  # s; the longest an adapter may take to bring its robot to a standstill
 
 
 def write_halt(adapter: Adapter[Any] | None, name: str, *, emergency: bool) -> None:
@@ -30,19 +33,37 @@ def what_was_written(adapter: Adapter[Any] | None, *, heard: bool) -> str:
     return "the stop was written, nobody answers"
 
 
-async def stand_still(
-    adapter: Adapter[Any], why: str, within: float, *, name: str, halt: Callable[[], None]
-) -> None:
-    """Have an adapter stop its robot ``within`` seconds; one that does not, or raises, is halted.
+async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Callable[[], None]) -> None:
+    """Have an adapter stop its robot within ``STOP_TIMEOUT``; one that does not, or raises, is halted.
 
     Raises CommandError, LinkError, or a crash of the adapter's.
     """
     try:
-        await wait_bounded(guarded(lambda: adapter.stop(why)), within)
+        await wait_bounded(guarded(lambda: adapter.stop(why)), STOP_TIMEOUT)
     except TimeoutError:
         halt()
-        robot_log(name).error("the adapter did not stop within %g s", within)
-        raise TimedOut(f"{name} did not stop within {within:g} s; it was halted") from None
+        robot_log(name).error("the adapter did not stop within %g s", STOP_TIMEOUT)
+        raise TimedOut(f"{name} did not stop within {STOP_TIMEOUT:g} s; it was halted") from None
     except Exception:
         halt()
         raise
+
+
+async def answer_stop(
+    standing: Awaitable[None],
+    receipt: Receipt,
+    *,
+    absence: Callable[[], str],
+    crashed: Callable[[Exception], None],
+) -> None:
+    """Wait until a robot stands, and answer who stopped it; ``absence``: why it does not answer by then."""
+    try:
+        await standing
+    except (CommandError, LinkError) as error:
+        receipt.fail(error)
+    except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which ends the run
+        receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        crashed(error)
+    else:  # an adapter says nothing of a link that fell meanwhile
+        why = absence()
+        receipt.reject(why) if why else receipt.done()

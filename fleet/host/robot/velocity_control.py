@@ -8,6 +8,7 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
+from fleet.host.joints import JointDriving
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.motion_guard import MotionGuard
@@ -24,7 +25,8 @@ class VelocityControl:
     """``lease``: seconds that a setpoint lives which does not say; ``combines``: its verbs are keys.
 
     ``guard`` keeps what is held within the fence, and looks at it again with each pose. ``halt`` writes the
-    robot's halt, ``crashed`` hears of an adapter that raised what it may not.
+    robot's halt, ``barred`` says why nothing may move it, ``crashed`` hears of an adapter that raised what it
+    may not.
     """
 
     def __init__(
@@ -37,8 +39,10 @@ class VelocityControl:
         combines: bool,
         halt: Callable[[], None],
         crashed: Callable[[Exception], None],
+        barred: Callable[[], str | None],
     ) -> None:
         self.deadman = DeadMan()
+        self.joints = JointDriving(clock, lease, barred=barred, halt=halt, crashed=crashed)
         self._limits = limits
         self._clock = clock
         self._lease = lease
@@ -48,6 +52,11 @@ class VelocityControl:
         self._keys = HeldKeys() if combines else None
         self._adapter: Adapter[Any] | None = None
         self._wanted = ZERO_VELOCITY  # before the guard had its say
+
+    @property
+    def activity(self) -> str:
+        """What is held or led, in a word or two; empty when nothing."""
+        return "driving" if self.deadman.armed else "joints led" if self.joints.deadman.armed else ""
 
     def take(self, adapter: Adapter[Any], ask: Setpoint, receipt: Receipt, *, superseding: bool) -> bool:
         """Have the adapter hold what was asked, and answer; return whether it does.
@@ -106,8 +115,9 @@ class VelocityControl:
             self._crashed(error)
 
     def let_go(self) -> None:
-        """Hold no velocity any more, whatever keys are down."""
+        """Hold no velocity any more, whatever keys are down, and lead no joint."""
         self.deadman.clear()
+        self.joints.let_go()
         self._guard.held = ZERO_VELOCITY
         if self._keys is not None:
             self._keys.lift()

@@ -9,7 +9,7 @@ from fleet.host.safety.message_age import AgeCheck
 from fleet.host.safety.source_policy import SourcePolicy
 from fleet.host.safety.stick_release import StickReleaseInterlock
 from fleet.host.safety.verb_speeds import VerbSpeeds
-from fleet.model.command import Command, Origin, Setpoint
+from fleet.model.command import Command, JointSetpoint, Origin, Setpoint
 from fleet.model.navigation import Control, Navigate
 from fleet.robot_config import AdapterConfig
 from fleet.wire.stops import STOP_WORDS
@@ -81,6 +81,14 @@ class Admission:
 
     def setpoint(self, ask: Setpoint) -> str | None:
         """Judge a velocity; one that is refused for its age still shows that its driver holds the stick."""
+        return self._stream(ask, zero=ask.velocity.is_zero)
+
+    def joints(self, ask: JointSetpoint) -> str | None:
+        """Judge joint targets: a stream of motion as velocities are, of which none is zero."""
+        return self._stream(ask, zero=False)
+
+    def _stream(self, ask: Setpoint | JointSetpoint, *, zero: bool) -> str | None:
+        """Judge one of a stream that moves the robot; ``zero``: its sender lets go of the stick by it."""
         asker, now = _asker(ask.origin), self._clock.monotonic()
         refusal = self._policy.refusal(ask.origin)
         if refusal is not None:
@@ -90,7 +98,7 @@ class Admission:
             self._let_go.drove(asker, now)
             return late
         # Asked before the latch, behind which a stick that is held would pass for one that is let go.
-        holds = self._let_go.refusal(asker, now, zero=ask.velocity.is_zero)
+        holds = self._let_go.refusal(asker, now, zero=zero)
         refusal = self.motion() or holds or self._turn(ask.origin)
         if refusal is None:
             self._let_go.drove(asker, now)
@@ -146,8 +154,8 @@ class Admission:
             moves=moves,
         )
 
-    def _setpoint_age(self, ask: Setpoint) -> str | None:
-        """Judge the age of a velocity; asking twice of one gives one answer."""
+    def _setpoint_age(self, ask: Setpoint | JointSetpoint) -> str | None:
+        """Judge the age of one of a stream; asking twice of one gives one answer."""
         return self._age(_asker(ask.origin), ask.stamp, self._max_age, ordered=True)
 
     def _turn(self, origin: Origin) -> str | None:

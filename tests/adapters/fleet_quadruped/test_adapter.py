@@ -71,6 +71,38 @@ async def test_a_machine_that_walks_by_itself_takes_the_same_words(running, kind
         await all_of(adapter.stand_up())
 
 
+async def test_its_joints_are_led_in_joint_mode_alone_and_any_stop_leaves_it(running):
+    async with running() as (adapter, robot, _):
+        await all_of(adapter.stand_up())
+        with pytest.raises(NotReady, match="standing"):
+            adapter.move_joints({"FL_knee": 0.0})
+        await all_of(adapter.joint_mode())
+        low, high = (adapter.joint_ranges()["FL_knee"].least, adapter.joint_ranges()["FL_knee"].most)
+        assert 0.0 < high - low <= 0.2 + 1e-6
+        with pytest.raises(NotReady, match="posing"):
+            adapter.drive(Velocity(Vector3(0.3)))
+
+        def led():
+            adapter.move_joints({"FL_knee": high})
+            return robot.reports_of(JointReport)[-1].positions.get("FL_knee", 0.0) > low + 0.12
+
+        await robot.until(led)
+        await adapter.stop("a test")
+        assert adapter._state.mode == "held"
+        with pytest.raises(NotReady, match="held"):
+            adapter.move_joints({"FL_knee": low})
+        await all_of(adapter.stand_up())
+        assert adapter._state.mode == "standing"
+        await all_of(adapter.sit_down())
+
+
+async def test_a_machine_that_walks_by_itself_has_no_joints_of_ours(running):
+    async with running(link="sim:auto", body=EXAMPLE.with_name("self-walking.yaml")) as (adapter, _, _):
+        assert adapter.joint_ranges() == {}
+        with pytest.raises(Unsupported, match="by itself"):
+            await all_of(adapter.joint_mode())
+
+
 async def test_a_dog_that_lies_does_not_walk(running):
     async with running() as (adapter, _, _):
         with pytest.raises(NotReady, match="stand_up first"):

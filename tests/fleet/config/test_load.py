@@ -273,3 +273,28 @@ def test_a_name_that_an_adapters_own_check_does_not_know_has_a_hint(tmp_path):
         load(tmp_path / "fleet.yaml")
     (problem,) = caught.value.problems
     assert problem.hint == "did you mean 'waveshare-beast'?"
+
+
+A, B = "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c11", "6f0c9a1e-8d2b-4c57-9a39-2f4a1d0b7c12"
+LED = "adapter: toy, accepts: {command: [tele, edge_leader]}"
+
+
+def followers(yard, first, second):
+    """Return the problems of two robots, each named with what it says besides."""
+    return yard.problems(
+        "edge: {id: e}\nplugins: [plugins]\nrobots:\n"
+        f"  - {{name: a, twin: {A}, {LED}, {first}}}\n  - {{name: b, twin: {B}, {LED}, {second}}}\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "says"),
+    [
+        (f"link: x, follows: {B}", f"link: y, follows: {A}", "follows another robot itself"),
+        (f"link: x, follows: {B}", "link: 'sim:toy'", "b is simulated"),
+    ],
+)
+def test_robots_that_would_lead_each_other_or_a_real_one_from_a_simulation_are_refused(
+    yard, first, second, says
+):
+    assert any(says in problem for problem in followers(yard, first, second))

@@ -15,6 +15,7 @@ from fleet.host.logs.rotating_file import RotatingLogFile
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.runtime.watchdog import BLOCKED
+from fleet.host.setpoints import taker
 from fleet.model.command import Transport
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
@@ -208,9 +209,9 @@ async def test_what_is_no_emergency_stop_is_not_taken_for_one(served, payload):
 
 async def test_a_recorded_velocity_that_is_played_on_the_bus_moves_nothing_and_is_told(served, asks, caplog):
     process, place = served
-    arrived, sample = process._driver(process.robots["rex"]), HeaderTemplate("application/json")
+    arrived, sample = taker(process.robots["rex"], "motion", process.loop), HeaderTemplate("application/json")
     arrived(sample.pack(b'{"linear_x": 0.2}', ts=time.time() - 60))
-    await asks.until(lambda: "refused a velocity of the bus" in caplog.text)
+    await asks.until(lambda: "refused a setpoint of the bus" in caplog.text)
     assert not any("drive" in word for word in place.words("rex"))
     arrived(sample.pack(b'{"linear_x": 0.2}'))
     await asks.until(lambda: "drive:0.2" in place.words("rex"))

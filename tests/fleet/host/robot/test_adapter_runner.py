@@ -366,7 +366,7 @@ async def test_nothing_is_begun_while_a_run_is_ending(stage, asks, bench):
 
 
 async def test_a_stop_that_never_returns_does_not_hold_up_the_next_run(stage, asks, bench, monkeypatch):
-    monkeypatch.setattr("fleet.host.robot.controller.STOP_TIMEOUT", 0.01)
+    monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
     one, end = await moving(stage, asks, bench)
     bench.puppet.stops = "never"
     end.set()

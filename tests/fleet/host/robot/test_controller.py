@@ -505,7 +505,7 @@ async def test_a_stop_that_raises_is_followed_by_a_halt(bench, asks):
 
 
 async def test_a_stop_that_never_returns_is_cut_off_and_said_so(bench, asks, monkeypatch):
-    monkeypatch.setattr("fleet.host.robot.controller.STOP_TIMEOUT", 0.01)
+    monkeypatch.setattr("fleet.host.robot.standstill.STOP_TIMEOUT", 0.01)
     bench.puppet.stops = "never"
     answers = bench.ask(asks.command("stop"))
     await asks.until(lambda: answers)

@@ -6,8 +6,9 @@ import pytest
 from cyberwave_contracts import SourceTypeEnvelopeV1
 
 from fleet.host.robot.local_robot import source_type
-from fleet.model.report import JointReport
+from fleet.model.report import JointReport, JointTags
 from fleet.robot_config import AdapterConfig
+from fleet.wire.databus import decode_report, encode_report
 from fleet.wire.reports import sender, to_mqtt
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
@@ -32,3 +33,16 @@ def test_the_state_of_a_robot_says_which_of_two_arms_it_is(config, word):
     message = json.loads(payload)
     SourceTypeEnvelopeV1.model_validate(message)
     assert message["source_type"] == word
+
+
+@pytest.mark.parametrize("role", ["leader", "follower"])
+@pytest.mark.parametrize("layout", ["", "single", "flat"])
+def test_a_plugin_with_both_arms_on_one_twin_says_of_each_report_which_it_is(role, layout):
+    report = JointReport(1.0, {"hip": 0.5}, tags=JointTags(role=role))
+    across = decode_report("joint_states", encode_report(report, 1))
+    for link, word in (("memory:arm", f"edge_{role}"), ("sim:arm", "sim")):
+        by = sender(source_type=source_type(Arm(name="arm", twin=TWIN, link=link)), layout=layout)
+        for _, payload in to_mqtt(across, by):
+            message = json.loads(payload)
+            assert message["source_type"] == word
+            assert "role" not in message

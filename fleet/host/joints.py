@@ -1,0 +1,232 @@
+"""The joints of one robot that somebody leads: within their ranges and speeds, under a dead-man of their own.
+
+Targets are a stream. Each lives for the lease and not a moment longer; then the joint holds where it is. The
+first begins where the joint was measured, and none goes faster than the robot declares, so a leader that is
+far from its follower is approached and not jumped to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from fleet.adapter import Adapter
+from fleet.clock import Clock
+from fleet.errors import CommandError, LinkError, Refused
+from fleet.host.requests.event_reporter import robot_log
+from fleet.host.requests.receipt import Receipt
+from fleet.host.safety.deadman import DeadMan
+from fleet.host.safety.dedup_cache import DedupCache
+from fleet.host.safety.joint_limits import approach, refusal
+from fleet.model.command import Command, JointSetpoint, Origin, Transport
+from fleet.model.joints import JointRange
+from fleet.model.report import JointReport
+from fleet.runtime.exception_barrier import call_guarded
+from fleet.wire.joints import LEADER
+
+STEP = 0.04  # s between two steps of joints that are led
+LONGEST_STEP = 0.1  # s that a step counts at most: a loop that was held up does not catch up in a jump
+MEASURED = 1.0  # s after which it is no longer known where a joint is
+
+
+class _Led(msgspec.Struct):
+    """One joint that is led: where it was sent last, where it is to go, until when (monotonic s)."""
+
+    at: float
+    target: float
+    until: float
+
+
+class _NotTaken(Refused):
+    """A target was refused that changes nothing of what is led."""
+
+
+class JointDriving:
+    """``followers`` hear where the joints are. ``lease``: seconds that a target lives.
+
+    ``barred`` says why nothing may move the robot now, if so, ``halt`` writes its halt, ``crashed`` hears of
+    an adapter that raised what it may not.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        lease: float,
+        *,
+        barred: Callable[[], str | None],
+        halt: Callable[[], None],
+        crashed: Callable[[Exception], None],
+    ) -> None:
+        self.deadman = DeadMan()
+        self.followers: list[Callable[[JointReport], object]] = []
+        self._clock = clock
+        self._lease = lease
+        self._barred = barred
+        self._halt = halt
+        self._crashed = crashed
+        self._adapter: Adapter[Any] | None = None
+        self._led: dict[str, _Led] = {}
+        self._measured: dict[str, tuple[float, float]] = {}  # by joint: where, and when (monotonic s)
+        self._stepped = 0.0
+        self._repeats: DedupCache[bool] = DedupCache()
+        self._by: Origin | None = None  # who had it follow its leader
+
+    def follow(self, ask: Command) -> None:
+        """Follow the leader from now on, if it tells where its joints are within a lease; until any stop."""
+        self._led, self._by = {}, ask.origin
+        self.deadman.feed(self._clock.monotonic(), self._lease)
+
+    def following(self, leader: JointReport) -> JointSetpoint | None:
+        """Return where a leader's joints lead those of the same names; None while it is not followed.
+
+        They do so in the name of who asked to follow it, as ``edge_leader``. A leader that fell silent is
+        followed again when somebody asks for it, and not by itself.
+        """
+        by = self._by
+        if by is None or not self.deadman.armed:
+            self._by = None
+            return None
+        if _role(leader) == "follower":
+            return None
+        ranges = self._ranges()
+        common = {joint: at for joint, at in leader.positions.items() if joint in ranges}
+        origin = Origin(Transport.BUS, LEADER, by.session)
+        return JointSetpoint(common or leader.positions, origin=origin, stamp=leader.stamp)
+
+    def attach(self, adapter: Adapter[Any]) -> None:
+        """Take the adapter of a fresh run."""
+        self._adapter = adapter
+
+    def see(self, report: JointReport) -> None:
+        """Take where joints were measured, and tell those that follow them."""
+        now = self._clock.monotonic()
+        if _role(report) != "leader":  # of two arms on one twin the follower is led
+            self._measured.update({joint: (at, now) for joint, at in report.positions.items()})
+        for tell in self.followers:
+            tell(report)
+
+    def forget(self) -> None:
+        """Forget where the joints are: whatever tells it begins anew."""
+        self.let_go()
+        self._adapter = None
+        self._measured.clear()
+
+    def take(self, ask: JointSetpoint, receipt: Receipt) -> bool:
+        """Lead joints to where was asked, and answer; return whether it is done."""
+        now = self._clock.monotonic()
+        if self._repeats.first(ask.id, True, now):
+            receipt.reject("it came before: it would move the joints once more")
+            return False
+        try:
+            self._lead(ask, now)
+            self._step(now)
+        except _NotTaken as error:  # where the joints go already, they go on to, for their lease
+            receipt.reject(error.reason, hint=error.hint)
+        except (CommandError, LinkError) as error:
+            self.let_go()
+            self.hold()
+            receipt.fail(error)
+        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+            self._failed(error)
+            receipt.reject(f"the adapter failed: {type(error).__name__}: {error}")
+        else:
+            receipt.done()
+            return True
+        return False
+
+    def _lead(self, ask: JointSetpoint, now: float) -> None:
+        """Note where joints are to go; raises _NotTaken, with nothing noted, when one may not."""
+        ranges = self._ranges()
+        known = [joint for joint in ask.positions if joint in ranges]
+        starts = {joint: self._where(joint, now) for joint in known}
+        wanted = {
+            joint: starts.get(joint, 0.0) + target if ask.relative else target
+            for joint, target in ask.positions.items()
+        }
+        why = refusal(wanted, ranges)
+        if why is not None:
+            raise _NotTaken(why)
+        if not self.deadman.armed:
+            self._led, self._by, self._stepped = {}, None, now - STEP
+        for joint, target in wanted.items():
+            self._led[joint] = _Led(starts[joint], target, now + self._lease)
+        self.deadman.feed(now, self._lease)
+
+    def _ranges(self) -> Mapping[str, JointRange]:
+        """Return the joints that take targets now; none without an adapter."""
+        return {} if self._adapter is None else call_guarded(self._adapter.joint_ranges)
+
+    def _where(self, joint: str, now: float) -> float:
+        """Return from where a joint goes on; raises _NotTaken when nobody knows."""
+        if self.deadman.armed and joint in self._led:
+            return self._led[joint].at
+        at, seen = self._measured.get(joint, (0.0, float("-inf")))
+        if now - seen > MEASURED:
+            raise _NotTaken(f"where joint {joint} is, is unknown", hint="it must be told before it is led")
+        return at
+
+    def step(self) -> None:
+        """Lead the joints on; called on the event loop every ``STEP`` s."""
+        if not self.deadman.armed:
+            return
+        try:
+            self._step(self._clock.monotonic())
+        except (CommandError, LinkError) as error:
+            self.hold()
+            if self._adapter is not None:
+                robot_log(self._adapter.config.name).warning("joints are led no further: %s", error)
+        except Exception as error:  # noqa: BLE001 - the wall: told to the runner, which stops the robot
+            self._failed(error)
+
+    def _step(self, now: float) -> None:
+        """Send each joint as far as its speed allows; raises what the adapter raises.
+
+        A stop and the dead-man may come from another thread meanwhile. What was written after them is undone.
+        """
+        adapter, why = self._adapter, self._barred()
+        if adapter is None or why:
+            raise Refused(why or "nobody leads it")
+        seconds, self._stepped = min(now - self._stepped, LONGEST_STEP), now
+        ranges = self._ranges()
+        self._led = {joint: one for joint, one in self._led.items() if one.until > now and joint in ranges}
+        for joint, one in self._led.items():
+            one.at = approach(one.at, one.target, ranges[joint], seconds)
+        if self._led:
+            call_guarded(adapter.move_joints, {joint: one.at for joint, one in self._led.items()})
+        if not self.deadman.armed or self._barred():
+            self.hold()
+
+    def let_go(self) -> None:
+        """Lead nothing any more."""
+        self.deadman.clear()
+        self._led, self._by = {}, None
+
+    def end(self) -> None:
+        """End what is led, before the robot moves otherwise."""
+        if self.deadman.armed:
+            self.hold()
+
+    def hold(self) -> None:
+        """Have the joints hold where they are, at once; from any thread; never raises."""
+        self.deadman.clear()
+        adapter = self._adapter
+        if adapter is None:
+            return
+        try:
+            call_guarded(adapter.hold_joints)
+        except Exception:  # noqa: BLE001 - told
+            robot_log(adapter.config.name).exception("its joints could not be held: it is halted")
+            self._halt()
+
+    def _failed(self, error: Exception) -> None:
+        """Stop a robot whose adapter failed, and tell it."""
+        self.let_go()
+        self._halt()
+        self._crashed(error)
+
+
+def _role(report: JointReport) -> str | None:
+    """Return which of two arms a report is of, where one twin has both."""
+    return report.tags.role if report.tags is not None else None
