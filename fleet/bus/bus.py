@@ -1,4 +1,4 @@
-"""The bus of one process: the reports' lane and the control lane."""
+"""The bus of one process: one Zenoh session for reports, one for control."""
 
 from __future__ import annotations
 
@@ -105,12 +105,12 @@ def join(settings: BusSettings, directory: Path) -> Bus:
 
 
 def join_control(settings: BusSettings, directory: Path) -> ZenohSession:
-    """Join only the control lane (the command line does); raises BusError when no edge answers."""
+    """Join only the control session (as the command line does); raises BusError when no edge answers."""
     return _join(settings, "control", directory)
 
 
 def _join(settings: BusSettings, bus_session: str, directory: Path) -> ZenohSession:
-    """Join one lane: by the socket of an edge on this machine, which no network can take away, if any."""
+    """Join one session: by the socket of an edge on this machine, which no network can take away, if any."""
     here = is_running(settings.edge, directory)
     if not here and not settings.connect:
         raise BusError(f"edge {settings.edge!r} does not run here; start it, or set bus.connect to reach it")
@@ -133,7 +133,7 @@ def _place(endpoint: str) -> tuple[str, str]:
 
 
 def _beside(endpoint: str) -> str:
-    """Return where the control lane listens beside a reports' endpoint (gossip tells it to who asks).
+    """Return where the control session listens beside a reports' endpoint (gossip tells it to who asks).
 
     That is a port of the system's choice, or for an endpoint without ports another name.
     """

@@ -34,7 +34,7 @@ AT_ONCE = 200
 UNSURE = 100
 """Samples of a new publisher that go whoever listens: Zenoh tells a moment later whether somebody does."""
 LAST_CALL = 2.0
-"""Seconds that a call with samples may still take when the lane is closed."""
+"""Seconds that a call with samples may still take when the session is closed."""
 
 
 class Publisher:
@@ -136,7 +136,7 @@ class ZenohSession:
         return [link.dst for link in self._session.info.links()]
 
     def publisher(self, key: str) -> Publisher:
-        """Declare a publisher for state: never blocking, dropped when the way is full; not for this lane."""
+        """Declare a publisher for state: never blocking, dropped when the way is full; not for this session."""
         return Publisher(self._session, key)
 
     def publishers(self, pattern: str) -> Publishers:
@@ -192,7 +192,7 @@ class ZenohSession:
         self.subscribe(pattern, arrived)
 
     def gather(self, key: str, call: OnSamples) -> None:
-        """Call with all that others (not this lane) have just published under ``key``, in order.
+        """Call with all that others (not this session) have just published under ``key``, in order.
 
         The call comes on a thread of its own and may work, but not wait. A callback for each sample takes
         the interpreter from whoever has it each time, which costs more than all that is done with many.
@@ -304,7 +304,7 @@ def _read(sample: zenoh.Sample) -> tuple[str, bytes]:
 
 
 def _gather(samples: Any, call: OnSamples) -> None:
-    """Be the thread that takes samples, until the lane is closed."""
+    """Be the thread that takes samples, until the session is closed."""
     with contextlib.suppress(zenoh.ZError):
         while True:
             gathered = [_read(samples.recv())]

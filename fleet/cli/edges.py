@@ -155,7 +155,7 @@ class Edges:
     def _asked(
         self, key: str, kind: type[T], payload: bytes = b"", within: float = ANSWER_WITHIN
     ) -> Iterator[tuple[ZenohSession, str, T]]:
-        """Ask all at once; yield what everyone answers on a key, by which lane and on which key."""
+        """Ask all at once; yield what everyone answers on a key, by which session and on which key."""
         asked = [(bus_session, bus_session.ask(key, payload, timeout=within)) for bus_session in self._lanes]
         for bus_session, answers in asked:
             for answered, answer in decoded(answers, kind):
@@ -183,7 +183,7 @@ def _members(group: str, states: list[RobotState], edges: list[EdgeState]) -> li
 
 
 def _joined(settings: BusSettings, directory: Path) -> ZenohSession | BusError:
-    """Join an edge's control lane, or return why not."""
+    """Join an edge's control session, or return why not."""
     try:
         return join_control(settings, directory)
     except BusError as error:

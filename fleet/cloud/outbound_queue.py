@@ -1,7 +1,7 @@
 """What waits to be sent: durable messages in the spool, and light ones (QoS 0), which never wait offline.
 
 The spool sends replies first, then status, then events; light ones go behind them, in every write. A full
-light lane refuses what is new.
+queue of QoS 0 refuses new messages.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Batch(msgspec.Struct, gc=False):
 class OutboundQueue:
     """The queue between any thread that publishes and the loop that writes.
 
-    ``messages`` and ``size`` (bytes) bound the light lane.
+    ``messages`` and ``size`` (bytes) bound the queue of QoS 0.
     """
 
     def __init__(self, spool: Spool, messages: int, size: int, stats: CloudStats, clock: Clock) -> None:

@@ -21,7 +21,7 @@ COMMON_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 LONGEST_SOCKET_PATH = 107
 """Bytes of a Unix socket's path that the kernel takes."""
 LONGEST_LISTENING_PATH = LONGEST_SOCKET_PATH - len(".control")
-"""Bytes of the path of a socket that listens: the second lane's is ``.control`` behind it."""
+"""Bytes of the path of a socket that listens: the second session's is ``.control`` behind it."""
 
 _LOCATOR = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream|unixpipe|serial|vsock)/\S+")
 _OF_ITS_OWNER = frozenset({"unixsock-stream", "serial"})  # who may, say the rights of a file

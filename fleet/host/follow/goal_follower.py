@@ -34,7 +34,7 @@ class GoalNavigator(Protocol):
 
 
 class GoalFollower:
-    """The follower of one robot. ``drive`` is the desk's, with its clamp and dead-man."""
+    """The follower of one robot. ``drive`` is the controller's, with its clamp and dead-man."""
 
     def __init__(
         self,

@@ -21,6 +21,7 @@ from fleet.clock import Clock
 from fleet.history.store import History
 from fleet.host.journal.journal import Journal
 from fleet.host.logs.rotating_file import log_and_flush
+from fleet.host.process.setpoints import take_setpoints
 from fleet.host.process.twin_claims import TwinClaims
 from fleet.host.process.video_relay import relay_video
 from fleet.host.requests.stop_cause import StopCause, local_cause
@@ -33,7 +34,6 @@ from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import LoopWatch, Watchdog
-from fleet.host.setpoints import take_setpoints
 from fleet.model.command import Reply, ReplyStatus, Transport
 from fleet.robot_config import MAIN
 from fleet.runtime.decoding import decode_json

@@ -1,4 +1,4 @@
-"""From a message on any way in to an ask at a robot's desk."""
+"""Decodes a message, whichever way it came in, to a request for a robot's controller."""
 
 from __future__ import annotations
 

@@ -7,14 +7,14 @@ from fleet.model.command import Reply
 
 
 class LastCommand:
-    """One robot's."""
+    """Last command and outcome of one robot."""
 
     def __init__(self) -> None:
         self.command = ""
         self.outcome = ""
 
     def follow(self, command: str, receipt: Receipt) -> None:
-        """Note a command that is under way, and from its ticket how it goes on."""
+        """Note a command that is under way, and from its receipt how it goes on."""
         self.command, self.outcome = command, "under way"
         receipt.watch(self._heard)
 

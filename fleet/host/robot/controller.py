@@ -16,7 +16,6 @@ from fleet.commands import CommandSpec
 from fleet.errors import Refused
 from fleet.host.follow.goal_follower import LEASE, GoalNavigator, goal_follower_of, goal_navigator
 from fleet.host.journal.journal import RobotJournal
-from fleet.host.own_commands import MOTION, own_commands
 from fleet.host.requests.event_reporter import Ask, EventReporter
 from fleet.host.requests.last_command import LastCommand
 from fleet.host.requests.receipt import Receipt
@@ -24,6 +23,7 @@ from fleet.host.robot.adapter_factory import Capabilities
 from fleet.host.robot.executor import Executor, may_still_move, takes
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.robot.navigator import Navigator
+from fleet.host.robot.own_commands import MOTION, own_commands
 from fleet.host.robot.standstill import answer_stop, stand_still, what_was_written, write_halt
 from fleet.host.robot.velocity_control import VelocityControl
 from fleet.host.runtime.threads import HALT_WAIT, run_in_thread, run_in_turn

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fleet.commands import CommandSpec
-from fleet.host.own_commands import MOTION
 from fleet.host.robot.controller import RobotController
+from fleet.host.robot.own_commands import MOTION
 from fleet.model.command import Command, Origin, Transport
 
 

@@ -98,7 +98,7 @@ class Executor:
         task.add_done_callback(lambda _: timer.cancel())
 
     def cancel(self, why: str) -> None:
-        """End the moving command; its ticket is told why."""
+        """End the moving command; its receipt is told why."""
         if self._mover is not None and self._receipt is not None:
             mover, receipt = self._mover, self._receipt
             self._moved(mover)

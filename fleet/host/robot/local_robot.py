@@ -1,4 +1,4 @@
-"""One robot of this process: its desk, its runner, its reports and its state, wired together."""
+"""One robot of this process: its controller, adapter runner, reports and state, wired together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from functools import partial
 
 from fleet.clock import Clock
 from fleet.errors import WireError
-from fleet.host.joints import STEP
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
 from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
@@ -23,6 +22,7 @@ from fleet.host.robot.command_descriptions import description
 from fleet.host.robot.controller import RobotController
 from fleet.host.robot.distance_moves import goal_of
 from fleet.host.robot.dry_run import would_refuse
+from fleet.host.robot.joint_control import STEP
 from fleet.host.robot.report_queue import ReportQueue
 from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
@@ -196,7 +196,7 @@ class LocalRobot:
         return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Bring an ask to the desk, unless it is late: one without a stamp is as old as its arrival."""
+        """Bring a request to the controller, unless it is late: one without a stamp is as old as its arrival."""
         if isinstance(ask, Command) and ask.flaw:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = reply_with_flaw(answer, ask.flaw)

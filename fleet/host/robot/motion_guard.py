@@ -40,7 +40,7 @@ LANDINGS = frozenset({"land", "return_to_home"})
 
 
 class GuardActions(Protocol):
-    """What the guard asks of the robot, at its desk."""
+    """What the guard asks of the robot's controller."""
 
     @property
     def free(self) -> bool:
@@ -56,7 +56,7 @@ class GuardActions(Protocol):
 class MotionGuard:
     """One robot's fence, the watch on its battery, and on the other robots of its edge (``apart``).
 
-    ``robot`` is what is asked of it, its desk. ``held`` is the body velocity that is being held; ``taken``:
+    ``robot`` is its controller. ``held`` is the body velocity that is being held; ``taken``:
     somebody took the robot, and it has done nothing for us since.
     """
 

@@ -63,7 +63,7 @@ class OtherRobots(Protocol):
 
 
 class MovingRobot(Protocol):
-    """What moves the robot: its desk."""
+    """What moves the robot: its controller."""
 
     @property
     def in_motion(self) -> bool:

@@ -8,9 +8,9 @@ from typing import Any
 from fleet.adapter import Adapter
 from fleet.clock import Clock
 from fleet.errors import CommandError, LinkError
-from fleet.host.joints import JointDriving
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
+from fleet.host.robot.joint_control import JointDriving
 from fleet.host.robot.motion_guard import MotionGuard
 from fleet.host.safety.deadman import DeadMan
 from fleet.host.safety.held_keys import HeldKeys

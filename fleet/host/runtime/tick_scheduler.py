@@ -158,7 +158,7 @@ class TickScheduler:
             yield from _walled(end)
 
     def _call(self, periodic: PeriodicCall) -> None:
-        """Make one call, walled off."""
+        """Make one call; what it raises is reported and ends only this call."""
         self.owner = periodic.owner
         try:
             periodic.context.run(periodic.call)

@@ -129,7 +129,7 @@ class RemoteRobot:
         run_in_thread(put)
 
     def _put_stop(self, cause: StopCause) -> None:
-        """Put the stop on its lane; waits while that is full. Never raises."""
+        """Send the stop on the control session; waits while that is full. Never raises."""
         try:
             self._control.put(
                 keys.stop(self._edge), msgspec.json.encode([self.name]), urgent=True, note=note_of(cause)
@@ -147,7 +147,7 @@ class RemoteRobot:
         waits: bool = False,
         unread: str = "",
     ) -> Request | None:
-        """Read a message, from any thread; an emergency stop leaves at once, over the stop lane.
+        """Read a message, from any thread; an emergency stop leaves at once, over the stop key.
 
         What is returned hands the message to the worker; what that answers goes back, or that nobody
         answered; with ``waits`` also how it ended. None for a reply on its way back, which asks nothing.

@@ -23,6 +23,7 @@ from fleet.host.workers.remote_robot import RemoteRobot
 from fleet.model.geometry import Velocity
 from fleet.runtime.rate_limited_counter import RateLimitedCounter
 from fleet.testing.clock import ManualClock
+from fleet.testing.waiting import wait_until
 from fleet.wire.rulebook import of_a_twin, rulebook
 from fleet.wire.topics import Topics
 
@@ -350,7 +351,7 @@ def test_a_journal_that_hangs_keeps_no_robot_from_being_halted(puppet):
     assert "halt" in told
     assert rig.robot.controller.latched
     assert latched == []
-    assert [change.why for change in rig.journal.latched] == ["the stop key"]
+    wait_until("it is recorded", lambda: [change.why for change in rig.journal.latched] == ["the stop key"])
 
 
 def test_two_stops_go_on_though_one_robot_is_not_written(puppet):

@@ -12,10 +12,10 @@ from cyberwave.data.header import HeaderTemplate
 
 from fleet.host.logs.line_format import JsonFormatter
 from fleet.host.logs.rotating_file import RotatingLogFile
+from fleet.host.process.setpoints import taker
 from fleet.host.requests.receipt import Receipt
 from fleet.host.requests.stop_cause import local_cause
 from fleet.host.runtime.watchdog import BLOCKED
-from fleet.host.setpoints import taker
 from fleet.model.command import Transport
 from fleet.model.geometry import Quaternion, Vector3
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
@@ -56,7 +56,7 @@ async def test_a_robot_that_blocks_the_loop_is_named_with_the_place_and_no_other
     await block_as(process, "rex")
     await asks.until(lambda: process.robots["rex"].state().health == "degraded")
     cause = process.robots["rex"].state().cause
-    assert cause.startswith("blocked the event loop at test_process.py:")
+    assert cause.startswith("blocked the event loop at test_robot_process.py:")
     assert cause.endswith("in block")
     assert process.robots["max"].state().health == "ok"
 

@@ -244,7 +244,7 @@ def test_a_report_that_cannot_be_encoded_keeps_the_asker_from_no_other(
 def test_who_asks_waits_for_nothing_though_answering_fails(outbox, put, bus_session, monkeypatch):
     put(TWIN, pose(1.0))
     outbox.flush()
-    monkeypatch.setattr("fleet.host.robot.report_queue.keys_meet", lambda one, other: 1 / 0)
+    monkeypatch.setattr("fleet.host.robot.report_queue.keys_intersect", lambda one, other: 1 / 0)
     questions = []
     closed = Query.close
     monkeypatch.setattr(Query, "close", lambda question: (questions.append(question), closed(question)))

@@ -10,10 +10,10 @@ from fleet.runtime.event_loop import run
 
 GOES_ON = """
 import sys, threading
-from fleet.host import leave
-leave.PATIENCE = 0.01
+from fleet.host.runtime import shutdown
+shutdown.PATIENCE = 0.01
 threading.Thread(target=threading.Event().wait, name="pump").start()
-sys.exit(leave.leave(7))
+sys.exit(shutdown.shutdown(7))
 """
 
 

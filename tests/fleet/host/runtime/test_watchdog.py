@@ -443,7 +443,7 @@ GIVEN_UP = """
 import asyncio, sys, time
 from unittest.mock import Mock
 from fleet.clock import SystemClock
-from fleet.host import watchdog
+from fleet.host.runtime import watchdog
 from fleet.host.process.robot_process import RobotProcess
 from fleet.host.runtime.watchdog import Watched
 from fleet.host.safety.deadman import DeadMan

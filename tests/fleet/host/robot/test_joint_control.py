@@ -7,11 +7,11 @@ import pytest
 
 from fleet.adapter import Adapter, AdapterConfig
 from fleet.errors import NotReady
-from fleet.host.joints import STEP
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.receipt import Receipt
 from fleet.host.robot.adapter_factory import capabilities
 from fleet.host.robot.controller import RobotController
+from fleet.host.robot.joint_control import STEP
 from fleet.model.command import Command, JointSetpoint, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.joints import JointRange
