@@ -136,7 +136,7 @@ class ZenohSession:
         return [link.dst for link in self._session.info.links()]
 
     def publisher(self, key: str) -> Publisher:
-        """Declare a publisher for state: never blocking, dropped when the way is full; not for this session."""
+        """Declare a publisher for state: never blocks, drops when the link is full; for others."""
         return Publisher(self._session, key)
 
     def publishers(self, pattern: str) -> Publishers:

@@ -1,4 +1,4 @@
-"""The stop lane: an emergency stop for a robot, a group, an edge, or everything there is.
+"""Serves the stop key: emergency stops for a robot, a group, an edge, or everything there is.
 
 Published or asked on ``fleet/*/stop`` with a JSON list of names; an empty list, or nothing, means all. Who
 asks may say so, and why, beside it (``stop_cause``).

@@ -196,7 +196,7 @@ class LocalRobot:
         return Request(partial(self._take, kind, ask, waits, arrived), is_stop(ask), is_discrete(ask))
 
     def _take(self, kind: Kind, ask: Ask, waits: bool, arrived: float, answer: Answer) -> None:  # noqa: FBT001 - by position
-        """Bring a request to the controller, unless it is late: one without a stamp is as old as its arrival."""
+        """Bring a request to the controller, unless it is late; no stamp: as old as its arrival."""
         if isinstance(ask, Command) and ask.flaw:
             self._refusals.add("flawed", "took a message that was refused for %s: %s", ask.name, ask.flaw)
             answer = reply_with_flaw(answer, ask.flaw)
