@@ -51,7 +51,7 @@ class OnboardSensors(msgspec.Struct, frozen=True):
     bound_at: float = -math.inf
 
 
-def reduce_carried(sensors: OnboardSensors, message: MavlinkMessage, now: float) -> OnboardSensors:
+def reduce_sensors(sensors: OnboardSensors, message: MavlinkMessage, now: float) -> OnboardSensors:
     """Return what is known once ``message`` arrived at monotonic ``now``."""
     change = CHANGES.get(type(message))
     return change(sensors, message, now) if change else sensors

@@ -36,7 +36,7 @@ from fleet_mavlink.messages import (
     SystemTime,
 )
 from fleet_mavlink.onboard_sensors import CHANGES as CARRIED
-from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_carried
+from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_sensors
 
 SILENCE = 3.0  # s without a heartbeat after which the vehicle counts as gone
 _BEATS_TO_RETURN = 2
@@ -196,7 +196,7 @@ def reduce(state: VehicleState, message: MavlinkMessage, now: float) -> VehicleS
             state = _rebooted(state, boot_ms)
         news["boot_ms"] = boot_ms
     if kind in CARRIED:
-        news["carried"] = reduce_carried(state.sensors, message, now)
+        news["sensors"] = reduce_sensors(state.sensors, message, now)
     elif change := _CHANGES.get(kind):
         news |= change(state, message, now)
     return msgspec.structs.replace(state, **news) if news else state

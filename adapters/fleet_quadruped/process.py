@@ -20,6 +20,9 @@ from fleet_quadruped.control.plan import ControlPlan, Word
 
 _START = 30.0  # s until it must be ready
 
+DISMISSED = b"leave\n"
+"""Written before the pipe is closed, so that an orderly end is told from the death of this process."""
+
 
 class BodyProcess:
     """A running body controller; an async context manager that leaves the dog sitting and off.
@@ -78,6 +81,7 @@ class BodyProcess:
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             pass_fds=self._descriptors,
+            start_new_session=True,  # Ctrl-C at the terminal is for the edge: the dog sits down first
         )
 
     async def _ready(self) -> None:
@@ -100,6 +104,7 @@ class BodyProcess:
         process, self._process = self._process, None
         if process is not None:
             assert process.stdin is not None
+            process.stdin.write(DISMISSED)
             process.stdin.close()
             await _left(process, self._leave)
         for descriptor in self._descriptors:

@@ -35,7 +35,8 @@ def check(out: Output, file: str) -> ExitCode:
     warnings = [msgspec.to_builtins(warning) for warning in told]
     out.data({"ok": True, "file": file, **_summary(loaded), "problems": [], "warnings": warnings})
     for warning in told:
-        out.note(f"warning: {warning.shown()}")
+        for line in f"warning: {warning.shown()}".splitlines():  # a note escapes line breaks
+            out.note(line)
     out.say(f"{file} is valid: {_sentence(loaded)}")
     return ExitCode.OK
 

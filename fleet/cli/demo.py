@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import itertools
 import json
 import shutil
@@ -110,7 +111,11 @@ def demo_file(drones: int, host: str, port: int, *, ugvs: int = 0, dogs: int = 0
 @click.option("--drones", type=click.IntRange(0, 100), default=1, show_default=True, help="How many.")
 @click.option("--ugvs", type=click.IntRange(0, 100), default=1, show_default=True, help="Wheeled robots.")
 @click.option(
-    "--dogs", type=click.IntRange(0, 10), default=0, show_default=True, help="Quadrupeds (extra can)."
+    "--dogs",
+    type=click.IntRange(0, 10),
+    default=lambda: int(importlib.util.find_spec("can") is not None),
+    show_default="1 with the extra can",
+    help="Quadrupeds (extra can).",
 )
 @click.option("--broker", metavar="HOST:PORT", help="Use this MQTT broker instead of the built-in one.")
 @click.option("--edge-id", default=EDGE, show_default=True, help="Name of the edge; another for each demo.")
@@ -122,8 +127,9 @@ def demo(  # noqa: PLR0917 - click's options
     """Run simulated robots; nothing else is needed.
 
     Starts an MQTT broker, simulated drones that speak real MAVLink (PX4 and ArduPilot in turn), wheeled
-    robots that speak on a serial device, the bus and the bridge, and shows one line a robot until Ctrl-C.
-    A second demo beside it needs an --edge-id of its own; taken ports are replaced by free ones.
+    robots that speak on a serial device, quadrupeds whose drives speak CAN, the bus and the bridge, and
+    shows one line for each robot until Ctrl-C. A second demo beside it needs an --edge-id of its own; taken
+    ports are replaced by free ones.
     """
     if drones + ugvs + dogs == 0:
         raise click.UsageError("there is nothing to show: ask for one of --drones, --ugvs, --dogs at least")

@@ -33,6 +33,7 @@ class SimProcess:
                 *("-m", self._module, "--stdin"),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C at the terminal is for the edge, which ends it in order
             )
         except OSError as error:
             raise LinkRefused(f"the simulator cannot be started: {error}") from error

@@ -104,7 +104,8 @@ class Loop:
 
     ``moved`` is called with the cycle's seconds after each cycle: a simulated dog in this process moves then.
     ``capture`` writes down what was on the buses when a fault latches.
-    ``owner`` is a descriptor whose end of file means that whoever gives orders is gone.
+    ``owner`` is a descriptor whose end of file ends the loop. Bytes before it say that the end is meant;
+    without any, the adapter's process has died.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class Loop:
         self._owner = owner
         self._moved = moved
         self._capture = capture
-        self._orphan = False
+        self._orphan = self._dismissed = False
         self._priority = False
         self._cycles = self._overruns = self._incomplete = 0
         self._window = (0.0, 0, 0.0)  # since when, cycles, longest
@@ -198,12 +199,17 @@ class Loop:
                 return
 
     def _pause(self, seconds: float) -> None:
-        """Wait; whoever gives orders may die meanwhile."""
+        """Wait; the adapter may end this loop, or its process may die, meanwhile."""
         watched = [] if self._owner is None or self._orphan else [self._owner]
         ready, _, _ = select.select(watched, [], [], seconds)
-        if ready and self._owner is not None and not os.read(self._owner, 256):
-            log.warning("whoever gives orders is gone: the dog sits down")
-            self._orphan = True
+        if not ready or self._owner is None:
+            return
+        if os.read(self._owner, 256):
+            self._dismissed = True
+            return
+        if not self._dismissed:
+            log.warning("the process that gives orders is gone: the dog sits down")
+        self._orphan = True
 
     def _count(self, now: float, took: float) -> None:
         """Keep the figures of the last second."""

@@ -6,7 +6,7 @@ import pytest
 
 from fleet.model.report import ImuReport, JointReport, MetricsReport, PoseReport
 from fleet_mavlink.motors import Motors
-from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_carried
+from fleet_mavlink.onboard_sensors import OnboardSensors, reduce_sensors
 from fleet_mavlink.payload_messages import (
     EscTelemetry1To4,
     GimbalDeviceAttitudeStatus,
@@ -18,7 +18,7 @@ both = pytest.mark.parametrize("flavour", ["ardupilot", "px4"])
 
 
 def after(message, now=1.0):
-    return reduce_carried(OnboardSensors(), message, now)
+    return reduce_sensors(OnboardSensors(), message, now)
 
 
 def test_ardupilots_thousandths_become_si():
