@@ -41,7 +41,7 @@ BUT = (
     "adapters/fleet_quadruped/can/test_bus.py",
     "adapters/fleet_ugv/test_pty.py",
     "fleet/bridge/test_bridge.py",
-    "fleet/bridge/test_farewell.py",
+    "fleet/bridge/test_disconnect_program.py",
     "fleet/bridge/test_outage.py",
     "fleet/config/test_json_schema.py",
     "fleet/config/test_load.py",
@@ -51,7 +51,7 @@ BUT = (
     "fleet/link/test_udp.py",
     "fleet/spool/test_spool.py",
     # wait for nothing, but fly for seconds of processor time
-    "adapters/fleet_mavlink/test_driving.py",
+    "adapters/fleet_mavlink/test_velocity_stream.py",
     "adapters/fleet_mavlink/test_flight.py",
     "adapters/fleet_mavlink/test_flight_list.py",
     "adapters/fleet_mavlink/test_heading.py",
