@@ -23,7 +23,9 @@ OLDEST_UV = (0, 5)
 TO_FOLDER = ("--root-user-action=ignore", "--target")  # pip may be root's: the system is not changed
 VENV = "on Debian and Ubuntu: sudo apt-get install -y python3-venv"
 USAGE = """usage: python3 run.py demo [options of fleet demo]
-       python3 run.py test [options of pytest]"""
+       python3 run.py test [--fast | --soak] [options of pytest]
+
+--fast: only what waits for nothing, a minute. --soak: many times as many examples, hours."""
 # What each word installs, besides the locked runtime packages. The demo leaves the tests' packages alone.
 PACKAGES = {
     "demo": ["--no-default-groups", "--extra", "all", "--inexact"],
@@ -33,6 +35,10 @@ PROGRAMS = {
     "demo": ["fleet", "demo"],
     "test": ["python", "-m", "pytest", "-n", "auto", "--dist", "loadgroup"],
 }
+
+
+TIERS = {"--soak": ["--soak", "--timeout", "0"]}
+"""What a word of ours means to pytest; ``--fast`` is its own, in tests/tiers.py."""
 
 
 class Impossible(Exception):
@@ -140,7 +146,8 @@ def start(arguments: list[str]) -> None:
     os.chdir(ROOT)
     name, *rest = PROGRAMS[word]
     program = str(ENVIRONMENT / "bin" / name)
-    os.execv(program, [program, *rest, *options])
+    expanded = [word for option in options for word in TIERS.get(option, [option])]
+    os.execv(program, [program, *rest, *expanded])
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@
     ├── BusError             the Zenoh session could not be opened
     ├── CloudError           the broker refused us, and why
     ├── StateError           what must outlive the edge cannot be kept where it was to be
-    │   └── StateTaken       another edge that runs has that place
+    │   ├── StateTaken       another edge that runs has that place
+    │   └── StateNewer       a newer fleet wrote the file
     ├── MetricsError         the figures for Prometheus cannot be served
     └── CommandError         a command was not carried out
         ├── NotReady         not now; try again (``hint`` says when)
@@ -69,6 +70,14 @@ class StateError(FleetError):
 
 class StateTaken(StateError):
     """Another edge that runs has the folder of the lasting state."""
+
+
+class StateNewer(StateError):
+    """A state file has a format number that this fleet does not know yet; ``found`` is that number."""
+
+    def __init__(self, message: str, *, found: int) -> None:
+        super().__init__(message)
+        self.found = found
 
 
 class MetricsError(FleetError):

@@ -17,7 +17,6 @@ from fleet.runtime.event_loop import BackgroundLoop, FleetLoop
 from fleet.sim.broker import BrokerThread
 
 settings.register_profile("fleet", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("hostile", settings.get_profile("fleet"), max_examples=100_000)
 settings.load_profile("fleet")
 
 
@@ -30,6 +29,7 @@ def _load(path):
 
 
 PROGRAMS = _load(Path(__file__).with_name("programs.py"))
+TIERS = _load(Path(__file__).with_name("tiers.py"))
 MISSING = "missing program: "  # begins the reason of each test that does not run for want of a program
 
 MOSQUITTO = (
@@ -170,6 +170,11 @@ def broker():
 def foreign_broker(request):
     """Run a broker outside the demo: Mosquitto, or the demo broker where there is no Mosquitto."""
     return request.getfixturevalue("mosquitto" if PROGRAMS.find("mosquitto") else "broker")
+
+
+def pytest_addoption(parser, pluginmanager):
+    """Add the tiers of the tests."""
+    pluginmanager.register(TIERS, "tiers")
 
 
 def missing_programs(config):

@@ -11,11 +11,11 @@ import msgspec
 
 from fleet.bus.settings import runtime_dirs
 from fleet.cli.options import edge_file_option
-from fleet.cli.output import NotRunning, Output, with_output
+from fleet.cli.output import NotRunning, Output, counted, with_output
 from fleet.cli.times import since_option
 from fleet.config.load import load
 from fleet.host.logs.folders import log_folder, log_folders
-from fleet.host.logs.line_format import LogLine, as_text
+from fleet.host.logs.line_format import FORMAT, LogLine, as_text
 from fleet.runtime.decoding import json_decoder
 from fleet.spool.state_folder import state_folder
 
@@ -55,6 +55,8 @@ def logs(
         _show(out, line)
     if not before:
         out.note(f"nothing is logged{f' about {name}' if name else ''}")
+    if newer := sum(tail.newer for tail in tails.values()):
+        out.note(f"left out: {counted(newer, 'line')} of a newer fleet; this one reads up to format {FORMAT}")
     while follow:
         time.sleep(LOOK)
         for line in _more(folders, tails):
@@ -75,10 +77,14 @@ def _show(out: Output, line: LogLine) -> None:
 
 
 class Tail:
-    """One file that grows, with those that it was before it was rotated."""
+    """One file that grows, with those that it was before it was rotated.
+
+    ``newer`` counts the lines of a format that this fleet does not know.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.newer = 0
         self._inode = 0
         self._at = 0
 
@@ -94,21 +100,24 @@ class Tail:
             self._inode, self._at = found.st_ino, 0
         whole = _content(self.path)[self._at :].rpartition(b"\n")[0]
         self._at += len(whole) + bool(whole)
-        yield from _lines(whole)
+        yield from self._lines(whole)
 
     def _rest(self, older: list[Path]) -> Iterator[LogLine]:
         """Yield what was rotated away: the first time all, later what came at the end of the last file."""
         for path in older if not self._inode else older[-1:]:
-            yield from _lines(_content(path)[self._at if self._inode else 0 :])
+            yield from self._lines(_content(path)[self._at if self._inode else 0 :])
 
-
-def _lines(content: bytes) -> Iterator[LogLine]:
-    """Yield the lines of a file; what is none is left out."""
-    for each in content.splitlines():
-        try:
-            yield _decode(each)
-        except msgspec.DecodeError:
-            continue
+    def _lines(self, content: bytes) -> Iterator[LogLine]:
+        """Yield the lines of a part of the file; what is none is left out."""
+        for each in content.splitlines():
+            try:
+                line = _decode(each)
+            except msgspec.DecodeError:
+                continue
+            if line.format > FORMAT:
+                self.newer += 1
+            else:
+                yield line
 
 
 def _content(path: Path) -> bytes:

@@ -7,10 +7,11 @@ import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
-from fleet.errors import StateError
+from fleet.errors import StateError, StateNewer
 from fleet.history.event_filter import MOST, EventFilter
 from fleet.history.record import COLUMNS, Record, record_of
-from fleet.history.store import HISTORY, VERSION
+from fleet.history.store import FORMATS, HISTORY
+from fleet.spool.database import format_of
 
 
 def read(folder: Path, wanted: EventFilter) -> list[Record]:
@@ -21,7 +22,7 @@ def read(folder: Path, wanted: EventFilter) -> list[Record]:
     try:
         with _opened(path) as database:
             return list(_records(database, wanted))[::-1]
-    except (sqlite3.Error, OSError) as error:
+    except (sqlite3.Error, OSError, StateNewer) as error:
         raise StateError(f"{path} cannot be read: {error}") from None
 
 
@@ -45,13 +46,11 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             database = sqlite3.connect(each, uri=True, timeout=2.0)
             closing.callback(database.close)
             try:
-                version = int(database.execute("PRAGMA user_version").fetchone()[0])
+                format_of(database, len(FORMATS))
                 database.execute("SELECT 1 FROM event LIMIT 1")
             except sqlite3.OperationalError:
                 if each != address:
                     raise
             else:
                 break
-        if version != VERSION:
-            raise StateError(f"{path} has form {version}, this fleet reads {VERSION}")
         yield database

@@ -10,6 +10,7 @@ what happens                what the store does
 disk full, read-only        keeps the newest in memory, tells it as ``problem``, tries again
 too many wait               the oldest are lost, counted, and told in the history once it is written
 file damaged                set aside, a new one begun
+file of a newer fleet       the same, kept for that fleet
 another process has it      the same as with a full disk: the journal's thread waits a moment only
 file too old or too large   the oldest events are deleted, a few at a time
 ==========================  ==========================================================================
@@ -36,16 +37,17 @@ from fleet.spool.state_folder import locked, made
 log = logging.getLogger(__name__)
 
 HISTORY = "history.db"
-VERSION = 1
-"""Of the file's form; a file of another one is set aside."""
-SCHEMA = """
+FORMATS = (
+    """
 CREATE TABLE event (
     id INTEGER PRIMARY KEY, stamp REAL, robot TEXT, kind TEXT, severity TEXT, text TEXT,
     way TEXT, asker TEXT, source_type TEXT, proven INTEGER, command TEXT, request TEXT, data TEXT
 );
 CREATE INDEX event_by_stamp ON event (stamp);
 CREATE INDEX event_by_robot ON event (robot, stamp);
-"""
+""",
+)
+"""What makes the file, and brings it from each format number to the next."""
 WAITING = 5000  # events in memory at most
 AGAIN_AFTER = 5.0  # s until a disk that failed is tried again
 BUSY = 0.2
@@ -136,7 +138,7 @@ class History:
             made(self.folder)
             try:
                 with locked(path, within=self._patience):
-                    self._database, _ = open_checked(path, SCHEMA, VERSION, "NORMAL", busy=self._patience)
+                    self._database, _ = open_checked(path, FORMATS, "NORMAL", busy=self._patience)
             except StateTaken:
                 raise StateError(f"another process is just opening {path}") from None
         return self._database

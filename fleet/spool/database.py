@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import logging
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from fleet.errors import StateError
+from fleet.errors import StateError, StateNewer
+from fleet.runtime.state_format import refuse_newer
 
 log = logging.getLogger(__name__)
 
@@ -18,6 +20,8 @@ BUSY = 2.0
 """Seconds to wait for another process that writes."""
 BROKEN = ".broken"
 """What a file that cannot be read is renamed to; only the newest of them is kept."""
+NEWER = ".format-{}"
+"""What a file of a newer fleet is renamed to, with its format number: that fleet can have it back."""
 
 Synchronous = Literal["NORMAL", "FULL"]
 """NORMAL survives the death of the process; FULL also that of the computer, but waits for the disk."""
@@ -29,34 +33,33 @@ def is_corrupt(error: sqlite3.Error) -> bool:
     return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
-def set_aside(path: Path) -> Path:
-    """Rename a damaged file, and what belongs to it; return its new place. Raises OSError."""
+def set_aside(path: Path, suffix: str = BROKEN) -> Path:
+    """Rename a file that cannot be used, and what belongs to it; return its new place. Raises OSError."""
     for part in ("-wal", "-shm"):
         with contextlib.suppress(FileNotFoundError):
-            path.with_name(path.name + part).replace(path.with_name(path.name + BROKEN + part))
-    aside = path.with_name(path.name + BROKEN)
+            path.with_name(path.name + part).replace(path.with_name(path.name + suffix + part))
+    aside = path.with_name(path.name + suffix)
     path.replace(aside)
     return aside
 
 
 def open_checked(
-    path: Path, schema: str, version: int, synchronous: Synchronous, *, busy: float = BUSY
+    path: Path, formats: Sequence[str], synchronous: Synchronous, *, busy: float = BUSY
 ) -> tuple[sqlite3.Connection, Path | None]:
-    """Open a file, or make it; one that is damaged, or of another version, is set aside and a new one made.
+    """Open a file, or make it; one that is damaged, or of a newer format, is set aside and a new one made.
 
+    ``formats`` is the SQL that brings a file from each format number to the next, from 0, an empty file.
     Returns the connection, for use on any one thread at a time, and where the old file is now, None when
     it was well. ``busy``: seconds that a statement waits for another process that writes. Raises StateError
     when neither the old nor a new file can be used.
     """
     try:
         try:
-            return _opened(path, schema, version, synchronous, busy), None
-        except sqlite3.DatabaseError as error:
-            if not (is_corrupt(error) or isinstance(error, _Damaged)):
-                raise
-            aside = set_aside(path)
+            return _opened(path, formats, synchronous, busy), None
+        except (sqlite3.DatabaseError, StateNewer) as error:
+            aside = set_aside(path, _suffix(error))
             log.error("%s cannot be read (%s): set aside as %s", path, error, aside.name)  # noqa: TRY400
-            return _opened(path, schema, version, synchronous, busy), aside
+            return _opened(path, formats, synchronous, busy), aside
     except (sqlite3.Error, OSError) as error:
         raise StateError(f"{path} cannot be used: {error}; set edge.spool.path, or mend the disk") from None
 
@@ -65,30 +68,45 @@ class _Damaged(sqlite3.DatabaseError):
     """The file opens but is not what we wrote."""
 
 
-def _opened(
-    path: Path, schema: str, version: int, synchronous: Synchronous, busy: float
-) -> sqlite3.Connection:
+def _suffix(error: sqlite3.DatabaseError | StateNewer) -> str:
+    """Return what is put behind the name of a file that is set aside; raises what leaves it in its place."""
+    if isinstance(error, StateNewer):
+        return NEWER.format(error.found)
+    if is_corrupt(error) or isinstance(error, _Damaged):
+        return BROKEN
+    raise error
+
+
+def format_of(connection: sqlite3.Connection, newest: int) -> int:
+    """Return the format number of a file, 0 for an empty one; raises StateNewer."""
+    found = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    refuse_newer(found, newest)
+    return found
+
+
+def _opened(path: Path, formats: Sequence[str], synchronous: Synchronous, busy: float) -> sqlite3.Connection:
     """Open a file and check it, or make it, for this user alone: its folder may be open to others."""
     path.touch(mode=0o600)
     connection = sqlite3.connect(path, timeout=busy, isolation_level=None, check_same_thread=False)
     try:
+        found = format_of(connection, len(formats))  # before anything is changed in it
         connection.execute(f"PRAGMA page_size = {PAGE}")
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute(f"PRAGMA synchronous = {synchronous}")
-        if _found(connection, version) == 0:
-            connection.executescript(f"BEGIN; {schema}; PRAGMA user_version = {version}; COMMIT")
+        _check(connection, found)
+        if found < len(formats):
+            steps = "; ".join(formats[found:])
+            connection.executescript(f"BEGIN; {steps}; PRAGMA user_version = {len(formats)}; COMMIT")
     except BaseException:
         connection.close()
         raise
     return connection
 
 
-def _found(connection: sqlite3.Connection, version: int) -> int:
-    """Return the version of what is in the file, 0 for nothing; raises _Damaged for what is not ours."""
-    found = int(connection.execute("PRAGMA user_version").fetchone()[0])
+def _check(connection: sqlite3.Connection, found: int) -> None:
+    """Raise _Damaged for a file that is none of ours."""
     verdict = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if verdict != "ok":
         raise _Damaged(str(verdict))
-    if found not in (0, version):
-        raise _Damaged(f"version {found}, not {version}")
-    return found
+    if found < 0:
+        raise _Damaged(f"format {found}")

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import msgspec
 
-from fleet.errors import StateError, StateTaken
+from fleet.errors import StateError, StateNewer, StateTaken
+from fleet.spool.database import format_of
 from fleet.spool.losses import Gap, Reason
 from fleet.spool.state_folder import SPOOL, FileLock
-from fleet.spool.store import SCHEMA
+from fleet.spool.store import FORMATS
 from fleet.wire.rules import TrafficClass
 
 
@@ -106,7 +107,10 @@ def _opened(folder: Path, mode: str = "ro") -> Iterator[sqlite3.Connection]:
     path = folder / SPOOL
     try:
         with contextlib.closing(_connected(path, mode)) as database:
+            format_of(database, len(FORMATS))
             yield database
+    except StateNewer as error:
+        raise StateError(f"{path} cannot be read: {error}") from None
     except (sqlite3.Error, OSError) as error:
         raise StateError(f"{path} cannot be read: {error}; is its disk full?") from None
 
@@ -115,7 +119,7 @@ def _connected(path: Path, mode: str) -> sqlite3.Connection:
     """Return a connection to a file; one that is not there, or never had room for a byte, is empty."""
     if not path.exists() or not path.stat().st_size:
         nothing = sqlite3.connect(":memory:")
-        nothing.executescript(SCHEMA)
+        nothing.executescript("; ".join(FORMATS))
         return nothing
     place = path.absolute().as_uri()
     database = sqlite3.connect(f"{place}?mode={mode}", uri=True, isolation_level=None)

@@ -22,8 +22,8 @@ FULL_AT, ROOM_AT = 0.9, 0.89
 They are near each other: while some are removed none is written.
 """
 
-_VERSION = 1
-SCHEMA = """
+FORMATS = (
+    """
 CREATE TABLE topic (id INTEGER PRIMARY KEY, name TEXT UNIQUE, traffic INTEGER);
 CREATE TABLE message (
     seq INTEGER PRIMARY KEY, topic INTEGER, expires REAL, payload BLOB, correlation BLOB, content_type TEXT
@@ -32,7 +32,9 @@ CREATE INDEX message_by_topic ON message (topic, seq);
 CREATE TABLE loss (
     topic TEXT, reason TEXT, lost INTEGER, since REAL, until REAL, PRIMARY KEY (topic, reason)
 );
-"""
+""",
+)
+"""What makes the file, and brings it from each format number to the next."""
 _SELECT = "SELECT message.seq, topic.name FROM message JOIN topic ON topic.id = message.topic "
 _OLDEST = _SELECT + "WHERE topic.traffic = ? AND message.seq >= ? ORDER BY message.seq LIMIT ?"
 _FIRST = (
@@ -60,7 +62,7 @@ class SpoolFile:
     def __init__(self, path: Path, size: int) -> None:
         self.path = path
         self.aside: Path | None
-        self._database, self.aside = open_checked(path, SCHEMA, _VERSION, "NORMAL")
+        self._database, self.aside = open_checked(path, FORMATS, "NORMAL")
         self._pages = size // PAGE
         self._database.execute(f"PRAGMA max_page_count = {self._pages}")
         self._database.execute("PRAGMA journal_size_limit = 4194304")

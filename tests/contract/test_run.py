@@ -4,6 +4,8 @@ import subprocess
 import sys
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 
 @pytest.mark.parametrize("words", [[], ["fly"]])
@@ -60,3 +62,52 @@ def program(path, script):
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
     return path
+
+
+def test_the_fast_tier_names_folders_and_files_that_are_there(root, module_at):
+    tiers = module_at("tiers.py")
+    assert [name for name in (*tiers.FAST, *tiers.BUT) if not (root / "tests" / name).exists()] == []
+    assert all(any(name.startswith(f"{fast}/") for fast in tiers.FAST) for name in tiers.BUT)
+
+
+@pytest.mark.parametrize(
+    ("option", "pytests"), [("--fast", ["--fast"]), ("--soak", ["--soak", "--timeout", "0"])]
+)
+def test_the_tiers_are_options_of_run_py_test(bootstrap, monkeypatch, option, pytests):
+    started = []
+    monkeypatch.setattr(bootstrap, "install", lambda word: None)
+    monkeypatch.setattr(bootstrap, "fetch_programs", lambda: None)
+    monkeypatch.setattr(bootstrap.os, "chdir", lambda folder: None)
+    monkeypatch.setattr(bootstrap.os, "execv", lambda program, arguments: started.extend(arguments))
+    bootstrap.start(["test", option, "tests/fleet/wire"])
+    assert started[-len(pytests) - 1 :] == [*pytests, "tests/fleet/wire"]
+
+
+def test_a_test_of_the_fast_tier_that_waits_fails(root, tmp_path):
+    test = root / "tests" / "fleet" / "wire" / "test_that_waits.py"
+    test.write_text("import socket\ndef test_waits():\n    socket.create_server(('127.0.0.1', 0)).close()\n")
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "--fast", "-p", "no:cacheprovider", str(test)],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=root,
+        )
+    finally:
+        test.unlink()
+    assert "the fast tier waits for nothing: mark this test waits" in done.stdout
+
+
+def test_the_soak_tries_many_more_examples(module_at):
+    tiers = module_at("tiers.py")
+
+    @settings(max_examples=7, deadline=None)
+    @given(st.integers())
+    def counted(_number):
+        counts.append(1)
+
+    counts = []
+    tiers.lengthen(counted)
+    counted()
+    assert len(counts) == 7 * tiers.SOAK

@@ -31,11 +31,12 @@ REAL_TIME = ("test_dog.py", "test_ugv.py", "test_wheels.py", "test_sdk.py", "tes
 """Robots whose simulation needs the processor in time: never two of them at once on two cores."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the real-time tests on one worker of pytest-xdist."""
+    """Mark the real-time tests, of which one runs at a time."""
     for item in items:
         if item.path.name in REAL_TIME:
-            item.add_marker(pytest.mark.xdist_group("real time"))
+            item.add_marker(pytest.mark.real_time)
 
 
 class Running:

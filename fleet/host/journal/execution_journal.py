@@ -12,6 +12,7 @@ import contextlib
 import errno
 import fcntl
 import itertools
+import logging
 import mmap
 import os
 from collections.abc import Iterator
@@ -19,7 +20,11 @@ from pathlib import Path
 
 import msgspec
 
+from fleet.errors import StateNewer
 from fleet.runtime.decoding import json_decoder
+from fleet.runtime.state_format import refuse_newer
+
+log = logging.getLogger(__name__)
 
 
 class Started(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
@@ -39,10 +44,20 @@ class Latched(msgspec.Struct, frozen=True, array_like=True, tag="latch"):
     why: str
 
 
+class Form(msgspec.Struct, frozen=True, array_like=True, tag="format"):
+    """The first row of a file: the number of its format. Files of fleet 0.1.0 have none."""
+
+    number: int
+
+
 Row = Started | Latched
 
-_ROW: msgspec.json.Decoder[Row] = json_decoder(Row)
+ANY = "*"
+"""The robot in whose name everything is stopped, when nobody knows what was."""
+FORMAT = 1
+_ROW: msgspec.json.Decoder[Row | Form] = json_decoder(Row | Form)
 _encode = msgspec.json.Encoder().encode
+_FIRST = _encode(Form(FORMAT)) + b"\n"
 
 SIZE = 1 << 16  # bytes of the file, some five hundred rows; more when the disk takes nothing for long
 
@@ -68,7 +83,7 @@ class ExecutionJournal:
 
     def add(self, row: Row) -> None:
         """Write a row; when this returns, the end of the process does not lose it."""
-        line = _encode(row) + b"\n"
+        line = (b"" if self._end else _FIRST) + _encode(row) + b"\n"
         end = self._end + len(line)
         if end >= len(self._map):
             self._map = self._mapped(max(2 * len(self._map), end + 1))
@@ -152,9 +167,18 @@ def _locked(file: int) -> bool:
 
 
 def _rows(path: Path) -> Iterator[Row]:
-    """Read one file."""
+    """Read one file; of one of a newer format nobody knows what was stopped, so that everything is."""
     for line in path.read_bytes().partition(b"\0")[0].splitlines():
         try:
-            yield _ROW.decode(line)
+            row = _ROW.decode(line)
         except msgspec.DecodeError:
             continue
+        if not isinstance(row, Form):
+            yield row
+            continue
+        try:
+            refuse_newer(row.number, FORMAT)
+        except StateNewer as error:
+            log.error("%s cannot be read (%s): every robot is stopped", path, error)  # noqa: TRY400
+            yield Latched(ANY, f"{path.name} cannot be read: {error}; nobody knows whether a stop was set")
+            return

@@ -21,7 +21,7 @@ import msgspec
 
 from fleet.clock import Clock
 from fleet.errors import StateError
-from fleet.host.journal.execution_journal import ExecutionJournal, Latched, Row, Started
+from fleet.host.journal.execution_journal import ANY, ExecutionJournal, Latched, Row, Started
 from fleet.host.requests.receipt import Receipt
 from fleet.host.safety.dedup_cache import KEPT, DedupCache
 from fleet.model.command import Reply
@@ -37,18 +37,19 @@ LONGEST = 1 << 22
 """Bytes of commands that are kept in memory while the disk takes none."""
 REMEMBERED = 3600.0  # s that a command is kept; older ones are refused by their age
 DONE = "completed"
-ANY = "*"  # the robot in whose name everything is stopped, when nobody knows what was
 LOST = "the journal could not be read or written, so nobody knows whether a stop was set"
 
-_VERSION = 1
-_SCHEMA = """
+_FORMATS = (
+    """
 CREATE TABLE begun (
     robot TEXT, identity TEXT, name TEXT, action INTEGER, stamp REAL, outcome TEXT,
     PRIMARY KEY (robot, identity)
 ) WITHOUT ROWID;
 CREATE INDEX begun_by_stamp ON begun (stamp);
 CREATE TABLE latch (robot TEXT PRIMARY KEY, why TEXT) WITHOUT ROWID;
-"""
+""",
+)
+"""What makes the file, and brings it from each format number to the next."""
 _BEGIN = "INSERT OR REPLACE INTO begun VALUES "
 _ROW = "(?, ?, ?, ?, ?, ?)"
 _AT_ONCE = 100  # rows of one statement; SQLite takes 999 values at least
@@ -227,7 +228,7 @@ class Journal:
         try:
             made(folder)
             with locked(path):
-                database, aside = open_checked(path, _SCHEMA, _VERSION, "FULL")
+                database, aside = open_checked(path, _FORMATS, "FULL")
                 if aside is not None:
                     database.execute(_LATCH, (ANY, LOST))
                 for step in _PROBE:
@@ -245,6 +246,8 @@ class Journal:
         if self._begun is not None:
             with self._begun.everybodys() as rows:
                 for row in rows:
+                    if isinstance(row, Latched) and row.robot == ANY:  # releases of before are none of it
+                        database.execute("DELETE FROM latch WHERE why = ''")
                     database.execute(_RECOVERED[type(row)], msgspec.structs.astuple(row))
 
     def _add(self, row: Row) -> None:

@@ -13,13 +13,14 @@ from fleet.host.requests.event_reporter import ROBOT_LOGGER
 from fleet.runtime.event_loop import OWNER
 
 Format = Literal["text", "json"]
+FORMAT = 1  # the number of the lines' format in the log file
 LONGEST = 8192  # characters of a line's message, and of a traceback
 
 
 class LogLine(msgspec.Struct, frozen=True, omit_defaults=True):
     """One line of the log; ``time`` is ISO 8601 with date and zone, ``stamp`` the same in Unix seconds.
 
-    ``robot`` is whom it is about, empty where nobody.
+    ``robot`` is whom it is about, empty where nobody. ``format`` is left out while it is 1.
     """
 
     time: str
@@ -29,6 +30,7 @@ class LogLine(msgspec.Struct, frozen=True, omit_defaults=True):
     message: str
     robot: str = ""
     error: str = ""
+    format: int = FORMAT
 
 
 class TextFormatter(logging.Formatter):

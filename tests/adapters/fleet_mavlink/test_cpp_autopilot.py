@@ -49,7 +49,7 @@ async def flown(free_udp_port):
         await running
 
 
-@pytest.mark.xdist_group("real time")
+@pytest.mark.real_time
 async def test_fail_safes_arming_and_plans_work_with_an_autopilot_that_is_not_ours(flown):
     adapter, robot = flown
     await robot.until(lambda: any("NAV_DLL_ACT is 0" in health.cause for health in robot.healths), 30)

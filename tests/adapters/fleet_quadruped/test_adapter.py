@@ -24,7 +24,7 @@ from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport,
 from fleet_quadruped import QuadrupedConfig
 from fleet_quadruped.robot.description import EXAMPLE
 
-pytestmark = pytest.mark.xdist_group("real time")
+pytestmark = pytest.mark.real_time
 TWIN = "6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f"
 
 

@@ -18,7 +18,7 @@ from fleet import Fault, LinkLost, NotReady, TimedOut, Vector3, Velocity
 from fleet_quadruped.drives.cia402.frames import SYNC, TPDO1, unpack_told
 from fleet_quadruped.drives.cia402.states import DriveState, state_of
 
-pytestmark = pytest.mark.xdist_group("real time")
+pytestmark = pytest.mark.real_time
 TRIES = 3
 """Where a computer stalls its drives answer late, and the dog gives way, as it must: once more."""
 

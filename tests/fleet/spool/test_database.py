@@ -5,7 +5,21 @@ from fleet.spool.database import open_checked
 
 def test_a_file_is_made_for_its_user_alone_whoever_may_look_into_its_folder(tmp_path):
     tmp_path.chmod(0o755)
-    connection, _ = open_checked(tmp_path / "spool.db", "CREATE TABLE kept (what TEXT)", 1, "NORMAL")
+    connection, _ = open_checked(tmp_path / "spool.db", ["CREATE TABLE kept (what TEXT)"], "NORMAL")
     connection.execute("INSERT INTO kept VALUES ('secret')")
     assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o600}
     connection.close()
+
+
+def test_a_file_of_an_older_format_is_brought_to_the_newest_and_keeps_what_it_holds(tmp_path):
+    formats = ["CREATE TABLE kept (what TEXT)"]
+    connection, _ = open_checked(tmp_path / "spool.db", formats, "NORMAL")
+    connection.execute("INSERT INTO kept VALUES ('old')")
+    connection.close()
+    formats += ["ALTER TABLE kept ADD COLUMN why TEXT DEFAULT ''", "UPDATE kept SET why = 'moved'"]
+    for _ in range(2):
+        connection, aside = open_checked(tmp_path / "spool.db", formats, "NORMAL")
+        assert aside is None
+        assert connection.execute("SELECT * FROM kept").fetchall() == [("old", "moved")]
+        assert connection.execute("PRAGMA user_version").fetchone() == (3,)
+        connection.close()

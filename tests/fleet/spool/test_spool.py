@@ -149,7 +149,7 @@ def test_what_grew_too_old_while_nothing_ran_is_dropped_and_told(opened, clock):
     assert lost == {"t": 20, "u": 1}
 
 
-@pytest.mark.parametrize("damage", ["rubbish", "cut", "other version"])
+@pytest.mark.parametrize("damage", ["rubbish", "cut", "no format of ours"])
 def test_a_file_that_cannot_be_read_is_set_aside_and_told(tmp_path, opened, damage):
     opened().put(*payloads(500)).written().spool.close()
     path = tmp_path / "state" / SPOOL
@@ -159,7 +159,7 @@ def test_a_file_that_cannot_be_read_is_set_aside_and_told(tmp_path, opened, dama
         path.write_bytes(path.read_bytes()[:-10_000])
     else:
         with sqlite3.connect(path) as other:
-            other.execute("PRAGMA user_version = 99")
+            other.execute("PRAGMA user_version = -1")
         other.close()
     spool = opened()
     assert spool.spool.problem == f"{SPOOL} could not be read and was set aside as {SPOOL}.broken"

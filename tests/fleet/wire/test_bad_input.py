@@ -1,7 +1,7 @@
 """Every decoder of what comes from outside: it reads, or it raises WireError, and nothing else.
 
 The usual run tries a hundred cases of each. 100,000 of each:
-``pytest -n 0 --timeout 0 --hypothesis-profile=hostile tests/fleet/wire/test_bad_input.py``.
+``python3 run.py test --soak tests/fleet/wire/test_bad_input.py``.
 """
 
 import contextlib

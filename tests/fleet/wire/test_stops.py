@@ -145,7 +145,9 @@ def test_no_bytes_break_the_search_for_a_stop(payload):
 
 @given(
     st.sampled_from(sorted(STOP_WORDS)),
-    st.dictionaries(st.text(max_size=8), st.recursive(st.none() | st.floats() | st.text(), st.lists)),
+    st.dictionaries(
+        st.text(max_size=8), st.recursive(st.none() | st.floats() | st.text(), st.lists, max_leaves=8)
+    ),
     st.integers(0, 400),
 )
 def test_a_stop_that_is_cut_short_behind_its_name_is_one(word, more, cut):

@@ -372,7 +372,8 @@ def test_more_is_kept_in_memory_than_the_file_was_made_for_when_the_disk_takes_n
     for number in range(3000):
         journal.robot("rex").note(f"r{number}", "land")
     journal.robot("rex").latch("fire")
-    rows = (tmp_path / "begun.main").read_bytes().partition(b"\0")[0].splitlines()
+    form, *rows = (tmp_path / "begun.main").read_bytes().partition(b"\0")[0].splitlines()
+    assert form == b'["format",1]'
     assert len(rows) == 3001
     assert rows[-1] == b'["latch","rex","fire"]'
 
@@ -383,7 +384,7 @@ def test_a_stop_with_many_words_is_kept_in_memory_too(tmp_path, opened, monkeypa
     journal.robot("rex").latch("x" * 500_000)
     journal.robot("max").latch("fire")
     rows = (tmp_path / "begun.main").read_bytes().partition(b"\0")[0].splitlines()
-    assert [len(row) for row in rows] == [500_018, 22]
+    assert [len(row) for row in rows] == [12, 500_018, 22]
 
 
 def test_a_memory_that_is_full_is_told_and_the_stop_is_on_the_disk_all_the_same(

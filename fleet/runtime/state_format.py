@@ -1,0 +1,27 @@
+"""The rule for the format numbers of state files: an older one is read, a newer one is refused and kept.
+
+Every file in which an edge leaves state for the next one has a format number, which grows by one with each
+change that older readers would misread.
+
+=====================  ==========================  ===================================================
+file                   where its number is         without one
+=====================  ==========================  ===================================================
+SQLite                 ``PRAGMA user_version``     0: an empty file, which is made
+begun commands         its first row               0: the rows of fleet 0.1.0, which are those of 1
+lines of the log       the field ``format``        1
+=====================  ==========================  ===================================================
+
+Files in a format of others (candump captures, PX4's list of events) have no number of ours.
+"""
+
+from __future__ import annotations
+
+from fleet.errors import StateNewer
+
+
+def refuse_newer(found: int, newest: int) -> None:
+    """Raise StateNewer for a format number beyond ``newest``, the one that this fleet writes."""
+    if found > newest:
+        raise StateNewer(
+            f"it has format {found}, of a newer fleet; this one reads up to format {newest}", found=found
+        )

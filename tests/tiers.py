@@ -1,0 +1,146 @@
+"""The tiers of the tests: ``--fast`` and ``--soak`` of ``run.py test``, and the robots that need real time.
+
+The fast tier is for the minute between two changes: protocol, safety and translation, which are functions and
+tables. It starts no program and waits for no socket; a test of its folders that does has the mark ``waits``.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).parent
+FAST = (
+    "adapters/fleet_mavlink",
+    "adapters/fleet_quadruped/body",
+    "adapters/fleet_quadruped/can",
+    "adapters/fleet_quadruped/drives",
+    "adapters/fleet_ugv",
+    "fleet/bridge",
+    "fleet/config",
+    "fleet/health",
+    "fleet/host/follow",
+    "fleet/host/safety",
+    "fleet/link",
+    "fleet/model",
+    "fleet/spool",
+    "fleet/wire",
+    "plugins",
+)
+"""Folders below tests/ whose tests are fast, but for these and those with the mark ``waits``."""
+BUT = (
+    # start programs, or wait for sockets and devices
+    "adapters/fleet_mavlink/sim/test_foreign_clients.py",
+    "adapters/fleet_mavlink/sim/test_main.py",
+    "adapters/fleet_mavlink/sim/test_server.py",
+    "adapters/fleet_mavlink/test_session.py",
+    "adapters/fleet_quadruped/can/test_bus.py",
+    "adapters/fleet_ugv/test_pty.py",
+    "fleet/bridge/test_bridge.py",
+    "fleet/bridge/test_disconnect_program.py",
+    "fleet/bridge/test_outage.py",
+    "fleet/config/test_json_schema.py",
+    "fleet/config/test_load.py",
+    "fleet/config/test_mutations.py",
+    "fleet/config/test_schema.py",
+    "fleet/link/test_tcp.py",
+    "fleet/link/test_udp.py",
+    "fleet/spool/test_spool.py",
+    # wait for nothing, but fly for seconds of processor time
+    "adapters/fleet_mavlink/test_velocity_stream.py",
+    "adapters/fleet_mavlink/test_flight.py",
+    "adapters/fleet_mavlink/test_flight_list.py",
+    "adapters/fleet_mavlink/test_heading.py",
+    "adapters/fleet_mavlink/test_mission.py",
+    "adapters/fleet_mavlink/test_navigation.py",
+    "adapters/fleet_mavlink/test_takeoff.py",
+    "adapters/fleet_ugv/test_navigation.py",
+)
+REAL_TIME = "real time"
+"""The group of pytest-xdist of which one test runs at a time: two robots at once get their time too late."""
+WAITS = {"socket.bind", "socket.connect", "subprocess.Popen", "os.posix_spawn", "pty.spawn"}
+"""Audit events of what a test of the fast tier must not do; the event loop's own socket pair is none."""
+SOAK = 50
+"""How many times as many examples Hypothesis tries with ``--soak``."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of the tiers."""
+    group = parser.getgroup("tiers")
+    group.addoption("--fast", action="store_true", help="only tests that wait for nothing (a minute)")
+    group.addoption("--soak", action="store_true", help=f"{SOAK} times as many examples (hours)")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out of the fast tier what is outside its folders: to import all tests takes half a minute."""
+    if not config.getoption("--fast") or collection_path == ROOT or ROOT not in collection_path.parents:
+        return None
+    path = collection_path.relative_to(ROOT).as_posix()
+    inside = any(f"{path}/".startswith(f"{fast}/") or fast.startswith(f"{path}/") for fast in FAST)
+    return None if inside and path not in BUT else True
+
+
+def is_fast(item: pytest.Item) -> bool:
+    """Return whether a test of the fast tier's folders belongs to it."""
+    return not any(item.get_closest_marker(mark) for mark in ("waits", "real_time", "sitl"))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Choose the tests of the tier, and keep robots that need real time apart."""
+    for item in items:
+        if item.get_closest_marker("real_time"):
+            item.add_marker(pytest.mark.xdist_group(REAL_TIME))
+    if config.getoption("--fast"):
+        chosen = [item for item in items if is_fast(item)]
+        config.hook.pytest_deselected(items=[item for item in items if not is_fast(item)])
+        items[:] = chosen
+    if config.getoption("--soak"):
+        for item in items:
+            lengthen(getattr(item, "obj", None))
+
+
+def lengthen(test: object) -> None:
+    """Have Hypothesis try a test with more examples; its ``settings`` decorator cannot be put on twice."""
+    function = getattr(test, "__func__", test)
+    if not getattr(function, "is_hypothesis_test", False):
+        return
+    own = getattr(function, "_hypothesis_internal_use_settings", None) or settings()
+    function._hypothesis_internal_use_settings = settings(own, max_examples=SOAK * own.max_examples)
+
+
+class Waiting:
+    """Notes what a test does that the fast tier must not; an audit hook cannot be taken off again."""
+
+    def __init__(self) -> None:
+        self.watching = False
+        self.seen: list[str] = []
+        sys.addaudithook(self._audit)
+
+    def _audit(self, event: str, arguments: tuple[object, ...]) -> None:
+        """Take an event of the interpreter."""
+        if self.watching and event in WAITS:
+            self.seen.append(f"{event}{arguments[1:2]}")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _waiting(request: pytest.FixtureRequest) -> Waiting | None:
+    """Watch the tests of the fast tier, where they are run alone."""
+    return Waiting() if request.config.getoption("--fast") else None
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_waited_for(_waiting: Waiting | None) -> Iterator[None]:
+    """Fail a test of the fast tier that starts a program or uses a socket."""
+    if _waiting is None:
+        yield
+        return
+    _waiting.seen.clear()
+    _waiting.watching = True
+    yield
+    _waiting.watching = False
+    assert not _waiting.seen, f"the fast tier waits for nothing: mark this test waits ({_waiting.seen[0]})"
