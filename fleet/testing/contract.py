@@ -11,7 +11,6 @@ robot does is for tests of its own.
 
 from __future__ import annotations
 
-import asyncio
 import math
 import re
 import typing
@@ -24,13 +23,13 @@ from pydantic import ValidationError
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import CommandSpec, arguments
-from fleet.errors import CommandError, LinkError, Refused, Unsupported
-from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter, start_command
+from fleet.errors import Refused
+from fleet.host.robot.adapter_factory import AdapterClass, capabilities, create_adapter
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.link.framing import DatagramFraming
-from fleet.model.command import Command
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
-from fleet.testing.probes import SOON, containers_of, in_time, noise_like, numbers_in, unless_refused
+from fleet.testing.probes import containers_of, in_time, noise_like, numbers_in, unless_refused
+from fleet.testing.robot import RecordingRobot
 from fleet.testing.wires import Datagrams, OneByteAtATime
 
 STAMP = 1_800_000_000.0  # Unix s
@@ -59,8 +58,8 @@ class AdapterContract:
         return self.adapter.Config.model_validate(basics | dict(self.config) | changes)
 
     def make(self) -> Adapter[Any]:
-        """Return a new adapter as the host makes it, not yet run."""
-        return create_adapter(self.adapter, self.make_config())
+        """Return a new adapter as the host makes it, not yet connected."""
+        return create_adapter(self.adapter, self.make_config(), RecordingRobot())
 
     def test_the_example_config_is_accepted(self) -> None:
         assert self.make_config().name == "robot"
@@ -87,8 +86,7 @@ class AdapterContract:
             assert 0 < spec.timeout < math.inf, name
 
     def test_every_command_method_says_what_it_does(self) -> None:
-        methods = {name: spec for name, spec in self._commands().items() if spec.method != "encode"}
-        assert [name for name, spec in methods.items() if not spec.summary] == []
+        assert [name for name, spec in self._commands().items() if not spec.summary] == []
 
     def test_every_number_of_a_command_has_a_range_and_a_unit(self) -> None:
         for name, spec in self._commands().items():
@@ -113,38 +111,6 @@ class AdapterContract:
     def test_a_robot_that_drives_says_how_fast(self) -> None:
         can = capabilities(self.adapter)
         assert can.limits.speed or not can.drives
-
-    def test_stop_without_a_link_ends_and_does_not_fail(self) -> None:
-        async def stopped() -> None:
-            async with asyncio.timeout(SOON):
-                await self.make().stop("a test")
-
-        asyncio.run(stopped())
-
-    def test_halt_works_on_another_thread_while_the_loop_is_stuck(self) -> None:
-        async def halted() -> None:
-            adapter = self.make()
-            for halt in (adapter.halt, adapter.emergency_halt):
-                in_time(halt)
-                in_time(halt)
-
-        asyncio.run(halted())
-
-    def test_a_velocity_without_a_link_raises_nothing_but_a_refusal(self) -> None:
-        async def driven() -> None:
-            adapter = self.make()
-            for velocity in EXTREMES:
-                unless_refused(adapter.drive, velocity)
-
-        asyncio.run(driven())
-
-    def test_a_command_without_a_link_is_refused_in_time(self) -> None:
-        async def asked(name: str, spec: CommandSpec) -> bool:
-            async with asyncio.timeout(SOON):
-                return await _refused(self.make(), spec, Command(name))
-
-        for name, spec in self._commands().items():
-            assert asyncio.run(asked(name, spec)), name
 
     def test_two_robots_share_no_state(self) -> None:
         mine, other = self.make(), self.make()
@@ -196,19 +162,11 @@ class FrameContract(AdapterContract):
 
     def test_every_velocity_becomes_frames_or_is_refused(self) -> None:
         inner = self.inner()
-        for velocity in EXTREMES if self.adapter.drives else ():
+        for velocity in EXTREMES if self.adapter.drives() else ():
             assert in_time(unless_refused, self._encoded, inner, velocity) != []
 
     def test_standing_still_is_never_refused(self) -> None:
-        assert self._encoded(self.inner(), ZERO_VELOCITY) if self.adapter.drives else True
-
-    def test_every_verb_becomes_frames_or_is_refused(self) -> None:
-        for verb in self.adapter.verbs:
-            assert in_time(unless_refused, self._encoded, self.inner(), Command(verb)) != [], verb
-
-    def test_a_verb_that_is_not_declared_is_refused(self) -> None:
-        with pytest.raises((Refused, Unsupported)):
-            self._encoded(self.inner(), Command("no_such_verb"))
+        assert self._encoded(self.inner(), ZERO_VELOCITY) if self.adapter.drives() else True
 
     def test_hello_and_tick_yield_frames(self) -> None:
         inner = self.inner()
@@ -229,25 +187,11 @@ class FrameContract(AdapterContract):
         assert [*self.inner().hello(), *self.inner().halt()] == before
 
     @staticmethod
-    def _encoded(inner: FrameAdapter[Any], ask: Command | Velocity) -> list[bytes]:
-        """Return the frames that carry something out."""
-        return list(inner.encode(ask))
+    def _encoded(inner: FrameAdapter[Any], velocity: Velocity) -> list[bytes]:
+        """Return the frames that hold a velocity."""
+        return list(inner.drive(velocity))
 
 
 def _is_number(form: object) -> bool:
     """Return True for a type whose values are numbers, or lists of them, or nothing."""
     return any(_is_number(inner) for inner in typing.get_args(form)) or form in (int, float)
-
-
-async def _refused(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> bool:
-    """Return True when a command ends in one of the errors that the host understands."""
-    try:
-        doing = start_command(adapter, spec, command)
-        if spec.streams:
-            async for _ in doing:
-                pass
-        else:
-            await doing
-    except (CommandError, LinkError):
-        return True
-    return False

@@ -1,11 +1,18 @@
 """What the documents say is true: their Python runs, and no dependency is left unexplained."""
 
+import asyncio
 import json
 import re
+import sys
+import types
+import uuid
 
 import pytest
 
+from fleet.model.health import Health
+from fleet.model.report import BatteryReport
 from fleet.testing.contract import AdapterContract, FrameContract
+from fleet.testing.robot import RecordingRobot, serve
 from fleet.wire.missions import plan_of
 
 
@@ -14,9 +21,28 @@ def python_in(path):
     return "\n\n".join(re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
 
 
+class WalkerSdk:
+    """The SDK that the guide's Walker uses."""
+
+    def __init__(self, _address):
+        self.charge = 80.0
+        self.velocity = (0.0, 0.0)
+
+    def move(self, *velocity):
+        self.velocity = velocity
+
+    def stand(self, _height):
+        """Stand."""
+
+    def damp(self):
+        self.velocity = (0.0, 0.0)
+
+
 @pytest.fixture(scope="module")
 def guide(root):
     """Return what docs/write-an-adapter.md defines."""
+    sys.modules["my_sdk"] = types.ModuleType("my_sdk")
+    sys.modules["my_sdk"].WalkerSdk = WalkerSdk
     names = {"__name__": "guide"}
     exec(compile(python_in(root / "docs" / "write-an-adapter.md"), "write-an-adapter.md", "exec"), names)
     return names
@@ -85,3 +111,16 @@ def test_every_link_in_the_documents_leads_somewhere(root):
     local = [(page, link) for page, link in links if not link.startswith("http")]
     assert len(local) > 20
     assert [(page.name, link) for page, link in local if not (page.parent / link).exists()] == []
+
+
+async def test_the_adapter_in_the_guide_comes_online_as_it_is_printed(guide):
+    config = {"name": "w", "twin": str(uuid.uuid4()), "adapter": "crawler", "link": "tcp:127.0.0.1:9000"}
+    robot = RecordingRobot()
+    walker = guide["Walker"](guide["CrawlerConfig"](**config), robot)
+    life = asyncio.create_task(serve(walker))
+    await robot.until(lambda: robot.healths)
+    assert robot.healths == [Health()]
+    robot.advance(1.0)
+    assert robot.reports_of(BatteryReport)[0].percent == 80.0
+    life.cancel()
+    await asyncio.gather(life, return_exceptions=True)

@@ -29,7 +29,7 @@ from fleet.testing.waiting import DEADLINE
 TOY = """
 from typing import Literal
 
-from fleet import AdapterConfig, FrameAdapter
+from fleet import AdapterConfig, FrameAdapter, command
 
 
 class ToyConfig(AdapterConfig):
@@ -39,9 +39,12 @@ class ToyConfig(AdapterConfig):
 
 class Toy(FrameAdapter[ToyConfig]):
     Config = ToyConfig
-    verbs = ("beep",)
 
-    def encode(self, ask):
+    def drive(self, velocity):
+        return ()
+
+    @command("beep")
+    def beep(self):
         return ()
 
     def decode(self, frame, stamp):

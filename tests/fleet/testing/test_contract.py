@@ -8,8 +8,7 @@ from pydantic import Field, ValidationError
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
-from fleet.errors import FleetError, Refused, Unsupported
-from fleet.model.geometry import Velocity
+from fleet.errors import FleetError, Refused
 from fleet.model.report import BatteryReport
 from fleet.robot_config import Limits
 from fleet.testing import probes
@@ -26,11 +25,8 @@ class Good(FrameAdapter[GoodConfig]):
 
     Config = GoodConfig
     limits = Limits(speed=1.0)
-    verbs = ("sit",)
 
-    def encode(self, ask):
-        if not isinstance(ask, Velocity) and ask.name != "sit":
-            raise Unsupported(ask.name)
+    def drive(self, velocity):
         yield b"x\n"
 
     def decode(self, frame, stamp):
@@ -52,8 +48,6 @@ class Brainy(Adapter[GoodConfig]):
 
     Config = GoodConfig
     failsafe = "it stops after 1 s without a word of ours"
-
-    async def run(self, robot): ...
 
     async def stop(self, reason): ...
 
@@ -118,17 +112,15 @@ async def crash(self):
         ("an_unknown_config_field_is_refused", {"Config": Loose}),
         ("every_config_field_of_its_own_is_described", {"Config": Undescribed}),
         ("the_adapter_says_what_it_is_for", {"__doc__": ""}),
-        ("every_command_has_a_plain_name_and_a_bounded_time", {"verbs": ("Sit down",)}),
+        ("every_command_has_a_plain_name_and_a_bounded_time", {"sit": command("Sit down")(lambda self: ())}),
         ("every_command_method_says_what_it_does", {"wave": command("wave")(lambda self: ())}),
         ("a_robot_that_drives_says_how_fast", {"limits": Limits()}),
         ("each_example_of_what_the_robot_says_means_something", {"decode": lambda *_: ()}),
         ("halt_is_never_empty_and_works_at_any_time", {"halt": lambda self: [b""]}),
         ("halt_is_never_empty_and_works_at_any_time", {"halt": fails}),
-        ("every_velocity_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
-        ("every_velocity_becomes_frames_or_is_refused", {"encode": fails}),
-        ("standing_still_is_never_refused", {"encode": lambda *_: ()}),
-        ("every_verb_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
-        ("a_verb_that_is_not_declared_is_refused", {"encode": lambda *_: [b"x"]}),
+        ("every_velocity_becomes_frames_or_is_refused", {"drive": lambda *_: ()}),
+        ("every_velocity_becomes_frames_or_is_refused", {"drive": fails}),
+        ("standing_still_is_never_refused", {"drive": lambda *_: ()}),
         ("hello_and_tick_yield_frames", {"tick": lambda self: ["text"]}),
         ("decode_survives_whatever_arrives", {"decode": lambda self, frame, stamp: [float(frame)]}),
         ("decode_survives_whatever_arrives", {"decode": lambda self, *_: [BatteryReport(1.0, float("nan"))]}),
@@ -151,10 +143,6 @@ def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
     ("test", "changes"),
     [
         ("something_stops_it_when_its_process_dies", {"failsafe": ""}),
-        ("stop_without_a_link_ends_and_does_not_fail", {"stop": fails}),
-        ("halt_works_on_another_thread_while_the_loop_is_stuck", {"halt": fails}),
-        ("a_velocity_without_a_link_raises_nothing_but_a_refusal", {"drive": fails}),
-        ("a_command_without_a_link_is_refused_in_time", {"dance": command("dance")(crash)}),
         ("two_robots_share_no_state", {"queue": []}),
     ],
 )
