@@ -21,6 +21,7 @@ from typing import Any
 import msgspec
 
 from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
+from fleet.commands import BadDeclaration
 from fleet.robot_config import AdapterConfig, Limits
 
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -144,7 +145,7 @@ def _check_attributes(adapter: type[AnyAdapter]) -> None:
 
 def why(error: BaseException, path: Path | None) -> str:
     """Return the reason on one line, with the file and line where it went wrong."""
-    if isinstance(error, Unusable):
+    if isinstance(error, Unusable | BadDeclaration):
         return str(error)
     place = _place_of(error, path)
     reason = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"

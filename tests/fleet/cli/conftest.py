@@ -27,7 +27,9 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import DEADLINE
 
 TOY = """
-from typing import Literal
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from fleet import AdapterConfig, FrameAdapter, command
 
@@ -44,7 +46,8 @@ class Toy(FrameAdapter[ToyConfig]):
         return ()
 
     @command("beep")
-    def beep(self):
+    def beep(self, *, seconds: Annotated[float, Meta(ge=1, le=30, extra={"unit": "s"})] = 1.0):
+        '''Sound the horn.'''
         return ()
 
     def decode(self, frame, stamp):

@@ -76,7 +76,7 @@ def test_files_that_begin_with_an_underscore_are_not_loaded(folder):
         (
             body("x")
             + "    from fleet import command\n    @command('go')\n    async def go(self, far): ...\n",
-            "KeyError: 'far'",
+            "command method go: far has no type; write it like far: Annotated",
         ),
         ("class Panic(BaseException): pass\nraise Panic('gone')", "Panic: gone ({file}:2)"),
         (body("x") + "    limits = 5\n", "xAdapter.limits must be Limits(...), not 5"),
