@@ -30,6 +30,10 @@ class TestTheContract(FrameContract):
     config = {"adapter": "tracked-rover", "link": "serial:/dev/ttyUSB0?baud=115200"}
     said = (b"B 24.1 87\r\n", b"P 1.50 -2.25 0.785\n")
 
+    def velocity_of(self, frame):
+        word, *numbers = frame.split()
+        return Velocity(Vector3(float(numbers[0])), float(numbers[1])) if word == b"M" else None
+
 
 @pytest.fixture
 def rover():
