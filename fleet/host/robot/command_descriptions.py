@@ -84,17 +84,15 @@ def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Parameter
 
 def words(kind: Any) -> str:
     """Return a type in words for people."""
-    if kind in _WORDS:
-        return _WORDS[kind]
+    while typing.get_origin(kind) is typing.Annotated:
+        kind = kind.__origin__
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         return " or ".join(words(part) for part in parts if part is not type(None))
-    if origin is typing.Annotated:
-        return words(parts[0])
     if origin is typing.Literal:
         return " | ".join(map(str, parts))
     if origin in (list, tuple, set, frozenset) and parts:
         return f"list of {words(parts[0])}"
     if origin is dict or kind is dict:
         return "object"
-    return str(getattr(kind, "__name__", kind))
+    return _WORDS.get(kind, str(getattr(kind, "__name__", kind)))

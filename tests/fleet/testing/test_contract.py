@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
 from fleet.errors import FleetError, Refused
+from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.model.report import BatteryReport
 from fleet.robot_config import Limits
 from fleet.testing import probes
@@ -27,7 +28,7 @@ class Good(FrameAdapter[GoodConfig]):
     limits = Limits(speed=1.0)
 
     def drive(self, velocity):
-        yield b"x\n"
+        yield b"M %g\n" % velocity.linear.x
 
     def decode(self, frame, stamp):
         if frame == b"B 1":
@@ -42,12 +43,19 @@ class TestAGoodFrameAdapter(FrameContract):
     config = {"adapter": "good"}
     said = (b"B 1\n",)
 
+    def velocity_of(self, frame):
+        if frame == b"s\n":
+            return ZERO_VELOCITY
+        return Velocity(Vector3(float(frame[2:]))) if frame.startswith(b"M") else None
+
 
 class Brainy(Adapter[GoodConfig]):
     """A robot with a brain that keeps every rule."""
 
     Config = GoodConfig
     failsafe = "it stops after 1 s without a word of ours"
+
+    async def connect(self): ...
 
     async def stop(self, reason): ...
 
