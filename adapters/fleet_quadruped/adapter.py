@@ -251,7 +251,7 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         """Ask the body for something; raises Refused with its reason."""
         async with self._one_errand:
             number = self._order.activity.number + 1
-            self._change({"errand": Activity(number, ask, value)})
+            self._change({"activity": Activity(number, ask, value)})
             await self._until(lambda: self._state.answered >= number, ask.value)
             if self._state.refusal:
                 raise Refused(self._state.refusal)

@@ -21,6 +21,7 @@ from fleet.testing.robot import LoopRobot, RecordingRobot, serve
 BLOCKS = 0.25  # s for which the event loop may stand still; the dead-man fires after 0.5 s
 ONLINE_WITHIN = 30.0  # s; a simulator may have to start first
 STEP = 0.05  # s between two looks at the robot
+FRESH = 0.5  # s; a robot that stands may report no pose
 ENDS_WITHIN = 5.0  # s that the tasks of an attempt have to end
 
 
@@ -59,9 +60,9 @@ class Bench(Operator):
         return self.robot.is_connected and bool(healths) and healths[-1].level < Level.OFFLINE
 
     def velocity_by_poses(self) -> Velocity | None:
-        """Return the body velocity that the newest two poses show; None without two."""
+        """Return the body velocity that the newest two poses show; None without two that are fresh."""
         poses = self.robot.reports_of(PoseReport)
-        if len(poses) < 2:
+        if len(poses) < 2 or self.robot.clock.time() - poses[-1].stamp > FRESH:
             return None
         new = poses[-1]
         old = next((each for each in reversed(poses) if new.stamp - each.stamp >= STEP), poses[0])

@@ -10,7 +10,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Any, ParamSpec, TypeVar
 
 from fleet.adapter import Adapter
-from fleet.host.blocking import BlockingCalls
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report

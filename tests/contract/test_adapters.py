@@ -1,5 +1,6 @@
 """Every adapter that is installed with the project keeps the contract."""
 
+from fleet.model.health import Level
 from fleet.plugins.registry import Registry
 from fleet.testing.contract import AdapterContract
 from fleet_quadruped.robot.description import EXAMPLE
@@ -16,7 +17,12 @@ def adapter(name):
 
 class TestMavlink(AdapterContract):
     adapter = adapter("mavlink")
-    config = {"adapter": "mavlink", "link": "udpin:127.0.0.1:0"}
+    config = {"adapter": "mavlink", "link": "sim:px4"}
+    settles = 15.0
+
+    async def prepare(self, bench):
+        await bench.until(lambda: bench.robot.healths[-1].level is Level.OK, 30.0)
+        await bench.do("takeoff", altitude=3.0)
 
 
 class TestUgv(AdapterContract):
@@ -24,7 +30,7 @@ class TestUgv(AdapterContract):
     config = {
         "adapter": "ugv",
         "profile": "waveshare-beast",
-        "link": "serial:/dev/serial/by-id/usb-Silicon_Labs_CP2102-if00?baud=115200",
+        "link": "sim:waveshare-beast",
     }
 
 
@@ -32,10 +38,16 @@ class TestQuadruped(AdapterContract):
     adapter = adapter("quadruped")
     config = {"adapter": "quadruped", "link": "sim:kinematic"}
 
+    async def prepare(self, bench):
+        await bench.do("stand_up")
+
 
 class TestSelfWalkingQuadruped(AdapterContract):
     adapter = adapter("quadruped")
     config = {"adapter": "quadruped", "link": "sim:auto", "body": str(EXAMPLE.with_name("self-walking.yaml"))}
+
+    async def prepare(self, bench):
+        await bench.do("stand_up")
 
 
 def test_every_installed_adapter_is_held_to_the_contract():

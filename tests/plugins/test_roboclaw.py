@@ -1,5 +1,6 @@
 import asyncio
 import binascii
+import contextlib
 import importlib.util
 import struct
 import sys
@@ -30,6 +31,16 @@ spec.loader.exec_module(plugin)
 class TestTheContract(AdapterContract):
     adapter = plugin.Roboclaw
     config = {"adapter": "roboclaw", "link": "serial:/dev/ttyACM0?baud=115200"}
+
+    @contextlib.asynccontextmanager
+    async def robot_side(self):
+        self.controller = Controller()
+        with MemoryRobot("claw-contract", answer=self.controller):
+            yield {"link": "memory:claw-contract"}
+
+    def velocity(self, bench):
+        left, right = (ticks / 4000 for ticks in self.controller.speeds)
+        return Velocity(Vector3((left + right) / 2), (right - left) / 0.3)
 
 
 class Controller:

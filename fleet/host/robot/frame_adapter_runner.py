@@ -153,7 +153,7 @@ class FrameAdapterRunner(Adapter[Any]):
 
 
 class _Session:
-    """The open link of a Framed: arriving bytes, periodic work, and the first failure of either."""
+    """The open link: arriving bytes, periodic work, and the first failure of either."""
 
     def __init__(self, framed: FrameAdapterRunner) -> None:
         self.failure: asyncio.Future[None] = asyncio.get_running_loop().create_future()

@@ -10,7 +10,6 @@ from typing import Any
 
 from fleet.clock import Clock
 from fleet.errors import WireError
-from fleet.host.blocking import BlockingCalls
 from fleet.host.journal.journal import RobotJournal
 from fleet.host.requests.decode import Ask, RequestDecoder, is_discrete, is_stop, max_wait, reply_with_flaw
 from fleet.host.requests.event_reporter import request_of, requester_of, robot_log
@@ -30,6 +29,7 @@ from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.robot.separation_keeper import LOOK, SeparationKeeper
 from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import Watchdog, Watched

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, ParamSpec, TypeVar
 
 from fleet.clock import Clock
-from fleet.host.blocking import BlockingCalls
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import PeriodicCall, TickScheduler
 from fleet.link.base import Address, Link

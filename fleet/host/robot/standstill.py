@@ -7,9 +7,9 @@ from typing import Any
 
 from fleet.adapter import Adapter
 from fleet.errors import CommandError, LinkError, TimedOut
-from fleet.host.blocking import STOPPING
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
+from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
 from fleet.runtime.exception_barrier import call_guarded, guarded
 

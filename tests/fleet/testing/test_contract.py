@@ -150,7 +150,6 @@ def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
 @pytest.mark.parametrize(
     ("test", "changes"),
     [
-        ("something_stops_it_when_its_process_dies", {"failsafe": ""}),
         ("two_robots_share_no_state", {"queue": []}),
     ],
 )

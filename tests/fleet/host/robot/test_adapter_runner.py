@@ -7,10 +7,10 @@ import pytest
 
 from fleet.clock import SystemClock
 from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
-from fleet.host.blocking import BlockingCalls
 from fleet.host.robot import adapter_runner as runners
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health, Level

@@ -3,8 +3,8 @@ import asyncio
 import pytest
 
 from fleet.clock import SystemClock
-from fleet.host.blocking import BlockingCalls
 from fleet.host.robot.robot_handle import KEPT_WITHIN, RobotHandle
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health, Level
