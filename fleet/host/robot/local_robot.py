@@ -93,8 +93,7 @@ class LocalRobot:
         self._simulated = config.simulated  # here once: the state is asked for often
         self.legacy_status = config.legacy_status
         self._adapter = adapter
-        self._edge = edge
-        self._worker = worker
+        self._edge, self._worker = edge, worker
         self._clock = clock
         self._scheduler = scheduler
         self._shared = shared
