@@ -23,7 +23,7 @@ from bench.common import cpu_seconds, line, quantiles, twin_of
 from fleet import Vector3, Velocity
 from fleet.clock import SystemClock
 from fleet.model.report import Report
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.body.machine import BodyRequest
 from fleet_quadruped.can.bus import CanConnection
@@ -231,9 +231,10 @@ class Live(RecordingRobot):
 async def stack(world: str) -> None:
     """Print what a walking dog costs: the adapter, and the process with the loop and the physics."""
     config = QuadrupedConfig(name="dog", twin=twin_of("dog"), adapter="quadruped", link=f"sim:{world}")
-    adapter, robot = QuadrupedAdapter(config), Live()
-    run = asyncio.create_task(adapter.run(robot))
-    await robot.until(lambda: bool(robot.healths))
+    robot = Live()
+    adapter = QuadrupedAdapter(config, robot)
+    run = asyncio.create_task(serve(adapter))
+    await robot.until(lambda: len(robot.healths) > 1)
     async for _ in adapter.stand_up():
         pass
     adapter.drive(Velocity(Vector3(0.5)))

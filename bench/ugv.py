@@ -6,7 +6,6 @@ The bases live in one process, the adapters in another, as edge and robots do.
 import asyncio
 import contextlib
 import json
-import logging
 import os
 import pty
 import random
@@ -27,6 +26,7 @@ from fleet.clock import SystemClock
 from fleet.host.robot.adapter_factory import create_adapter
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.sim.process import SimProcess
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter, UgvConfig
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
@@ -39,21 +39,18 @@ LAST = 0.5  # m/s; the setpoint that ends the measurement
 PROFILE = "waveshare-beast"
 
 
-class BenchRobot:
-    """What an adapter is given: the host's own wheel, and nobody who listens."""
+class BenchRobot(RecordingRobot):
+    """The robot of an adapter: timers by the host's own scheduler, and nobody who listens."""
 
     def __init__(self, scheduler):
-        self.name, self.clock, self.log = "bench", SystemClock(), logging.getLogger("bench")
-        self.scheduler, self.reports, self.health_now = scheduler, 0, None
+        super().__init__("bench", SystemClock())
+        self.scheduler, self.count, self.health_now = scheduler, 0, None
 
     def report(self, _report):
-        self.reports += 1
+        self.count += 1
 
     def health(self, health):
         self.health_now = health
-
-    def authority_lost(self, reason):
-        """Nobody is told."""
 
     def every(self, seconds, call):
         self.scheduler.every(seconds, call, owner=self.name, failed=self.failed)
@@ -63,13 +60,10 @@ class BenchRobot:
         if not isinstance(error, LinkLost):
             sys.exit(str(error))
 
-    def share(self, _key, make):
-        return make()
 
-
-def adapter_of(url, profile=PROFILE):
+def adapter_of(url, robot, profile=PROFILE):
     config = UgvConfig(name="bench", twin=uuid.uuid4(), adapter="ugv", profile=profile, link=url)
-    return create_adapter(UgvAdapter, config)
+    return create_adapter(UgvAdapter, config, robot)
 
 
 async def many():
@@ -79,19 +73,19 @@ async def many():
     async with SimProcess("fleet_ugv.sim") as simulator:
         urls = [(await simulator.ask({"add": SimSpec(PROFILE)}))["url"] for _ in range(BASES)]
         robots = [BenchRobot(scheduler) for _ in urls]
-        adapters = [adapter_of(url) for url in urls]
-        runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
+        adapters = [adapter_of(url, robot) for url, robot in zip(urls, robots, strict=True)]
+        runs = [asyncio.create_task(serve(each)) for each in adapters]
         await until(lambda: all(is_well(robot) for robot in robots))
         me, began = psutil.Process(), time.monotonic()
         before = sum(me.cpu_times()[:2])
-        heard = sum(robot.reports for robot in robots)
+        heard = sum(robot.count for robot in robots)
         while time.monotonic() - began < SECONDS:
             for adapter in adapters:
                 adapter.drive(Velocity(Vector3(random.uniform(0.1, 0.3))))
             await asyncio.sleep(0.05)
         spent = time.monotonic() - began
         cpu = (sum(me.cpu_times()[:2]) - before) / spent * 100
-        rate = (sum(robot.reports for robot in robots) - heard) / spent / BASES
+        rate = (sum(robot.count for robot in robots) - heard) / spent / BASES
         print(
             f"  {BASES} bases, setpoints and feedback at 20 Hz: "
             f"{cpu / BASES:.2f} % of a core each, {rate:.0f} reports/s"
@@ -139,8 +133,11 @@ async def latency():
     scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
     scheduler.start()
     robots = [BenchRobot(scheduler) for _ in pairs]
-    adapters = [adapter_of(f"serial:{os.ttyname(device)}?baud=115200") for _, device in pairs]
-    runs = [asyncio.create_task(a.run(r)) for a, r in zip(adapters, robots, strict=True)]
+    adapters = [
+        adapter_of(f"serial:{os.ttyname(device)}?baud=115200", robot)
+        for (_, device), robot in zip(pairs, robots, strict=True)
+    ]
+    runs = [asyncio.create_task(serve(each)) for each in adapters]
     await until(lambda: all(is_well(robot) for robot in robots))
     sent = {}
     for turn in range(int(SECONDS / 0.05)):
@@ -196,7 +193,7 @@ async def unplugs():
         for _ in range(PULLS):
             port = await server.add(SimSpec(PROFILE))
             robot = BenchRobot(scheduler)
-            run = asyncio.create_task(adapter_of(port.url).run(robot))
+            run = asyncio.create_task(serve(adapter_of(port.url, robot)))
             await until(lambda robot=robot: is_well(robot))
             pulled = time.perf_counter()
             port.unplug()
@@ -216,12 +213,13 @@ def drive_for_ever(url):
     async def drive():
         scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
         scheduler.start()
-        adapter = adapter_of(url)
-        run = asyncio.create_task(adapter.run(BenchRobot(scheduler)))
+        adapter = adapter_of(url, robot := BenchRobot(scheduler))
+        run = asyncio.create_task(serve(adapter))
         while not run.done():
             await asyncio.sleep(0.02)
             with contextlib.suppress(NotReady):
-                adapter.drive(Velocity(Vector3(0.3)))
+                if robot.is_connected:
+                    adapter.drive(Velocity(Vector3(0.3)))
 
     asyncio.run(drive())
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         Unsupported,
     )
     from fleet.link.framing import DatagramFraming, LineFraming
-    from fleet.link.url import LinkText, open_link
+    from fleet.link.url import LinkText, open_link, opened_link
     from fleet.model.command import Command
     from fleet.model.geodesy import GeoOrigin, GeoPoint
     from fleet.model.geometry import Pose, Quaternion, Vector3, Velocity, quaternion_from_yaw
@@ -55,7 +55,7 @@ _HOME = {
         "Unsupported",
     ),
     "fleet.link.framing": ("LineFraming", "DatagramFraming"),
-    "fleet.link.url": ("LinkText", "open_link"),
+    "fleet.link.url": ("LinkText", "open_link", "opened_link"),
     "fleet.model.command": ("Command",),
     "fleet.model.geodesy": ("GeoOrigin", "GeoPoint"),
     "fleet.model.geometry": ("Pose", "Quaternion", "Vector3", "Velocity", "quaternion_from_yaw"),
@@ -114,6 +114,7 @@ __all__ = [
     "__version__",
     "command",
     "open_link",
+    "opened_link",
     "quaternion_from_yaw",
 ]
 

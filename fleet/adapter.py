@@ -10,11 +10,12 @@ dead-man, the latched emergency stop, action states, replies, rates, health. An 
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, ParamSpec, Protocol, TypeVar
 
 import msgspec
 
@@ -23,7 +24,6 @@ from fleet.commands import CommandSpec, command, commands_of
 from fleet.errors import Unsupported
 from fleet.link.base import Address, Link
 from fleet.link.framing import Framing, LineFraming
-from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health
 from fleet.model.joints import JointRange
@@ -41,25 +41,41 @@ __all__ = [
 ]
 
 ConfigT = TypeVar("ConfigT", bound=AdapterConfig)
-SharedT = TypeVar("SharedT")
+OpenT = TypeVar("OpenT")
+ResultT = TypeVar("ResultT")
+ParamsT = ParamSpec("ParamsT")
 
 
 class Robot(Protocol):
-    """What the host gives an adapter for the time of one ``run``."""
+    """The host's side of one robot, given to its adapter for one attempt to run it.
+
+    ``limits`` are those in force: the adapter's own, narrowed by fleet.yaml. ``state`` is a dictionary that
+    survives attempts: what the next adapter of this robot must know, such as where odometry had come to. It
+    is lost with the process.
+    """
 
     name: str
-    clock: Clock
     log: logging.Logger
+    limits: Limits
+    state: dict[str, Any]
+
+    @property
+    def clock(self) -> Clock:
+        """The host's clock: ``monotonic()`` s, and ``time()``, Unix s, for the stamps of reports."""
 
     def report(self, report: Report) -> None:
-        """Publish something learned; keeps only the newest of a channel until the next tick."""
+        """Publish a report; of one channel only the newest until the next tick is kept.
+
+        The first report of an attempt means that the robot answers, unless ``health`` has said otherwise.
+        """
 
     def health(self, health: Health) -> None:
         """Say how the robot is. ``Health()`` (ok) means: it answers.
 
         OFFLINE: nothing can be asked of it. FAULT: it answers and has a fault that a person must look at; the
         host ends its motion and refuses more with these words, until another health comes. What does not move
-        it, what is ``safe``, and stops are still let through.
+        it, what is ``safe``, and stops are still let through. Whoever calls this in ``connect`` or ``run``
+        says it all: reports and the return of ``connect`` change nothing any more.
         """
 
     def authority_lost(self, reason: str) -> None:
@@ -68,25 +84,38 @@ class Robot(Protocol):
     def leave_halt(self, link: Link, frames: Iterable[bytes], address: Address = None) -> None:
         """Leave the frames that halt the robot with the supervisor: it writes them when this process dies.
 
-        They go to ``link``, which the supervisor holds open as well until this ``run`` ends; ``address``: to
+        They go to ``link``, which the supervisor holds open as well until this attempt ends; ``address``: to
         whom, for datagrams. The robot must take them at any time. The last call counts. For a robot with a
         ``failsafe`` of its own this is sooner; for one without it is all that stops it.
         """
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Call back about every ``seconds`` on the host's wheel until this ``run`` ends.
+        """Call back about every ``seconds`` on the host's wheel until this attempt ends.
 
-        The call must not block; an exception it raises ends the ``run``.
+        The call must not block; an exception it raises ends the attempt.
         """
 
+    async def enter(self, context: AbstractAsyncContextManager[OpenT]) -> OpenT:
+        """Enter a context for the rest of this attempt; the host leaves it after the robot was halted."""
+
     def share(
-        self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
-    ) -> AbstractAsyncContextManager[SharedT]:
-        """Enter what ``make`` gives, once per process for all robots that use the same key."""
+        self, key: str, make: Callable[[], AbstractAsyncContextManager[OpenT]]
+    ) -> AbstractAsyncContextManager[OpenT]:
+        """Return what ``make`` gives, to be entered; one per process for all robots that use the same key."""
+
+    async def blocking(
+        self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
+    ) -> ResultT:
+        """Make a call that blocks, as those of many SDKs do, on a thread of its own; return its result.
+
+        Calls run side by side, so a stop is never queued behind one that hangs. Whoever waits may be
+        cancelled; the call itself goes on to its end. Raises what the call raises, and NotReady while too
+        many calls of this robot hang.
+        """
 
 
-class Adapter(ABC, Generic[ConfigT]):
-    """One robot of one kind. The host makes a new one for each attempt to run it."""
+class AdapterBase(ABC, Generic[ConfigT]):
+    """The declarations that both kinds of adapter share."""
 
     Config: ClassVar[type[AdapterConfig]]
     limits: ClassVar[Limits] = Limits()
@@ -98,8 +127,9 @@ class Adapter(ABC, Generic[ConfigT]):
     """What of the robot's own ends its motion when this process dies, and after how long ("its firmware stops
     0.5 s after the last velocity"). Empty where nothing does: then leave a halt, or its health says so."""
 
-    def __init__(self, config: ConfigT) -> None:
-        self.config = config
+    def drive(self, velocity: Velocity) -> Any:  # noqa: ARG002 - for overriders
+        """Hold a body velocity; a robot whose adapter overrides this takes velocities."""
+        raise Unsupported(f"{type(self).__name__} takes no velocities")
 
     @classmethod
     def commands(cls) -> Mapping[str, CommandSpec]:
@@ -108,8 +138,20 @@ class Adapter(ABC, Generic[ConfigT]):
 
     @classmethod
     def drives(cls) -> bool:
-        """Return True when the robot takes velocities (``drive`` is overridden)."""
-        return cls.drive is not Adapter.drive
+        """Return True when the robot takes velocities: ``drive`` is overridden."""
+        return cls.drive not in {AdapterBase.drive, Adapter.drive, FrameAdapter.drive}
+
+
+class Adapter(AdapterBase[ConfigT]):
+    """One robot of one kind. The host makes a new one for each attempt to run it.
+
+    Nothing is asked of it, not even a stop, before ``connect`` has returned, and nothing after the host has
+    begun to close what was entered. So an attribute that ``connect`` sets is always there.
+    """
+
+    def __init__(self, config: ConfigT, robot: Robot) -> None:
+        self.config = config
+        self.robot = robot
 
     @classmethod
     def navigates(cls) -> bool:
@@ -121,20 +163,33 @@ class Adapter(ABC, Generic[ConfigT]):
         """Return True when the robot takes joint targets (``move_joints`` is overridden)."""
         return cls.move_joints is not Adapter.move_joints
 
-    @abstractmethod
-    async def run(self, robot: Robot) -> None:
-        """Open the way to the robot and serve it until it ends or raises.
+    @classmethod
+    def connects(cls) -> bool:
+        """Return True when there is something to connect to (``connect`` is overridden)."""
+        return cls.connect is not Adapter.connect
 
-        Raises LinkLost or LinkRefused for the link, Fault when a person must act. The host halts the
-        robot, backs off and makes a new adapter for whatever ends this.
+    async def connect(self) -> None:
+        """Open the way to the robot; for an adapter that overrides it, its return means: the robot answers.
+
+        Open with ``await self.robot.enter(...)``; the host closes. Raises LinkLost or LinkRefused for the
+        link, Fault when a person must act. One that cannot tell yet whether the robot answers says so first:
+        ``self.robot.health(Health(Level.OFFLINE, why))``.
         """
 
-    def drive(self, velocity: Velocity) -> None:  # noqa: ARG002 - for overriders
+    async def run(self) -> None:
+        """Serve the robot until it ends or raises; left out, until a periodic call raises.
+
+        Raises LinkLost, LinkRefused or Fault as ``connect`` does. The host halts the robot while its link is
+        still open, closes, backs off and makes a new adapter for whatever ends this.
+        """
+        await asyncio.Event().wait()
+
+    def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity from now on, until the next call or a stop; never blocks.
 
         The host has clamped it, and calls again with zero when its lease runs out.
         """
-        raise Unsupported(f"{type(self).__name__} takes no velocities")
+        super().drive(velocity)
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
         """Return the joints that take targets now, by name; what is not among them is refused.
@@ -192,33 +247,26 @@ class Send(msgspec.Struct, frozen=True):
     frame: bytes
 
 
-class FrameAdapter(ABC, Generic[ConfigT]):
+class FrameAdapter(AdapterBase[ConfigT]):
     """A robot that speaks frames over a link: pure translation, no I/O, no clock, no task.
 
     ``Config`` must have a ``link`` field. The host opens it, cuts the bytes into frames by ``framing``,
     calls back, writes what is yielded, repeats the last velocity every ``repeat`` seconds while its lease
-    lives, and calls ``tick`` every ``tick_every`` seconds.
+    lives, and calls ``tick`` every ``tick_every`` seconds. A command is a method marked ``@command`` that
+    yields its frames.
     """
 
-    Config: ClassVar[type[AdapterConfig]]
-    limits: ClassVar[Limits] = Limits()
-    separation: ClassVar[Separation] = Adapter.separation
-    holonomic: ClassVar[bool] = False
-    combines_keys: ClassVar[bool] = False
     framing: ClassVar[Framing] = LineFraming()
-    verbs: ClassVar[tuple[str, ...]] = ()
-    drives: ClassVar[bool] = True
     repeat: ClassVar[float] = 0.1
     tick_every: ClassVar[float] = 1.0
     silence: ClassVar[float] = 3.0  # s without a frame after which the link counts as lost; 0: never
-    failsafe: str = ""  # as an Adapter's; the supervisor has the frames of ``halt`` in any case
 
     def __init__(self, config: ConfigT) -> None:
         self.config = config
 
-    @abstractmethod
-    def encode(self, ask: Command | Velocity) -> Iterable[bytes]:
-        """Yield the frames that carry this out; raise Refused or Unsupported with the reason."""
+    def drive(self, velocity: Velocity) -> Iterable[bytes]:
+        """Yield the frames that hold this body velocity; raise Refused with the reason."""
+        raise Unsupported(f"{type(self).__name__} takes no velocities: {velocity}")
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
         """Return the joints that take targets; as an Adapter's. A robot that has some overrides both."""

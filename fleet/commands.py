@@ -7,17 +7,19 @@ import inspect
 import math
 import re
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+import msgspec.inspect
 
 from fleet.errors import Refused
-from fleet.runtime.decoding import convert
+from fleet.runtime.decoding import convert, json_decoder
 
 MethodT = TypeVar("MethodT", bound=Callable[..., Any])
 _MARK = "__fleet_commands__"
 _WRONG_TYPE = re.compile(r"Expected `([^`]+)`, got `([^`]+)`(?: - at `\$\.?([^`]*)`)?")
+_BEYOND = re.compile(r"Expected `\w+` (?:>=|<=|>|<) \S+(?: - at `\$\.?(\w*)[^`]*`)?")
 _MISSING = re.compile(r"Object missing required field `([^`]+)`")
 _TYPES = {
     "float": "a number",
@@ -31,11 +33,16 @@ _TYPES = {
 """What msgspec calls a type, and people do."""
 
 
+class BadDeclaration(TypeError):
+    """A method marked ``@command`` cannot be one; the message ends with its file and line."""
+
+
 class Range(msgspec.Struct, frozen=True):
     """The least and the most that a number in a command's data may be, and its unit.
 
     Stands in the annotation: ``altitude: Annotated[float, Range(1, 120, "m")]``; of a list it bounds each
-    element. What is outside is refused before the method is called, and so is not-a-number.
+    element. What is outside is refused before the method is called, and so is not-a-number. A
+    ``msgspec.Meta(ge=1, le=120, extra={"unit": "m"})`` says the same; an end that it leaves out is infinite.
     """
 
     least: float
@@ -43,7 +50,11 @@ class Range(msgspec.Struct, frozen=True):
     unit: str
 
     def __str__(self) -> str:
-        return f"{self.least:g} to {self.most:g} {self.unit}"
+        if math.isinf(self.most):
+            text = "any" if math.isinf(self.least) else f"at least {self.least:g}"
+        else:
+            text = f"at most {self.most:g}" if math.isinf(self.least) else f"{self.least:g} to {self.most:g}"
+        return f"{text} {self.unit}".rstrip()
 
     def has(self, value: float) -> bool:
         """Return True for a finite number within the range."""
@@ -117,28 +128,91 @@ def commands_of(owner: type) -> Mapping[str, CommandSpec]:
 
 
 def _parameters_of(method: Callable[..., Any]) -> type[msgspec.Struct]:
-    """Make the strict type of a method's keyword parameters."""
-    hints = typing.get_type_hints(method)
+    """Make the strict type of a method's keyword parameters; raises BadDeclaration."""
+    hints = _hints_of(method)
     fields: list[Any] = []
-    for parameter in list(inspect.signature(method).parameters.values())[1:]:
+    for parameter in _declared(method):
         kind = hints[parameter.name]
         if parameter.default is inspect.Parameter.empty:
             fields.append((parameter.name, kind))
         else:
             fields.append((parameter.name, kind, parameter.default))
-    return msgspec.defstruct(f"{method.__name__}_data", fields, kw_only=True)
+    made = msgspec.defstruct(f"{method.__name__}_data", fields, kw_only=True)
+    try:
+        json_decoder(made)  # under the lock that a type's first use needs
+        known = msgspec.inspect.type_info(made)
+    except TypeError as error:
+        raise _bad(method, f"a parameter must be a plain type (a number, text, a list): {error}") from error
+    for field in known.fields if isinstance(known, msgspec.inspect.StructType) else ():
+        if isinstance(field.type, msgspec.inspect.CustomType):
+            wanted = "a plain type (a number, text, a list)"
+            raise _bad(method, f"{field.name} must be {wanted}, not {field.type.cls.__name__}")
+    return made
+
+
+def _declared(method: Callable[..., Any]) -> list[inspect.Parameter]:
+    """Return a method's parameters without ``self``; raises BadDeclaration for ``*args`` and the like."""
+    parameters = list(inspect.signature(method).parameters.values())[1:]
+    for parameter in parameters:
+        if parameter.kind not in {parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY}:
+            raise _bad(method, f"{parameter} cannot be given by name; name each parameter")
+    return parameters
+
+
+def _hints_of(method: Callable[..., Any]) -> dict[str, Any]:
+    """Return the annotations of all parameters; raises BadDeclaration for what is not enforced."""
+    try:
+        hints = typing.get_type_hints(method, include_extras=True)
+    except Exception as error:
+        raise _bad(method, f"its annotations cannot be resolved: {error}") from error
+    for parameter in _declared(method):
+        if parameter.name not in hints:
+            example = f'{parameter.name}: Annotated[float, Range(0, 10, "m")]'
+            raise _bad(method, f"{parameter.name} has no type; write it like {example}")
+        for note in _notes_of(hints[parameter.name]):
+            if not isinstance(note, Range | msgspec.Meta | str):
+                hint = "is not enforced here; use Range or msgspec.Meta"
+                raise _bad(method, f"{parameter.name}: {note!r} {hint}")
+    return hints
+
+
+def _bad(method: Callable[..., Any], why: str) -> BadDeclaration:
+    """Return the error for a method that cannot be a command, with its place."""
+    code = getattr(inspect.unwrap(method), "__code__", None)
+    place = f" ({code.co_filename}:{code.co_firstlineno})" if code is not None else ""
+    return BadDeclaration(f"command method {method.__name__}: {why}{place}")
+
+
+def _notes_of(form: Any) -> Iterator[Any]:
+    """Yield what annotations say beside types, however deep."""
+    if typing.get_origin(form) is Annotated:
+        yield from form.__metadata__
+        yield from _notes_of(form.__origin__)
+    elif typing.get_origin(form) is not typing.Literal:
+        for part in typing.get_args(form):
+            yield from _notes_of(part)
 
 
 def _ranges_of(method: Callable[..., Any]) -> dict[str, Range]:
     """Return the ranges in a method's annotations, by parameter; ``X | None`` has that of X."""
-    hints = typing.get_type_hints(method, include_extras=True)
-    found = {}
-    for name in list(inspect.signature(method).parameters)[1:]:
-        for form in (hints[name], *typing.get_args(hints[name])):
-            for note in typing.get_args(form)[1:] if typing.get_origin(form) is Annotated else ():
-                if isinstance(note, Range):
-                    found[name] = note
-    return found
+    hints = _hints_of(method)
+    notes = {each.name: list(_notes_of(hints[each.name])) for each in _declared(method)}
+    ranges = {name: [_range_of(note) for note in found] for name, found in notes.items()}
+    return {name: known[-1] for name, found in ranges.items() if (known := [each for each in found if each])}
+
+
+def _range_of(note: Any) -> Range | None:
+    """Return the range that an annotation gives, None where it gives none."""
+    if isinstance(note, Range):
+        return note
+    if not isinstance(note, msgspec.Meta):
+        return None
+    least = note.ge if note.ge is not None else note.gt
+    most = note.le if note.le is not None else note.lt
+    unit = (note.extra or {}).get("unit", "")
+    if least is None and most is None and not unit:
+        return None
+    return Range(-math.inf if least is None else least, math.inf if most is None else most, str(unit))
 
 
 def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -157,7 +231,7 @@ def arguments(spec: CommandSpec, data: Mapping[str, Any]) -> dict[str, Any]:
     try:
         values = convert(dict(data), spec.parameters)
     except msgspec.ValidationError as error:
-        raise Refused(f"{spec.name}: {_plainly(str(error))}") from None
+        raise Refused(f"{spec.name}: {_plainly(str(error), spec)}") from None
     found = {name: getattr(values, name) for name in known}
     for name in data:
         _require_within(spec, name, found[name])
@@ -186,8 +260,11 @@ def _require_within(spec: CommandSpec, name: str, value: Any) -> None:
             raise Refused(f"{spec.name}: {name} must be a finite number")
 
 
-def _plainly(words: str) -> str:
+def _plainly(words: str, spec: CommandSpec) -> str:
     """Return what msgspec says is wrong in words for whoever sent it, without its name for types."""
+    beyond = _BEYOND.fullmatch(words)
+    if beyond and beyond[1] in spec.ranges:
+        return f"{beyond[1]} must be {spec.ranges[beyond[1]]}"
     if wrong := _WRONG_TYPE.fullmatch(words):
         wanted = " or ".join(_TYPES.get(each, each) for each in wrong[1].split(" | ") if each != "null")
         return f"{wrong[3] or 'its data'} must be {wanted}, not {_TYPES.get(wrong[2], wrong[2])}"

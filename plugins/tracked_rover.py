@@ -30,11 +30,9 @@ class TrackedRover(fleet.FrameAdapter[TrackedRoverConfig]):
     limits = fleet.Limits(speed=1.2, yaw_rate=2.0)
     failsafe = "the rover stops 0.5 s after the last velocity"
 
-    def encode(self, ask: fleet.Command | fleet.Velocity) -> Iterable[bytes]:
+    def drive(self, velocity: fleet.Velocity) -> Iterable[bytes]:
         """Yield the line that drives."""
-        if not isinstance(ask, fleet.Velocity):
-            raise fleet.Unsupported(f"a tracked rover has no {ask.name!r}")
-        yield b"M %.3f %.3f\n" % (ask.linear.x, ask.yaw_rate)
+        yield b"M %.3f %.3f\n" % (velocity.linear.x, velocity.yaw_rate)
 
     @fleet.command("lights", moves=False)
     def lights(self, *, on: bool = True) -> Iterable[bytes]:

@@ -9,12 +9,13 @@ from typing import Annotated, ClassVar
 from fleet import (
     FlyMission,
     GeoPoint,
+    Health,
+    Level,
     Limits,
     NotReady,
     Progress,
     Range,
     Refused,
-    Robot,
     Task,
     Velocity,
     command,
@@ -24,13 +25,14 @@ from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Landed
-from fleet_mavlink.link_hub import open_hub
+from fleet_mavlink.link_hub import LinkHub, open_hub
 from fleet_mavlink.maintenance import UpkeepCommands
 from fleet_mavlink.payload import PayloadCommands
 from fleet_mavlink.preconditions import home_unknown, not_in_the_air, require_connection
 from fleet_mavlink.session import GENTLE, VehicleSession
 from fleet_mavlink.signing import Signer, key_of
 from fleet_mavlink.sim.spec import SimSpec
+from fleet_mavlink.vehicle import Vehicle
 
 _SIMULATOR = "fleet_mavlink.sim"
 _LOWEST_TAKEOFF = 1.0  # m
@@ -52,36 +54,44 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     failsafe = "the autopilot holds 1 to 3 s after the last velocity; what it does then: docs/drone-safety.md"
     separation: ClassVar[Separation] = Separation(radius=1.5, braking=1.5, precedence=3)
 
-    async def run(self, robot: Robot) -> None:
-        """Open the link, or share it, and serve the vehicle; raises LinkLost or LinkRefused."""
+    _hub: LinkHub
+    _sim: SimProcess | None = None  # of a simulated vehicle
+
+    async def connect(self) -> None:
+        """Open the link, or share it; raises LinkLost or LinkRefused."""
+        config, robot = self.config, self.robot
+        robot.health(Health(Level.OFFLINE, f"no heartbeat from system {config.system_id} yet"))
+        urls = [config.link, *config.backup_links]
+        if config.simulated:
+            self._sim = await robot.enter(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
+            spec = SimSpec.parse(config.link, system_id=config.system_id)
+            urls[0] = await robot.enter(self._sim.robot(spec))
+        key = f"mavlink {' '.join(urls)} {config.own_system}/{config.own_component}"
+        self._hub = await robot.enter(
+            robot.share(key, lambda: open_hub(urls, robot.clock, config.own_system, config.own_component))
+        )
+        vehicle = await robot.enter(self._claim())
+        self._session = VehicleSession(config, robot.limits, self._hub, vehicle, robot)
+
+    @contextlib.asynccontextmanager
+    async def _claim(self) -> AsyncIterator[Vehicle]:
+        """Give the vehicle of this robot; raises LinkRefused when another robot has it."""
         config = self.config
-        async with contextlib.AsyncExitStack() as stack:
-            urls, sim = [config.link, *config.backup_links], None
-            if config.simulated:
-                sim = await stack.enter_async_context(robot.share(_SIMULATOR, lambda: SimProcess(_SIMULATOR)))
-                spec = SimSpec.parse(config.link, system_id=config.system_id)
-                urls[0] = await stack.enter_async_context(sim.robot(spec))
-            station = f"{config.own_system}/{config.own_component}"
-            hub = await stack.enter_async_context(
-                robot.share(
-                    f"mavlink {' '.join(urls)} {station}",
-                    lambda: open_hub(urls, robot.clock, config.own_system, config.own_component),
-                )
-            )
-            key = config.signing_key
-            signer = Signer(key_of(key.get_secret_value()), robot.clock.time) if key else None
-            claim = hub.vehicle(config.system_id, signer, accept_unsigned=config.accept_unsigned)
-            vehicle = stack.enter_context(claim)
-            self._session = VehicleSession(config, config.limits.over(self.limits), hub, vehicle, robot)
-            losses = [hub.link.lost()] if sim is None else [hub.link.lost(), sim.lost()]
-            try:
-                await self._session.serve(*losses)
-            finally:
-                self._session = None
+        key = config.signing_key
+        signer = Signer(key_of(key.get_secret_value()), self.robot.clock.time) if key else None
+        with self._hub.vehicle(config.system_id, signer, accept_unsigned=config.accept_unsigned) as vehicle:
+            yield vehicle
+
+    async def run(self) -> None:
+        """Serve the vehicle; raises LinkLost or LinkRefused."""
+        losses = [self._hub.link.lost()]
+        if self._sim is not None:
+            losses.append(self._sim.lost())
+        await self._session.serve(*losses)
 
     def drive(self, velocity: Velocity) -> None:
         """Stream this body velocity; raises NotReady or Refused when the vehicle cannot be driven."""
-        self._open().driver.drive(velocity)
+        self._session.driver.drive(velocity)
 
     async def stop(self, reason: str) -> None:
         """Brake and hold in the air; motors are never cut.
@@ -90,31 +100,27 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         broken off for somebody who asks for it only. What is not moved here is braked for nobody else.
         Raises a CommandError when the vehicle was not seen to stop.
         """
-        session = self._session
-        if session is None or (reason not in _ASKED and not session.is_ours_to_stop):
+        if reason not in _ASKED and not self._session.is_ours_to_stop:
             return
         try:
-            await session.stop(reason, takes_over=reason in _TAKE_OVER)
+            await self._session.stop(reason, takes_over=reason in _TAKE_OVER)
         except LinkError as error:
             raise NotReady(f"nobody knows whether it stops: {error}") from error
 
     def halt(self) -> None:
         """Write zero velocity, or the hold command, at once; from any thread. A landing goes on."""
-        session = self._session
-        if session is not None and not session.comes_down:
+        if not self._session.comes_down:
             with contextlib.suppress(LinkError):
-                session.halt()
+                self._session.halt()
 
     def emergency_halt(self) -> None:
         """Write the same, whatever it does and whoever has it; from any thread."""
-        session = self._session
-        if session is not None:
-            with contextlib.suppress(LinkError):
-                session.halt(takes_over=True)
+        with contextlib.suppress(LinkError):
+            self._session.halt(takes_over=True)
 
     async def navigate(self, task: Task) -> AsyncIterator[Progress]:
         """Fly a task with the autopilot's own position control."""
-        session = self._open()
+        session = self._session
         origin = session.origin()
         if origin is None:
             raise home_unknown()
@@ -130,7 +136,7 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     @command("takeoff", timeout=90.0)
     async def takeoff(self, *, altitude: _Height | None = None) -> AsyncIterator[Progress]:
         """Arm if need be, and climb to an altitude (m above home)."""
-        session = self._open()
+        session = self._session
         flight, state = session.flight, session.vehicle.state
         require_connection(session.vehicle)
         wanted = min(self.config.takeoff_altitude, flight.ceiling) if altitude is None else altitude
@@ -148,21 +154,21 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     @command("land", timeout=300.0, safe=True)
     async def land(self) -> AsyncIterator[Progress]:
         """Land here and switch the motors off."""
-        session = self._open()
+        session = self._session
         async for progress in session.flight.come_down(session.flight.flavour.land):
             yield progress
 
     @command("return_to_home", timeout=600.0, safe=True)
     async def return_to_home(self) -> AsyncIterator[Progress]:
         """Fly home, as the autopilot is set up to, and land."""
-        session = self._open()
+        session = self._session
         async for progress in session.flight.come_down(session.flight.flavour.return_home):
             yield progress
 
     @command("cancel_takeoff", "cancel_landing", "cancel_return_to_home", safe=True)
     async def cancel(self) -> None:
         """Brake and hold here instead."""
-        session = self._open()
+        session = self._session
         require_connection(session.vehicle)
         await session.stop("cancelled", takes_over=True)
 
@@ -181,12 +187,12 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
     @command("arm", interrupts=False)
     async def arm(self, *, force: bool = False) -> None:
         """Start the motors, in a mode that can be taken off from."""
-        await self._open().flight.arm(force=force)
+        await self._session.flight.arm(force=force)
 
     @command("disarm")
     async def disarm(self, *, force: bool = False) -> None:
         """Stop the motors; refused in the air, whatever ``force`` says."""
-        await self._open().flight.disarm(force=force)
+        await self._session.flight.disarm(force=force)
 
     @command("kill", moves=False, safe=True)  # so that nothing is waited for before it
     async def kill(self, *, force: bool = False) -> None:
@@ -197,22 +203,22 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
             )
         if not force:
             raise Refused("kill stops the motors: in the air it falls", hint="say force=true")
-        await self._open().kill()
+        await self._session.kill()
 
     @command("set_home_here", moves=False)
     async def set_home_here(self) -> None:
         """Make this place home."""
-        await self._open().flight.set_home_here()
+        await self._session.flight.set_home_here()
 
     @command("clear_mission", moves=False)
     async def clear_mission(self) -> None:
         """Make the autopilot forget the mission in its memory."""
-        await self._open().missions.clear()
+        await self._session.missions.clear()
 
     @command("set_failsafes", moves=False, timeout=60.0)
     async def set_failsafes(self) -> None:
         """Write the fail-safe parameters that fleet.yaml asks for; refused while the motors run."""
-        await self._open().failsafes.set()
+        await self._session.failsafes.set()
 
     @command("set_home_location", moves=False)
     async def set_home_location(
@@ -223,19 +229,19 @@ class MavlinkAdapter(PayloadCommands, UpkeepCommands):
         altitude: Annotated[float, Range(-500, 10_000, "m above mean sea level")] | None = None,
     ) -> None:
         """Make a place home (degrees; m above mean sea level, left out: as high as home is now)."""
-        await self._open().flight.set_home(latitude, longitude, altitude)
+        await self._session.flight.set_home(latitude, longitude, altitude)
 
     @command("battery_check", moves=False, safe=True)
     async def battery_check(self) -> None:
         """Report the battery now."""
-        session = self._open()
+        session = self._session
         require_connection(session.vehicle)
         if not session.report_battery():
             raise NotReady("the vehicle has not said how its battery is")
 
     async def _climb_by(self, metres: float) -> AsyncIterator[Progress]:
         """Change the height by ``metres``."""
-        session = self._open()
+        session = self._session
         height = session.vehicle.state.relative_altitude
         if height is None or not session.vehicle.state.in_air:
             raise not_in_the_air()

@@ -22,14 +22,14 @@ class UpkeepCommands(SessionAdapter):
     @command("check_ready", moves=False, safe=True)
     async def check_ready(self) -> dict[str, object]:
         """Tell whether it would take off now: a list of checks, with the autopilot's own words."""
-        found = await readiness.look(self._open().flight)
+        found = await readiness.look(self._session.flight)
         listed = [{"check": each.check, "ok": each.ok, "words": list(each.words)} for each in found]
         return {"ready": readiness.is_ready(found), "checks": listed}
 
     @command("get_parameters", timeout=120.0, moves=False, safe=True)
     async def get_parameters(self, *, names: list[str] | None = None) -> dict[str, float | int | None]:
         """Read parameters by name, all of them without names."""
-        parameters = self._open().parameters
+        parameters = self._session.parameters
         found = await parameters.read_all() if names is None else await parameters.read(names)
         return {each.name: _number(each) for each in found}
 
@@ -38,7 +38,7 @@ class UpkeepCommands(SessionAdapter):
         self, *, name: str, value: _Value, force: bool = False
     ) -> dict[str, float | int | str | None]:
         """Write a parameter and read it back; on the ground unless ``force``."""
-        session = self._open()
+        session = self._session
         if session.vehicle.state.armed and not force:
             raise Refused("it is armed", hint="disarm first, or say force=true")
         before, after = await session.parameters.write(name, value)
@@ -47,7 +47,7 @@ class UpkeepCommands(SessionAdapter):
     @command("list_logs", timeout=30.0, moves=False, safe=True)
     async def list_logs(self) -> list[dict[str, int]]:
         """List the logs on board: id, bytes, Unix time of each."""
-        return [{"id": log.id, "size": log.size, "time": log.time} for log in await self._open().logs.list()]
+        return [{"id": log.id, "size": log.size, "time": log.time} for log in await self._session.logs.list()]
 
     @command("read_log", timeout=90.0, moves=False, safe=True)
     async def read_log(
@@ -58,29 +58,29 @@ class UpkeepCommands(SessionAdapter):
         count: Annotated[int, Range(1, MOST_BYTES, "bytes")] = 32768,
     ) -> dict[str, object]:
         """Read a part of a log, as base64; ``fleet logs`` reads it whole."""
-        data = await self._open().logs.read(id, offset, count)
+        data = await self._session.logs.read(id, offset, count)
         return {"offset": offset, "count": len(data), "data": base64.b64encode(data).decode()}
 
     @command("start_compass_calibration", timeout=300.0)
     async def start_compass_calibration(self) -> AsyncIterator[Progress]:
         """Calibrate the compass: turn the vehicle about all its axes until it is done."""
-        async for progress in self._open().compass.calibrate():
+        async for progress in self._session.compass.calibrate():
             yield progress
 
     @command("stop_compass_calibration", moves=False)
     async def stop_compass_calibration(self) -> None:
         """Stop the calibration of the compass; nothing of it is kept."""
-        await self._open().compass.stop()
+        await self._session.compass.stop()
 
     @command("setup_signing", timeout=15.0, moves=False)
     async def setup_signing(self) -> None:
         """Give the autopilot our signing key, over a link that nobody else hears; it signs from then on."""
-        await self._open().setup_signing()
+        await self._session.setup_signing()
 
     @command("reboot", "reboot_aircraft")
     async def reboot(self) -> None:
         """Restart the autopilot; refused while it is armed."""
-        await self._open().flight.reboot()
+        await self._session.flight.reboot()
 
 
 def _number(parameter: Parameter) -> float | int | None:

@@ -34,12 +34,12 @@ class PayloadCommands(SessionAdapter):
             raise Refused("a gimbal manager takes no roll", hint="give pitch and yaw")
         if pitch is None and yaw is None:
             raise Refused("give pitch, yaw, or both")
-        await self._open().gimbal.turn(GimbalTurn(pitch, yaw, mode == "relative", duration))
+        await self._session.gimbal.turn(GimbalTurn(pitch, yaw, mode == "relative", duration))
 
     @command("set_gimbal_pitch", timeout=20.0, moves=False)
     async def set_gimbal_pitch(self, *, pitch: _Angle) -> None:
         """Turn the gimbal's pitch to an angle (degrees, down is negative)."""
-        await self._open().gimbal.turn(GimbalTurn(pitch, None))
+        await self._session.gimbal.turn(GimbalTurn(pitch, None))
 
     @command("gimbal_rotate_speed", moves=False)
     async def gimbal_rotate_speed(
@@ -56,22 +56,22 @@ class PayloadCommands(SessionAdapter):
             raise Refused("a gimbal manager takes no roll", hint="give pitch and yaw")
         if all(each is None for each in (pitch, yaw, pitch_rate, yaw_rate)):
             raise Refused("give pitch, yaw, pitch_rate or yaw_rate")
-        await self._open().gimbal.spin(_speed(pitch, pitch_rate), _speed(yaw, yaw_rate))
+        await self._session.gimbal.spin(_speed(pitch, pitch_rate), _speed(yaw, yaw_rate))
 
     @command("gimbal_pitch_up", moves=False)
     async def gimbal_pitch_up(self, *, rate: _Speed = _RATE) -> None:
         """Turn the gimbal up for 1 s (degrees a second)."""
-        await self._open().gimbal.spin(abs(rate), 0.0)
+        await self._session.gimbal.spin(abs(rate), 0.0)
 
     @command("gimbal_pitch_down", moves=False)
     async def gimbal_pitch_down(self, *, rate: _Speed = _RATE) -> None:
         """Turn the gimbal down for 1 s (degrees a second)."""
-        await self._open().gimbal.spin(-abs(rate), 0.0)
+        await self._session.gimbal.spin(-abs(rate), 0.0)
 
     @command("take_photo", timeout=15.0, moves=False)
     async def take_photo(self) -> dict[str, object]:
         """Take a picture; answers with its number and where the camera keeps it."""
-        photo = await self._open().camera.take_photo()
+        photo = await self._session.camera.take_photo()
         return {"index": photo.index, "url": photo.url}
 
 

@@ -1,21 +1,13 @@
-"""What the parts of the MAVLink adapter share: the session, while there is one."""
+"""What the parts of the MAVLink adapter share: the session with the vehicle."""
 
 from __future__ import annotations
 
-from fleet import Adapter, NotReady
+from fleet import Adapter
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.session import VehicleSession
 
 
 class SessionAdapter(Adapter[MavlinkConfig]):
-    """An adapter that has a session with its vehicle while the link is open."""
+    """An adapter whose ``connect`` begins a session with its vehicle."""
 
-    def __init__(self, config: MavlinkConfig) -> None:
-        super().__init__(config)
-        self._session: VehicleSession | None = None
-
-    def _open(self) -> VehicleSession:
-        """Return the session; raises NotReady without one."""
-        if self._session is None:
-            raise NotReady("the link is not open yet")
-        return self._session
+    _session: VehicleSession

@@ -47,6 +47,7 @@ _FOREVER = 3600.0  # s: the host ends velocities; our own dead-man watches the h
 _ALIVE, _LOOK, _MOTION, _SLOW = 0.1, 0.02, 0.05, 1.0  # s between two of them
 _SILENT = 1.0  # s without a state after which the body controller counts as frozen
 _EMERGENCY = "emergency_stop"
+_LAMP = "lamp"  # the key of ``robot.state``: what was asked of the lamp outlives the body controller
 Condition = Callable[[], bool]
 _Height = Annotated[float, Range(-1.0, 1.0, "m")]  # the word says up or down; the body bounds it further
 _POSING = "posing"
@@ -67,12 +68,9 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     holonomic = True
     failsafe = "its body controller, a process of its own, stops the dog; the drives stop without it"
 
-    def __init__(self, config: QuadrupedConfig) -> None:
-        super().__init__(config)
-        self._body: BodyProcess | None = None
-        self._dog: AnyBody | None = None
-        self._robot: Robot | None = None
-        self._order = Order()
+    def __init__(self, config: QuadrupedConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
+        self._order = Order(lamp=robot.state.get(_LAMP))
         self._ordering = threading.Lock()  # halts come from other threads; held for an instant
         self._state = DogState()
         self._motion = MotionReports(config.trim)
@@ -80,41 +78,43 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
         self._heard = 0.0  # monotonic s: the newest state, or the start
         self._news = asyncio.Event()
         self._one_errand = asyncio.Lock()
+        self._serves = True  # its body controller runs
+        self._dog: AnyBody
+        self._body: BodyProcess
 
-    async def run(self, robot: Robot) -> None:
-        """Start the body controller and report what it says until it ends."""
+    async def connect(self) -> None:
+        """Start the body controller; raises LinkLost or LinkRefused."""
+        robot = self.robot
+        robot.health(Health(Level.OFFLINE, "its body controller has told no state yet"))
         self._dog = load_body(self.config.body_file)
-        self._robot = robot
-        async with BodyProcess(self.config, self._dog.leave_time) as body:
-            self._body, self._heard = body, self._now()
-            self._state, self._motion = DogState(), MotionReports(self.config.trim)
-            with self._ordering:  # what was asked of the body before is not asked of this one
-                self._order = Order(lamp=self._order.lamp)
-            self._origin = robot.clock.time()
-            robot.report(new_origin(self._origin))
-            try:
-                self._send()
-                robot.every(_ALIVE, self._send)
-                robot.every(_LOOK, self._look)
-                robot.every(_MOTION, self._report_motion)
-                robot.every(_SLOW, self._report_slow)
-                await body.ended()
-            finally:
-                self._body = None
+        self._body = await robot.enter(BodyProcess(self.config, self._dog.leave_time))
+        self._heard, self._origin = self._now(), robot.clock.time()
+        robot.report(new_origin(self._origin))
+        self._send()
+        robot.every(_ALIVE, self._send)
+        robot.every(_LOOK, self._look)
+        robot.every(_MOTION, self._report_motion)
+        robot.every(_SLOW, self._report_slow)
+
+    async def run(self) -> None:
+        """Wait until the body controller ends; raises LinkLost or LinkRefused with what it said."""
+        try:
+            await self._body.ended()
+        finally:
+            self._serves = False
 
     def drive(self, velocity: Velocity) -> None:
         """Walk like this from now on; only a dog that stands walks."""
-        body = self._reached()
         if self._state.mode not in _STANDS and not velocity.is_zero:
             raise NotReady(f"the dog is {self._state.mode}", hint="send stand_up first")
-        self._put(body, _walking(velocity, self._now()))
+        self._change(_walking(velocity, self._now()))
 
     async def stop(self, reason: str) -> None:
         """Stand still; for an emergency stop give way with damping and go off, seen to be done.
 
         A dog that recovers cannot stand still: it gives way where it lies.
         """
-        if self._body is None:
+        if not self._serves:
             return
         if reason == _EMERGENCY:
             self.emergency_halt()
@@ -130,15 +130,11 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     def halt(self) -> None:
         """Order to stand still, in the posture that it has; from any thread."""
-        body = self._body
-        if body is not None:
-            self._put(body, _still(self._now()), halts=1)
+        self._change(_still(self._now()), halts=1)
 
     def emergency_halt(self) -> None:
         """Order to give way with damping and go off, in the next cycle; from any thread."""
-        body = self._body
-        if body is not None:
-            self._put(body, _still(self._now()), stops=1, halts=1)
+        self._change(_still(self._now()), stops=1, halts=1)
 
     # -- joints --------------------------------------------------------------------------------------
 
@@ -155,17 +151,14 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
         """Lead joints there; only a dog in joint_mode is led."""
-        body = self._reached()
         if self._state.mode != _POSING:
             raise NotReady(f"the dog is {self._state.mode}", hint="send joint_mode first")
         goal = tuple(targets.get(name) for name in JOINTS)
-        self._put(body, {"joints": goal, "joints_until": self._now() + _LED})
+        self._change({"joints": goal, "joints_until": self._now() + _LED})
 
     def hold_joints(self) -> None:
         """Order to hold the joints where they are; joint_mode goes on. From any thread."""
-        body = self._body
-        if body is not None:
-            self._put(body, {"joints": ()})
+        self._change({"joints": ()})
 
     # -- commands ------------------------------------------------------------------------------------
 
@@ -207,28 +200,27 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
     @command("led_toggle", timeout=2.0, moves=False)
     async def led_toggle(self, *, enabled: bool | None = None) -> None:
         """Turn the lamp on or off; without data, the other way round."""
-        self._reached()
-        if self._dog is None or self._dog.led is None:
+        if self._dog.led is None:
             raise Unsupported("this dog's description has no led")
-        self._change(lamp=not self._order.lamp if enabled is None else enabled)
+        lamp = not self._order.lamp if enabled is None else enabled
+        self.robot.state[_LAMP] = lamp
+        self._change({"lamp": lamp})
 
     @command("battery_check", timeout=2.0, moves=False)
     async def battery_check(self) -> None:
         """Report the battery now."""
-        robot = self._running()
-        timeout = self._dog.battery_timeout if self._dog else None
+        timeout = self._dog.battery_timeout
         if timeout is None:
             raise Unsupported("this dog's description has no battery")
         if self._state.battery_age is None or self._state.battery_age > timeout:
             raise NotReady("the battery says nothing", hint="check its CAN frames")
-        for report in slow_reports(self._state, robot.clock.time(), self._origin):
-            robot.report(report)
+        for report in slow_reports(self._state, self.robot.clock.time(), self._origin):
+            self.robot.report(report)
 
     @command("take_photo", timeout=10.0, moves=False, safe=True)
     async def take_photo(self) -> None:
         """Publish a picture of the configured camera."""
-        robot = self._running()
-        robot.report(await photograph(self.config.camera, robot.clock))
+        self.robot.report(await photograph(self.config.camera, self.robot.clock))
 
     async def _rise_or_lower(self, delta_z: float | None, *, up: bool) -> AsyncIterator[Progress]:
         """Change the height, or all of the posture."""
@@ -257,10 +249,9 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     async def _errand(self, ask: BodyRequest, value: float = 0.0) -> None:
         """Ask the body for something; raises Refused with its reason."""
-        self._reached()
         async with self._one_errand:
             number = self._order.activity.number + 1
-            self._change(activity=Activity(number, ask, value))
+            self._change({"activity": Activity(number, ask, value)})
             await self._until(lambda: self._state.answered >= number, ask.value)
             if self._state.refusal:
                 raise Refused(self._state.refusal)
@@ -277,71 +268,51 @@ class QuadrupedAdapter(Adapter[QuadrupedConfig]):
 
     # -- the body ------------------------------------------------------------------------------------
 
-    def _reached(self) -> BodyProcess:
-        if self._body is None:
-            raise NotReady("the dog is not connected", hint="its drives are being configured")
-        return self._body
-
-    def _running(self) -> Robot:
-        self._reached()
-        assert self._robot is not None
-        return self._robot
-
-    def _change(self, **changes: object) -> None:
-        """Change the order."""
-        if self._body is not None:
-            self._put(self._body, changes)
-
     def _send(self) -> None:
         """Send the newest order again; that it is fresh is what keeps the dog walking."""
-        self._change()
+        self._change({})
 
-    def _put(
-        self, body: BodyProcess, changes: Mapping[str, object], *, stops: int = 0, halts: int = 0
-    ) -> None:
+    def _change(self, changes: Mapping[str, object], *, stops: int = 0, halts: int = 0) -> None:
         """Change and send the order, whole, from any thread; so many stops are added."""
         with self._ordering:
             counted = {"stop": self._order.stop + stops, "halts": self._order.halts + halts}
             self._order = msgspec.structs.replace(self._order, **changes, **counted, alive=self._now())
-            body.orders.put(self._order)
+            self._body.orders.put(self._order)
 
     def _now(self) -> float:
         """Return monotonic seconds, which are the same in the body controller's process."""
-        return self._robot.clock.monotonic() if self._robot else 0.0
+        return self.robot.clock.monotonic()
 
     def _look(self) -> None:
         """Take the newest state; raises LinkLost when the body controller tells none any more."""
-        if self._body is None:
-            return
         before = self._state
         self._state = self._body.states.get()
         self._check_alive()
         if self._state is not before and self._state.stamp:  # before the first state nothing is known
             self._news.set()
-            if self._dog is not None and self._robot is not None:
-                health = health_of(self._state, 1.0 / self._dog.dt)
-                if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
-                    self._robot.health(health)
+            health = health_of(self._state, 1.0 / self._dog.dt)
+            if before.stamp == 0.0 or health != health_of(before, 1.0 / self._dog.dt):
+                self.robot.health(health)
 
     def _check_alive(self) -> None:
         """Say at once that the body controller is frozen, and end the run; raises LinkLost."""
         self._heard = max(self._heard, self._state.stamp)
         silent = self._now() - self._heard
-        if silent > _SILENT and self._robot is not None:
+        if silent > _SILENT:
             cause = f"the body controller is frozen: it has told nothing for {silent:.1f} s"
-            self._robot.health(Health(Level.OFFLINE, cause))
+            self.robot.health(Health(Level.OFFLINE, cause))
             raise LinkLost(cause)
 
     def _report_motion(self) -> None:
-        if self._robot is not None and self._state.stamp:
-            clock = self._robot.clock
+        if self._state.stamp:
+            clock = self.robot.clock
             for report in self._motion.reports(self._state, clock.time() - clock.monotonic()):
-                self._robot.report(report)
+                self.robot.report(report)
 
     def _report_slow(self) -> None:
-        if self._robot is not None and self._state.stamp:
-            for report in slow_reports(self._state, self._robot.clock.time(), self._origin):
-                self._robot.report(report)
+        if self._state.stamp:
+            for report in slow_reports(self._state, self.robot.clock.time(), self._origin):
+                self.robot.report(report)
 
 
 def _still(now: float) -> dict[str, object]:

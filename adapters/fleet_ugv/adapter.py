@@ -5,29 +5,28 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, ClassVar, TypeVar
-from uuid import UUID
 
 from fleet import (
     Adapter,
     Limits,
     NotReady,
-    Pose,
     Range,
     Refused,
     Robot,
     Velocity,
     command,
-    open_link,
 )
 from fleet.camera.picture import photograph
-from fleet.link.url import parse
+from fleet.link.base import Link
+from fleet.link.latest_motion import LatestMotion
+from fleet.link.url import opened_link, parse
 from fleet.model.joints import JointRange
 from fleet.robot_config import Separation
 from fleet.sim.process import SimProcess
-from fleet_ugv.board import Board
+from fleet_ugv.board import Board, Inbox
 from fleet_ugv.codecs.waveshare import GIMBAL_SPEED
 from fleet_ugv.config import UgvConfig
 from fleet_ugv.observer import Observer
@@ -51,10 +50,7 @@ MOUNT: Mapping[str, JointRange] = MappingProxyType(
 )
 """The joints of the camera's mount: the firmware's ranges, at the speed that is written with each angle."""
 _Delta = Annotated[float, Range(-math.tau, math.tau, "rad")]
-NOT_OPEN = "the line is not open"
-
-# The host makes a new adapter for each attempt; where the robot is outlives its cable.
-_last_poses: dict[UUID, Pose] = {}
+POSE = "pose"  # the key of ``robot.state`` under which odometry's last pose is kept
 
 
 class UgvAdapter(Adapter[UgvConfig]):
@@ -65,45 +61,41 @@ class UgvAdapter(Adapter[UgvConfig]):
     separation: ClassVar[Separation] = Separation(radius=0.4, braking=1.0, precedence=2)
     combines_keys: ClassVar[bool] = True
 
-    def __init__(self, config: UgvConfig) -> None:
-        super().__init__(config)
+    def __init__(self, config: UgvConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
         if config.base.timeout is not None:
             self.failsafe = f"its firmware stops {config.setting.timeout:g} s after the last velocity"
-        self._board: Board | None = None
-        self._robot: Robot | None = None
         self._lamps = (0, 0)
         self._camera = (0.0, 0.0)
         self._led = False  # the camera's joints were led since it was sent anywhere
+        # Where the robot is outlives its cable.
+        self._odometry = WheelOdometry(config.scale, config.base.fastest, robot.state.get(POSE))
+        self._board: Board
+        self._link: Link
 
-    async def run(self, robot: Robot) -> None:
-        """Open the line and serve the base; raises LinkLost or LinkRefused."""
-        odometry = WheelOdometry(
-            self.config.scale, self.config.base.fastest, _last_poses.get(self.config.twin)
-        )
-        board = Board(self.config, robot, Observer(self.config, odometry))
-        async with self._url(robot) as url:
-            link = await open_link(url, board.arrived)
-            self._board, self._robot = board, robot
-            try:
-                board.begin(link, parse(url).baud)
-                await link.lost()
-            finally:
-                board.halt()
-                self._board = None
-                _last_poses[self.config.twin] = odometry.pose
-                await link.close()
+    async def connect(self) -> None:
+        """Open the line; raises LinkLost or LinkRefused."""
+        url = await self._url()
+        inbox = Inbox(self.config, self.robot.clock)
+        self._link = await self.robot.enter(opened_link(url, inbox.arrived))
+        slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        self._board = Board(self.config, self.robot, Observer(self.config, self._odometry), inbox, slot)
+        self._board.begin(self._link)
 
-    @contextlib.asynccontextmanager
-    async def _url(self, robot: Robot) -> AsyncIterator[str]:
-        """Give the link to open; a simulated base is started first."""
+    async def run(self) -> None:
+        """Serve the base until its line falls; raises LinkLost."""
+        try:
+            await self._link.lost()
+        finally:
+            self._board.end()
+            self.robot.state[POSE] = self._odometry.pose
+
+    async def _url(self) -> str:
+        """Return the link to open; a simulated base is started first."""
         if not self.config.simulated:
-            yield self.config.link
-            return
-        async with (
-            robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)) as simulator,
-            simulator.robot(self._spec()) as url,
-        ):
-            yield url
+            return self.config.link
+        simulator = await self.robot.enter(self.robot.share(SIMULATOR, lambda: SimProcess(SIMULATOR)))
+        return await self.robot.enter(simulator.robot(self._spec()))
 
     def _spec(self) -> SimSpec:
         """Return the simulated base that the link asks for."""
@@ -112,26 +104,24 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def drive(self, velocity: Velocity) -> None:
         """Hold this body velocity; a sideways part is dropped."""
-        self._open_board().drive(velocity)
+        self._board.drive(velocity)
 
     async def stop(self, reason: str) -> None:  # noqa: ARG002 - whatever the reason, it stands
         """Stop the wheels and see them stand."""
         self.halt()
-        if self._board is not None:
+        if self._board.serves:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._board.stands.wait(), STANDSTILL)
 
     def halt(self) -> None:
         """Stop the wheels, and the camera's mount, at once; from any thread."""
-        board = self._board
-        if board is not None:
-            board.halt()
+        self._board.halt()
 
     # -- the camera's joints -------------------------------------------------------------------------
 
     def joint_ranges(self) -> Mapping[str, JointRange]:
         """Return pan (right positive) and tilt (up positive) of a base with a camera's mount."""
-        return MOUNT if self._board is not None and self._board.codec.gimbal_stop else {}
+        return MOUNT if self._board.codec.gimbal_stop else {}
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
         """Turn the mount; the joint that is not named stays where it was sent. Whole degrees are written."""
@@ -141,26 +131,12 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def hold_joints(self) -> None:
         """Stop the mount where it is; from any thread."""
-        board = self._board
-        if board is not None:
-            board.hold_gimbal()
+        self._board.hold_gimbal()
 
     def _aimed(self) -> tuple[float, float]:
         """Return from where the mount is turned on: where it was sent, or, once it was led, where it is."""
-        mount = self._board.observer.mount if self._board is not None else None
+        mount = self._board.observer.mount
         return mount if self._led and mount is not None else self._camera
-
-    def _open_board(self) -> Board:
-        """Return the base; raises NotReady while there is none."""
-        if self._board is None:
-            raise NotReady(NOT_OPEN, hint="it is being opened")
-        return self._board
-
-    def _observed(self) -> tuple[Board, Robot]:
-        """Return the base and who is told; raises NotReady."""
-        board = self._open_board()
-        assert self._robot is not None
-        return board, self._robot
 
     # -- lamps, camera, display ----------------------------------------------------------------------
 
@@ -206,7 +182,7 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def _set_lamps(self, chassis: int, camera: int) -> None:
         """Write both lamps and note them."""
-        board = self._open_board()
+        board = self._board
         board.write(board.codec.lights(chassis, camera))
         self._lamps = (chassis, camera)
 
@@ -257,7 +233,7 @@ class UgvAdapter(Adapter[UgvConfig]):
 
     def _turn_camera(self, pan: float, tilt: float) -> None:
         """Turn the camera within what the mount can do."""
-        board = self._open_board()
+        board = self._board
         camera = (min(max(pan, -math.pi), math.pi), min(max(tilt, -math.pi / 6), math.pi / 2))
         board.write(board.codec.gimbal(round(math.degrees(camera[0])), round(math.degrees(camera[1]))))
         self._camera, self._led = camera, False
@@ -266,7 +242,7 @@ class UgvAdapter(Adapter[UgvConfig]):
     @command("oled_ctrl", moves=False, safe=True, timeout=2.0)
     async def oled_ctrl(self, *, text: str = "") -> None:
         """Write up to four lines on the display; nothing: its own text again."""
-        board = self._open_board()
+        board = self._board
         board.write(board.codec.display(text.splitlines()))
 
     # -- looking -------------------------------------------------------------------------------------
@@ -274,24 +250,23 @@ class UgvAdapter(Adapter[UgvConfig]):
     @command("battery_check", moves=False, safe=True, timeout=2.0)
     async def battery_check(self) -> None:
         """Report the battery now."""
-        board, robot = self._observed()
-        if board.observer.voltage is None:
+        observer = self._board.observer
+        if observer.voltage is None:
             raise NotReady("the base has not told its voltage")
-        robot.report(board.observer.battery(robot.clock.time()))
+        self.robot.report(observer.battery(self.robot.clock.time()))
 
     @command("get_status", moves=False, safe=True, timeout=2.0)
     async def get_status(self) -> None:
         """Report battery and metrics now."""
-        board, robot = self._observed()
-        if board.observer.voltage is not None:
-            robot.report(board.observer.battery(robot.clock.time()))
-        board.metrics()
+        observer = self._board.observer
+        if observer.voltage is not None:
+            self.robot.report(observer.battery(self.robot.clock.time()))
+        self._board.metrics()
 
     @command("take_photo", moves=False, safe=True, timeout=10.0)
     async def take_photo(self) -> None:
         """Publish a picture of the configured camera."""
-        _, robot = self._observed()
-        robot.report(await photograph(self.config.camera, robot.clock))
+        self.robot.report(await photograph(self.config.camera, self.robot.clock))
 
 
 def _toggled(level: int) -> int:

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from fleet import LinkLost, NotReady, Robot, Vector3, Velocity
+from fleet import Clock, LinkLost, NotReady, Robot, Vector3, Velocity
 from fleet.link.base import Address, Link
 from fleet.link.latest_motion import Frames, LatestMotion
 from fleet.link.motion_sender import LOOK, MotionSender
@@ -28,57 +28,75 @@ STANDS = 0.02  # m/s below which the base stands
 STANDS_TURNING = 0.1  # rad/s
 
 
-class Board:
-    """A base that is being served. ``observer`` knows its pose and battery; ``stands``: seen to stand."""
+class Inbox:
+    """Events that were decoded from the line, with the times (monotonic, Unix s) at which they came."""
 
-    def __init__(self, config: UgvConfig, robot: Robot, observer: Observer) -> None:
+    def __init__(self, config: UgvConfig, clock: Clock) -> None:
+        self.codec = config.base.codec(config.setting)
+        self.events: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
+        self._clock = clock
+
+    def arrived(self, data: bytes, _address: Address) -> None:
+        """Take bytes from the line."""
+        now, stamp = self._clock.monotonic(), self._clock.time()
+        self.events.extend((now, stamp, event) for event in self.codec.feed(data))
+
+
+class Board:
+    """A base on an open line. ``observer`` knows its pose and battery; ``stands``: seen to stand.
+
+    ``serves`` is False once its line has fallen or is being left.
+    """
+
+    def __init__(
+        self, config: UgvConfig, robot: Robot, observer: Observer, inbox: Inbox, slot: LatestMotion
+    ) -> None:
         self.observer = observer
         self.stands = asyncio.Event()
-        self.codec = config.base.codec(config.setting)
+        self.serves = True
+        self.codec = inbox.codec
+        self._inbox = inbox.events
         self._config = config
         self._profile = config.base
         self._kinematics = config.kinematics
         self._robot = robot
-        self._inbox: deque[tuple[float, float, Event]] = deque(maxlen=INBOX)
-        self._slot: LatestMotion | None = None
-        self._motion: MotionSender | None = None
-        self._asked = 0.0
-        self._garbage = 0
-        self._troubles: dict[str, float] = {}
-        now = robot.clock.monotonic()
-        self.readiness = Readiness(
-            confirms=self._profile.settable, guarded=self._profile.timeout is not None, now=now
-        )
-
-    def arrived(self, data: bytes, _address: Address) -> None:
-        """Take bytes from the line."""
-        now, stamp = self._robot.clock.monotonic(), self._robot.clock.time()
-        self._inbox.extend((now, stamp, event) for event in self.codec.feed(data))
-
-    def begin(self, link: Link, baud: int) -> None:
-        """Serve the base on an open link of this speed (0: no line of a known speed)."""
-        self._slot = LatestMotion(link, self._robot.clock, baud=baud)
+        self._slot = slot
         self._motion = MotionSender(
-            self._slot,
-            self._robot.clock,
+            slot,
+            robot.clock,
             encode=self._encode,
             stop=lambda: (self.codec.stop,),
             every=self._profile.keep,
             idle=self._profile.idle,
         )
-        self._asked = self._robot.clock.monotonic()
-        self.readiness.opened(self._asked)
+        self._garbage = 0
+        self._troubles: dict[str, float] = {}
+        self._asked = robot.clock.monotonic()
+        self.readiness = Readiness(
+            confirms=self._profile.settable, guarded=self._profile.timeout is not None, now=self._asked
+        )
+
+    def begin(self, link: Link) -> None:
+        """Serve the base on its link."""
         self._robot.leave_halt(link, filter(None, (self.codec.stop, self.codec.gimbal_stop)))
         self._slot.send(self.codec.hello(), self.codec.stop)
         self._robot.health(self.readiness.health)
         self._robot.every(LOOK, self.turn)
 
+    def end(self) -> None:
+        """Leave the base standing; what is asked of it from now on is not waited for."""
+        self.serves = False
+        self.halt()
+
     def drive(self, velocity: Velocity) -> None:
         """Hold a body velocity; raises NotReady, or Refused for what the base cannot do."""
-        motion = self._motion
-        if motion is None or self.readiness.refusal:
-            raise NotReady(self.readiness.refusal or "the line is not open", hint="try again in a moment")
-        motion.drive(self._guarded(velocity))
+        self._require_ready()
+        self._motion.drive(self._guarded(velocity))
+
+    def _require_ready(self) -> None:
+        """Raise NotReady for a base that is not set up yet."""
+        if self.readiness.refusal:
+            raise NotReady(self.readiness.refusal, hint="try again in a moment")
 
     def _encode(self, velocity: Velocity) -> Frames:
         """Return the frame that holds a body velocity; raises Refused."""
@@ -86,22 +104,18 @@ class Board:
 
     def halt(self) -> None:
         """Write the stop of wheels and mount at once; from any thread."""
-        motion = self._motion
-        if motion is not None:
-            motion.halt()
-            self.hold_gimbal()
+        self._motion.halt()
+        self.hold_gimbal()
 
     def hold_gimbal(self) -> None:
         """Write what stops the mount where it is, at once; from any thread."""
-        slot = self._slot
-        if slot is not None and self.codec.gimbal_stop:
+        if self.codec.gimbal_stop:
             with contextlib.suppress(LinkLost):  # which stops at its last target
-                slot.send(self.codec.gimbal_stop)
+                self._slot.send(self.codec.gimbal_stop)
 
     def write(self, data: bytes) -> None:
         """Write what moves no wheel; raises NotReady."""
-        if self._slot is None or self.readiness.refusal:
-            raise NotReady(self.readiness.refusal or "the line is not open", hint="try again in a moment")
+        self._require_ready()
         try:
             self._slot.send(data)
         except LinkLost as error:
@@ -166,13 +180,11 @@ class Board:
 
     def _set_up(self) -> None:
         """Tell the board how to behave; whatever moved it is over."""
-        assert self._slot is not None
         self.halt()
         self._slot.send(self.codec.setup())
 
     def _keep(self, now: float) -> None:
         """Write the question and the motion that are due."""
-        assert self._motion is not None
         if self._profile.poll:
             self._ask(now, self._profile.poll, self.codec.poll)
         elif self.readiness.unheard:
@@ -181,7 +193,6 @@ class Board:
 
     def _ask(self, now: float, every: float, question: Callable[[], bytes]) -> None:
         """Write a question when it is due."""
-        assert self._slot is not None
         if now - self._asked >= every - LOOK / 2:
             self._asked = now
             self._slot.send(question())
@@ -202,7 +213,7 @@ class Board:
         spoiled, self._garbage = self.codec.garbage - self._garbage, self.codec.garbage
         if spoiled:
             errors.append({"code": "line", "message": f"{spoiled} pieces made no sense", "count": spoiled})
-        if self._slot is not None and self._slot.held_back:
+        if self._slot.held_back:
             count = self._slot.held_back
             errors.append({"code": "backlog", "message": f"{count} motions were replaced", "count": count})
         return tuple(errors)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import pathlib
+from collections.abc import Iterable
 from typing import Any
 
 import click
 import msgspec
 
+from fleet.cli import command_text
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
+from fleet.config.text import nearest
+from fleet.errors import ConfigError
 from fleet.host.workers.drop_in_inspector import described
 from fleet.plugins.probe import AdapterDescription
 from fleet.plugins.registry import Plugin, Registry
@@ -33,20 +37,47 @@ def registry_of(file: str | None) -> Registry:
 
 
 @click.command()
+@click.argument("name", required=False)
 @file_option
 @with_output
-def adapters(out: Output, file: str | None) -> None:
-    """Show the kinds of robots that can be used.
+def adapters(out: Output, name: str | None, file: str | None) -> None:
+    """Show the kinds of robots that can be used; with its NAME all that one takes.
 
     Imports every adapter that is installed, and those in a drop-in folder of the fleet file in a process of
     their own. One that failed is shown with the reason; it matters only for the robots that name it.
     """
     plugins = registry_of(file).load_all()
+    if name is not None:
+        _show(out, _named(name, plugins))
+        return
     out.data({"adapters": [_described(plugin) for plugin in plugins]})
     rows = [(plugin.name, plugin.state, _detail(plugin)) for plugin in plugins]
     out.table(("name", "state", "what it takes, or why it failed"), rows)
     if not plugins:
         out.note("no adapter is installed; see docs/write-an-adapter.md")
+
+
+def _named(name: str, plugins: Iterable[Plugin]) -> Plugin:
+    """Return the plugin of a name; raises ConfigError for one that is not there."""
+    found = {plugin.name: plugin for plugin in plugins}
+    if name not in found:
+        raise ConfigError(f"no adapter {name!r}; {nearest(name, found) or 'fleet adapters lists them'}")
+    return found[name]
+
+
+def _show(out: Output, plugin: Plugin) -> None:
+    """Show one kind of robot: its commands with parameters, units and help."""
+    out.data(_described(plugin))
+    can = _description(plugin)
+    out.say(f"{plugin.name}: {plugin.report or plugin.state} [{plugin.origin}]")
+    if can is None:
+        return
+    takes = [*(["velocity"] if can.drives else []), *(["goals"] if can.navigates else [])]
+    limits = ", ".join(f"{name} {value:g}" for name, value in can.limits.items())
+    out.say(f"takes {', '.join(takes) or 'commands only'}; limits (m/s, rad/s, m): {limits or 'none'}")
+    for command in can.commands:
+        out.say(f"\n{command.name} {command_text.parameters(command)}".rstrip(" -"))
+        command_text.show(out, command)
 
 
 def _detail(plugin: Plugin) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 import msgspec
 
+from fleet.cli import command_text
 from fleet.cli.completion import COMMAND, ROBOT
 from fleet.cli.edges import Edges
 from fleet.cli.options import reach_option
@@ -12,7 +13,7 @@ from fleet.cli.output import ExitCode, Output, with_output
 from fleet.cli.robot_queries import RobotQuery
 from fleet.config.text import nearest
 from fleet.errors import Refused
-from fleet.model.description import CommandDescription, ParameterDescription, RobotDescription
+from fleet.model.description import CommandDescription, RobotDescription
 
 
 @click.command()
@@ -43,7 +44,9 @@ def describe(out: Output, robot: str, command: str | None, *, file: str | None) 
 
 def _show_all(out: Output, found: RobotDescription) -> None:
     """Show a robot's commands, one in a line, and what it takes besides."""
-    rows = [(one.name, "no" if one.refusal else "yes", _parameters(one)) for one in found.commands]
+    rows = [
+        (one.name, "no" if one.refusal else "yes", command_text.parameters(one)) for one in found.commands
+    ]
     out.table(("command", "now", "parameters"), rows)
     for refusal in dict.fromkeys(one.refusal for one in found.commands if one.refusal):
         names = ", ".join(one.name for one in found.commands if one.refusal == refusal)
@@ -61,45 +64,16 @@ def _show_all(out: Output, found: RobotDescription) -> None:
 
 def _show_one(out: Output, robot: str, one: CommandDescription) -> None:
     """Show all about one command."""
-    out.say(f"fleet send {robot} {one.name}{''.join(f' {_usage(each)}' for each in one.parameters)}")
-    if one.summary:
-        out.say(one.summary)
-    if one.parameters:
-        rows = [(each.name, each.type, _range(each), _default(each)) for each in one.parameters]
-        out.table(("parameter", "type", "range", "default"), rows)
-    traits = [
-        "may move the robot" if one.moves else "moves nothing",
-        "taken during an emergency stop" if one.safe else "",
-        f"given up after {one.timeout:g} s" if one.timeout else "",
-    ]
-    out.say("; ".join(filter(None, traits)))
+    out.say(
+        f"fleet send {robot} {one.name}{''.join(f' {command_text.usage(each)}' for each in one.parameters)}"
+    )
+    command_text.show(out, one)
     out.say(f"now: {_now(one)}")
 
 
 def _now(one: CommandDescription) -> str:
     """Return whether a command would be taken."""
     return f"no: {one.refusal}" if one.refusal else "yes"
-
-
-def _parameters(one: CommandDescription) -> str:
-    """Return the parameters of a command as one writes them."""
-    return " ".join(map(_usage, one.parameters)) or "-"
-
-
-def _usage(each: ParameterDescription) -> str:
-    """Return a parameter as one writes it; in brackets when it may be left out."""
-    text = f"{each.name}={each.type.upper().replace(' ', '-')}"
-    return text if each.required else f"[{text}]"
-
-
-def _range(each: ParameterDescription) -> str:
-    """Return the range of a parameter."""
-    return "-" if each.least is None or each.most is None else f"{each.least:g} to {each.most:g} {each.unit}"
-
-
-def _default(each: ParameterDescription) -> str:
-    """Return what stands for a parameter that is left out."""
-    return "(must be given)" if each.required else each.default or "-"
 
 
 def _unit(limit: str) -> str:

@@ -9,8 +9,9 @@ memory:NAME                             a robot in this process, for tests
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Annotated
 
 import msgspec
@@ -119,3 +120,13 @@ async def open_link(url: str, receiver: Receiver) -> Link:
     """
     parts = parse(url)
     return await _OPENERS[parts.scheme](parts, receiver)
+
+
+@contextlib.asynccontextmanager
+async def opened_link(url: str, receiver: Receiver) -> AsyncIterator[Link]:
+    """Open a link as ``open_link`` does and close it at the end; made for ``robot.enter``."""
+    link = await open_link(url, receiver)
+    try:
+        yield link
+    finally:
+        await link.close()

@@ -21,7 +21,7 @@ from typing import Any
 import msgspec
 
 from fleet.adapter import Adapter, AnyAdapter, FrameAdapter
-from fleet.commands import commands_of
+from fleet.commands import BadDeclaration
 from fleet.robot_config import AdapterConfig, Limits
 
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -137,19 +137,15 @@ def _check_attributes(adapter: type[AnyAdapter]) -> None:
     """Refuse a class that declares what the host cannot use, before a robot of it is to run."""
     if not isinstance(adapter.limits, Limits):
         raise Unusable(f"{adapter.__name__}.limits must be Limits(...), not {adapter.limits!r}")
-    verbs = getattr(adapter, "verbs", ())
-    if isinstance(verbs, str) or not all(isinstance(verb, str) for verb in verbs):
-        raise Unusable(f"{adapter.__name__}.verbs must be a tuple of names, not {verbs!r}")
-    commands_of(adapter)  # raises for a method whose parameters have no types
+    adapter.commands()  # raises for a method whose parameters have no types
+    adapter.drives()
     if issubclass(adapter, Adapter):
-        adapter.commands()
-        adapter.drives()
         adapter.navigates()
 
 
 def why(error: BaseException, path: Path | None) -> str:
     """Return the reason on one line, with the file and line where it went wrong."""
-    if isinstance(error, Unusable):
+    if isinstance(error, Unusable | BadDeclaration):
         return str(error)
     place = _place_of(error, path)
     reason = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"

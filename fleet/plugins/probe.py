@@ -20,6 +20,7 @@ from typing import IO, Any, TypeVar
 
 import msgspec
 
+from fleet.model.description import CommandDescription
 from fleet.runtime.decoding import msgpack_decoder
 
 IMPORT_WITHIN = 20.0  # s for a file to be imported
@@ -41,18 +42,6 @@ class ProbeError(Exception):
     """A drop-in file did not answer; the message says what became of it."""
 
 
-class CommandText(msgspec.Struct, frozen=True):
-    """A declared command in words; ``timeout`` in seconds."""
-
-    name: str
-    summary: str
-    timeout: float
-    safe: bool
-    moves: bool
-    parameters: tuple[str, ...]
-    ranges: dict[str, str]
-
-
 class AdapterDescription(msgspec.Struct, frozen=True):
     """A kind of robot in words: what it takes, and the JSON Schema of its Config (None where it has none)."""
 
@@ -61,7 +50,7 @@ class AdapterDescription(msgspec.Struct, frozen=True):
     drives: bool
     navigates: bool
     limits: dict[str, float]
-    commands: tuple[CommandText, ...]
+    commands: tuple[CommandDescription, ...]
     schema: dict[str, Any] | None = None
 
 

@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 import collections
+import logging
+import math
 import random
 import re
 import threading
+import typing
 from collections.abc import Callable, Iterator, Mapping
+from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 
 import msgspec
+from pydantic import BaseModel
 
-from fleet.adapter import Adapter, FrameAdapter
+from fleet.adapter import Adapter, AdapterBase, FrameAdapter
+from fleet.commands import CommandSpec
 from fleet.errors import CommandError
+from fleet.model.geometry import Velocity
 
 SOON = 10.0  # s; what does not block takes no time, but test computers are slow
 _MUTABLE = (list, set, bytearray, collections.deque)
-_BASES = (Adapter, FrameAdapter)
+_BASES = (AdapterBase, Adapter, FrameAdapter)
+_NOT_STATE = frozenset({"framing", "_abc_impl"})
+_SHAREABLE = (
+    type,
+    FunctionType,
+    classmethod,
+    staticmethod,
+    property,
+    BaseModel,
+    msgspec.Struct,
+    logging.Logger,
+)
 ResultT = TypeVar("ResultT")
 ParamsT = ParamSpec("ParamsT")
 
@@ -84,6 +102,36 @@ def numbers_in(value: Any) -> Iterator[float]:
             yield from numbers_in(item)
 
 
+_PLAUSIBLE: dict[str, tuple[float, float]] = {
+    "BatteryReport.percent": (0.0, 100.0),
+    "BatteryReport.voltage": (0.0, 1000.0),
+    "BatteryReport.current": (-1000.0, 1000.0),
+    "PoseReport.position": (-1e6, 1e6),
+    "PoseReport.rotation": (-1.001, 1.001),
+    "ImuReport.gyro": (-100.0, 100.0),
+    "ImuReport.accel": (-1000.0, 1000.0),
+    "JointReport.positions": (-1000.0, 1000.0),
+    "GpsReport.heading": (-360.0, 360.0),
+}
+"""What no robot's measurement is beyond, in the units of the reports: a unit that is wrong shows here."""
+_STAMP_OFF = 3600.0  # s
+
+
+def implausible(report: Any, now: float) -> str:
+    """Say what in a report cannot be true: not-a-number, a wrong unit, a stamp far from ``now`` (Unix s)."""
+    kind = type(report).__name__
+    if not all(map(math.isfinite, numbers_in(report))):
+        return f"{report} has a number that is not finite; leave out what is unknown"
+    if abs(getattr(report, "stamp", now) - now) > _STAMP_OFF:
+        return f"{kind} has the stamp {report.stamp:g}; give Unix seconds of robot.clock.time()"
+    for name, (least, most) in _PLAUSIBLE.items():
+        owner, _, field = name.partition(".")
+        values = list(numbers_in(getattr(report, field))) if owner == kind else []
+        if any(not least <= value <= most for value in values):
+            return f"{name} is {values}, beyond {least:g} to {most:g}: is the unit right?"
+    return ""
+
+
 def containers_of(adapter: Adapter[Any] | FrameAdapter[Any]) -> set[int]:
     """Return the identities of the changeable containers that an adapter holds, its classes' included."""
     own = [value for value in vars(adapter).values() if isinstance(value, (*_MUTABLE, dict))]
@@ -91,8 +139,51 @@ def containers_of(adapter: Adapter[Any] | FrameAdapter[Any]) -> set[int]:
         value
         for cls in type(adapter).__mro__
         if issubclass(cls, _BASES) and cls not in _BASES
-        for value in vars(cls).values()
-        if isinstance(value, _MUTABLE)
+        for name, value in vars(cls).items()
+        if isinstance(value, _MUTABLE) or (name not in _NOT_STATE and _has_state(name, value))
     ]
     inner = [vars(adapter)["inner"]] if isinstance(vars(adapter).get("inner"), FrameAdapter) else []
     return {id(value) for value in own + shared}.union(*(containers_of(part) for part in inner))
+
+
+def _has_state(name: str, value: object) -> bool:
+    """Return True for what all robots of a class would share: a dictionary, an object with attributes.
+
+    A table in capitals is a constant.
+    """
+    if isinstance(value, dict):
+        return not (name.startswith("__") or name.isupper())
+    return bool(getattr(value, "__dict__", None)) and not isinstance(value, _SHAREABLE)
+
+
+def near(velocity: Velocity | None, wanted: Velocity) -> bool:
+    """Return True for a velocity within 30 % and 0.05 (m/s, rad/s) of another, in each of its parts."""
+    if velocity is None:
+        return False
+    return all(
+        abs(a - b) <= 0.05 + 0.3 * abs(b) for a, b in zip(_parts(velocity), _parts(wanted), strict=True)
+    )
+
+
+def _parts(velocity: Velocity) -> tuple[float, ...]:
+    """Return what a velocity is made of."""
+    return velocity.linear.x, velocity.linear.y, velocity.linear.z, velocity.yaw_rate
+
+
+def least_data(spec: CommandSpec) -> dict[str, Any]:
+    """Return the least data that a command takes: what must be given, as low as it may be."""
+    required = [field for field in msgspec.structs.fields(spec.parameters) if field.required]
+    return {field.name: _least(spec, field) for field in required}
+
+
+def _least(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Any:
+    """Return the lowest value of a parameter; of what is no number the one that says nothing."""
+    bounds = spec.ranges.get(field.name)
+    if bounds is not None:
+        return bounds.least if math.isfinite(bounds.least) else 0
+    form = field.type
+    while typing.get_origin(form) is typing.Annotated:
+        form = typing.get_args(form)[0]
+    if typing.get_origin(form) is typing.Literal:
+        return typing.get_args(form)[0]
+    return (typing.get_origin(form) or form)()

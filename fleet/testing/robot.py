@@ -1,28 +1,53 @@
-"""A Robot for tests: it records what an adapter tells the host, and the test turns its wheel."""
+"""A Robot for tests: it records what an adapter tells the host, and the test makes its time pass."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager
-from typing import TypeVar
+from typing import Any, ParamSpec, TypeVar
 
+from fleet.adapter import Adapter
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report
+from fleet.robot_config import Limits
 from fleet.testing.clock import LoopClock, ManualClock
 
-SharedT = TypeVar("SharedT")
+OpenT = TypeVar("OpenT")
+ResultT = TypeVar("ResultT")
+ParamsT = ParamSpec("ParamsT")
 ReportT = TypeVar("ReportT", bound=Report)
 WITHIN = 20.0  # s; how long a test waits for what must happen, on a slow computer
 
 
-class _Robot:
-    """What both robots below record: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first."""
+async def serve(adapter: Adapter[Any]) -> None:
+    """Connect and run an adapter as the host does, until it ends or raises; a test's task for it."""
+    robot = adapter.robot
+    assert isinstance(robot, _Robot)
+    async with robot.attempt():
+        await adapter.connect()
+        robot.connected(answers=adapter.connects())
+        await adapter.run()
 
-    def __init__(self, name: str) -> None:
+
+class _Robot:
+    """What both robots below record: ``reports``, ``healths``, ``losses``, ``left_halts``, oldest first.
+
+    ``limits``: those that are said to be in force; ``state`` outlives attempts. ``is_connected``: ``connect``
+    of its adapter has returned.
+    """
+
+    def __init__(self, name: str, limits: Limits) -> None:
         self.name = name
+        self.limits = limits
+        self.state: dict[str, Any] = {}
+        self.is_connected = False
+        self._contexts = contextlib.AsyncExitStack()
+        self._blocking = BlockingCalls(name)
         self.log = logging.getLogger(f"fleet.robot.{name}")
         self.reports: list[Report] = []
         self.healths: list[Health] = []
@@ -31,9 +56,38 @@ class _Robot:
         self._told = asyncio.Event()
 
     def report(self, report: Report) -> None:
-        """Record a report."""
+        """Record a report; the first means ok, as it does to the host."""
         self.reports.append(report)
+        self._answers(answers=True)
         self._told.set()
+
+    @contextlib.asynccontextmanager
+    async def attempt(self) -> AsyncIterator[None]:
+        """Leave at the end what an adapter has entered."""
+        self.is_connected = False
+        async with self._contexts:
+            yield
+
+    def connected(self, *, answers: bool) -> None:
+        """Note that ``connect`` has returned; ``answers``: that means that the robot is there."""
+        self.is_connected = True
+        self._answers(answers=answers or bool(self.reports))
+        self._told.set()
+
+    def _answers(self, *, answers: bool) -> None:
+        """Say that all is well where the adapter has said nothing of it, as the host does."""
+        if answers and self.is_connected and not self.healths:
+            self.health(Health())
+
+    async def enter(self, context: AbstractAsyncContextManager[OpenT]) -> OpenT:
+        """Enter a context until the attempt ends."""
+        return await self._contexts.enter_async_context(context)
+
+    async def blocking(
+        self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
+    ) -> ResultT:
+        """Make a call that blocks on a thread of its own."""
+        return await self._blocking.call(call, *args, **kwargs)
 
     def reports_of(self, kind: type[ReportT]) -> list[ReportT]:
         """Return the reports of a kind, oldest first."""
@@ -56,8 +110,8 @@ class _Robot:
     def share(
         self,
         key: str,  # noqa: ARG002 - a lone robot shares with nobody
-        make: Callable[[], AbstractAsyncContextManager[SharedT]],
-    ) -> AbstractAsyncContextManager[SharedT]:
+        make: Callable[[], AbstractAsyncContextManager[OpenT]],
+    ) -> AbstractAsyncContextManager[OpenT]:
         """Return what ``make`` gives."""
         return make()
 
@@ -80,8 +134,10 @@ class RecordingRobot(_Robot):
     ``reports``, ``healths`` and ``losses`` are what it was told, oldest first.
     """
 
-    def __init__(self, name: str = "robot", clock: ManualClock | None = None) -> None:
-        super().__init__(name)
+    def __init__(
+        self, name: str = "robot", clock: ManualClock | None = None, limits: Limits | None = None
+    ) -> None:
+        super().__init__(name, limits or Limits())
         self.clock = clock or ManualClock()
         self._calls: list[_Periodic] = []
 
@@ -111,8 +167,8 @@ class LoopRobot(_Robot):
     The loop's time may be a test's own: then everything goes as fast as it can.
     """
 
-    def __init__(self, name: str = "robot") -> None:
-        super().__init__(name)
+    def __init__(self, name: str = "robot", limits: Limits | None = None) -> None:
+        super().__init__(name, limits or Limits())
         self.clock = LoopClock(asyncio.get_running_loop())
         self._timers: dict[Callable[[], None], asyncio.TimerHandle] = {}
 

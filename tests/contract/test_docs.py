@@ -1,11 +1,19 @@
 """What the documents say is true: their Python runs, and no dependency is left unexplained."""
 
+import asyncio
 import json
 import re
+import sys
+import types
+import uuid
 
 import pytest
 
-from fleet.testing.contract import AdapterContract, FrameContract
+from fleet.model.geometry import Vector3, Velocity
+from fleet.model.health import Health
+from fleet.model.report import BatteryReport
+from fleet.testing.contract import AdapterContract
+from fleet.testing.robot import RecordingRobot, serve
 from fleet.wire.missions import plan_of
 
 
@@ -14,26 +22,48 @@ def python_in(path):
     return "\n\n".join(re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
 
 
+class WalkerSdk:
+    """The SDK that the guide's Walker uses."""
+
+    def __init__(self, _address):
+        self.charge = 80.0
+        self.velocity = (0.0, 0.0)
+
+    def move(self, *velocity):
+        self.velocity = velocity
+
+    def stand(self, _height):
+        """Stand."""
+
+    def damp(self):
+        self.velocity = (0.0, 0.0)
+
+
 @pytest.fixture(scope="module")
 def guide(root):
     """Return what docs/write-an-adapter.md defines."""
+    sys.modules["my_sdk"] = types.ModuleType("my_sdk")
+    sys.modules["my_sdk"].WalkerSdk = WalkerSdk
     names = {"__name__": "guide"}
     exec(compile(python_in(root / "docs" / "write-an-adapter.md"), "write-an-adapter.md", "exec"), names)
     return names
 
 
-@pytest.mark.parametrize(("name", "contract"), [("Crawler", FrameContract), ("Walker", AdapterContract)])
-def test_the_adapters_in_the_guide_keep_the_contract(guide, name, contract):
+class WalkerContract(AdapterContract):
+    """The contract of the guide's Walker, whose robot's side is the SDK above."""
+
+    config = {"adapter": "crawler", "link": "tcp:127.0.0.1:9000"}
+
+    def velocity(self, bench):
+        x, turn = bench.adapter.sdk.velocity
+        return Velocity(Vector3(x), turn)
+
+
+@pytest.mark.parametrize("name", ["Crawler", "Walker"])
+def test_the_adapters_in_the_guide_keep_the_contract(guide, name):
     """The contract's tests, for adapters that only exist in a document."""
-    kept = type(
-        name,
-        (contract,),
-        {
-            "adapter": guide[name],
-            "config": {"adapter": "crawler", "link": "tcp:127.0.0.1:9000"},
-            "said": (b"V 12000\n", b"?\n"),
-        },
-    )()
+    contract = guide["TestCrawler"] if name == "Crawler" else WalkerContract
+    kept = type(name, (contract,), {"adapter": guide[name]})()
     tests = [getattr(kept, test) for test in dir(kept) if test.startswith("test_")]
     assert len(tests) >= 12
     for test in tests:
@@ -85,3 +115,16 @@ def test_every_link_in_the_documents_leads_somewhere(root):
     local = [(page, link) for page, link in links if not link.startswith("http")]
     assert len(local) > 20
     assert [(page.name, link) for page, link in local if not (page.parent / link).exists()] == []
+
+
+async def test_the_adapter_in_the_guide_comes_online_as_it_is_printed(guide):
+    config = {"name": "w", "twin": str(uuid.uuid4()), "adapter": "crawler", "link": "tcp:127.0.0.1:9000"}
+    robot = RecordingRobot()
+    walker = guide["Walker"](guide["CrawlerConfig"](**config), robot)
+    life = asyncio.create_task(serve(walker))
+    await robot.until(lambda: robot.healths)
+    assert robot.healths == [Health()]
+    robot.advance(1.0)
+    assert robot.reports_of(BatteryReport)[0].percent == 80.0
+    life.cancel()
+    await asyncio.gather(life, return_exceptions=True)

@@ -4,8 +4,10 @@ from typing import Annotated
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import Meta
+from pydantic import Field
 
-from fleet.commands import Range, arguments, command, commands_of
+from fleet.commands import BadDeclaration, Range, arguments, command, commands_of
 from fleet.errors import Refused
 from fleet.model.navigation import Progress
 
@@ -166,3 +168,69 @@ def test_data_for_a_command_that_takes_none_is_refused_when_it_would_move_the_ro
     with pytest.raises(Refused, match=r"fold takes no 'height'.*it takes no data"):
         arguments(ARM["fold"], {"height": 1})
     assert arguments(ARM["look"], {"height": 1}) == {}
+
+
+# -- bounds of other libraries, and declarations that cannot be used ----------------------------------
+
+
+class Horn:
+    @command("horn")
+    async def horn(
+        self,
+        *,
+        seconds: Annotated[float, Meta(ge=1, le=30, extra={"unit": "s"})],
+        volume: Annotated[int, Meta(gt=0)] | None = None,
+        tone: Annotated[str, Meta(max_length=3)] = "a",
+    ):
+        """Sound the horn."""
+
+
+HORN = commands_of(Horn)["horn"]
+
+
+def test_bounds_by_msgspecs_meta_are_shown():
+    told = {name: str(bounds) for name, bounds in HORN.ranges.items()}
+    assert told == {"seconds": "1 to 30 s", "volume": "at least 0"}
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        ({"seconds": 0.5}, "horn: seconds must be 1 to 30 s"),
+        ({"seconds": 31}, "horn: seconds must be 1 to 30 s"),
+        ({"seconds": math.nan}, "seconds must be 1 to 30 s"),
+        ({"seconds": 2, "volume": 0}, "volume must be at least 0"),
+        ({"seconds": 2, "tone": "abcd"}, "tone"),
+    ],
+)
+def test_bounds_by_msgspecs_meta_are_enforced(data, reason):
+    with pytest.raises(Refused, match=reason):
+        arguments(HORN, data)
+
+
+def declares(annotations, signature="self, *, far"):
+    """Return a class whose command has these annotations."""
+    names = {"command": command, "Annotated": Annotated, "Field": Field, "object": object}
+    exec(f"class Bad:\n    @command('go')\n    async def go({signature}): ...\n", names)
+    names["Bad"].go.__annotations__ = annotations
+    return names["Bad"]
+
+
+@pytest.mark.parametrize(
+    ("annotations", "signature", "reason"),
+    [
+        ({}, "self, *, far", "far has no type; write it like far: Annotated"),
+        ({"far": Annotated[float, Field(ge=1)]}, "self, *, far", r"far: FieldInfo.* is not enforced here"),
+        ({"far": object()}, "self, *, far", "must be a plain type"),
+        ({"far": Horn}, "self, *, far", "far must be a plain type"),
+        ({"far": "NoSuchName"}, "self, *, far", "annotations cannot be resolved: name 'NoSuchName'"),
+        ({"far": float}, "self, *far", "cannot be given by name"),
+        ({"far": float}, "self, **far", "cannot be given by name"),
+        ({"far": float}, "self, far, /", "cannot be given by name"),
+    ],
+)
+def test_a_declaration_that_cannot_be_used_is_told_with_its_place(annotations, signature, reason):
+    with pytest.raises(BadDeclaration, match=reason) as told:
+        commands_of(declares(annotations, signature))
+    assert "command method go: " in str(told.value)
+    assert str(told.value).endswith("(<string>:2)")

@@ -1,5 +1,6 @@
 import asyncio
 import binascii
+import contextlib
 import importlib.util
 import struct
 import sys
@@ -16,7 +17,7 @@ from fleet.model.geometry import Vector3, Velocity
 from fleet.model.health import Level
 from fleet.model.report import BatteryReport, PoseReport
 from fleet.testing.contract import AdapterContract
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet.testing.wires import OneByteAtATime
 from fleet_ugv.model import Confirmed, Feedback, Wheels
 
@@ -30,6 +31,16 @@ spec.loader.exec_module(plugin)
 class TestTheContract(AdapterContract):
     adapter = plugin.Roboclaw
     config = {"adapter": "roboclaw", "link": "serial:/dev/ttyACM0?baud=115200"}
+
+    @contextlib.asynccontextmanager
+    async def robot_side(self):
+        self.controller = Controller()
+        with MemoryRobot("claw-contract", answer=self.controller):
+            yield {"link": "memory:claw-contract"}
+
+    def velocity(self, bench):
+        left, right = (ticks / 4000 for ticks in self.controller.speeds)
+        return Velocity(Vector3((left + right) / 2), (right - left) / 0.3)
 
 
 class Controller:
@@ -112,8 +123,8 @@ async def test_it_drives_and_reports_over_a_link():
         name="claw", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", adapter="roboclaw", link="memory:claw"
     )
     with MemoryRobot("claw", answer=controller):
-        adapter = create_adapter(plugin.Roboclaw, config)
-        run = asyncio.create_task(adapter.run(robot))
+        adapter = create_adapter(plugin.Roboclaw, config, robot)
+        run = asyncio.create_task(serve(adapter))
         await robot.until(lambda: robot.healths)
         with pytest.raises(NotReady):
             adapter.drive(Velocity(Vector3(0.5)))

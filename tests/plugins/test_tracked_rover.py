@@ -4,14 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from fleet.errors import Unsupported
 from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
 from fleet.model.geometry import Vector3, Velocity, quaternion_from_yaw
 from fleet.model.report import BatteryReport, PoseReport
 from fleet.testing.contract import FrameContract
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 
 PATH = Path(__file__).parents[2] / "plugins" / "tracked_rover.py"
 spec = importlib.util.spec_from_file_location("tracked_rover", PATH)
@@ -31,6 +30,10 @@ class TestTheContract(FrameContract):
     config = {"adapter": "tracked-rover", "link": "serial:/dev/ttyUSB0?baud=115200"}
     said = (b"B 24.1 87\r\n", b"P 1.50 -2.25 0.785\n")
 
+    def velocity_of(self, frame):
+        word, *numbers = frame.split()
+        return Velocity(Vector3(float(numbers[0])), float(numbers[1])) if word == b"M" else None
+
 
 @pytest.fixture
 def rover():
@@ -38,17 +41,12 @@ def rover():
 
 
 def test_a_velocity_becomes_one_line(rover):
-    assert list(rover.encode(Velocity(Vector3(0.5), -1.0))) == [b"M 0.500 -1.000\n"]
+    assert list(rover.drive(Velocity(Vector3(0.5), -1.0))) == [b"M 0.500 -1.000\n"]
 
 
 def test_lamps_are_switched_without_moving():
     assert list(TrackedRover(config()).lights(on=False)) == [b"L 0\n"]
     assert not capabilities(TrackedRover).commands["lights"].moves
-
-
-def test_what_it_cannot_do_is_unsupported(rover):
-    with pytest.raises(Unsupported, match="takeoff"):
-        list(rover.encode(Command("takeoff")))
 
 
 def test_a_battery_line_becomes_a_report(rover):
@@ -70,8 +68,8 @@ def test_a_line_that_makes_no_sense_says_nothing(rover, line):
 async def test_it_drives_and_reports_over_a_link():
     robot = RecordingRobot()
     with MemoryRobot("drives", answer=lambda line: b"B 24.1 87\n") as machine:
-        adapter = create_adapter(TrackedRover, config("memory:drives"))
-        run = asyncio.create_task(adapter.run(robot))
+        adapter = create_adapter(TrackedRover, config("memory:drives"), robot)
+        run = asyncio.create_task(serve(adapter))
         await robot.until(lambda: robot.healths)
         adapter.drive(Velocity(Vector3(0.5)))
         await start_command(adapter, capabilities(TrackedRover).commands["lights"], Command("lights"))

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from fleet.testing.operator import Operator
-from fleet.testing.robot import LoopRobot
+from fleet.testing.robot import LoopRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
 
@@ -17,11 +17,12 @@ class Sitl(Operator):
 
     def __init__(self, link, system_id):
         basics = {"name": "sitl", "twin": TWIN, "adapter": "mavlink", "link": link, "system_id": system_id}
-        self.adapter = MavlinkAdapter(MavlinkConfig.model_validate(basics))
+        self._config = MavlinkConfig.model_validate(basics)
 
     async def __aenter__(self):
-        self.robot = LoopRobot("sitl")
-        self._run = asyncio.ensure_future(self.adapter.run(self.robot))
+        self.robot = LoopRobot("sitl", MavlinkAdapter.limits)
+        self.adapter = MavlinkAdapter(self._config, self.robot)
+        self._run = asyncio.ensure_future(serve(self.adapter))
         return self
 
     async def __aexit__(self, *_):

@@ -22,9 +22,8 @@ class Arm(Adapter[ArmConfig]):
     Config = ArmConfig
     failsafe = "it moves nothing"
 
-    async def run(self, robot):
-        robot.health(Health())
-        await asyncio.Event().wait()
+    async def connect(self):
+        self.robot.log.info("the arm is there")
 
     async def stop(self, reason):
         pass

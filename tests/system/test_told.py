@@ -26,10 +26,8 @@ class Climber(Adapter[ClimberConfig]):
     Config = ClimberConfig
     failsafe = "it moves nothing"
 
-    async def run(self, robot):
-        self.robot = robot
-        robot.health(Health())
-        await asyncio.Event().wait()
+    async def connect(self):
+        self.robot.log.info("the climber is there")
 
     async def stop(self, reason):
         pass

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from fleet.adapter import Adapter, FrameAdapter
-from fleet.commands import CommandSpec, arguments, commands_of
+from fleet.adapter import Adapter, FrameAdapter, Robot
+from fleet.commands import CommandSpec, arguments
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
@@ -18,7 +18,6 @@ from fleet.model.navigation import FlyMission, Task
 from fleet.robot_config import AdapterConfig, Limits, Separation
 
 AdapterClass = type[Adapter[Any]] | type[FrameAdapter[Any]]
-_VERB_TIMEOUT = 10.0  # s
 _NOTHING = 0.01  # m/s: less of a velocity is noise of who computed it
 
 
@@ -80,24 +79,17 @@ def timed(can: Capabilities, config: AdapterConfig) -> Capabilities:
     return msgspec.structs.replace(can, commands=commands)
 
 
-class _NoParameters(msgspec.Struct):
-    """The parameters of a plain verb: its data goes to ``encode`` as it is."""
-
-
 @functools.lru_cache(maxsize=64)  # a thousand robots of one kind share it
 def capabilities(plugin: AdapterClass) -> Capabilities:
     """Return what the class declares."""
     if issubclass(plugin, FrameAdapter):
-        verbs = {verb: _verb(verb) for verb in plugin.verbs}
-        commands, drives, navigates = verbs | dict(commands_of(plugin)), plugin.drives, False
         moves_joints = plugin.joint_ranges is not FrameAdapter.joint_ranges
     else:
-        commands, drives, navigates = dict(plugin.commands()), plugin.drives(), plugin.navigates()
         moves_joints = plugin.moves_joints()
     return Capabilities(
-        commands,
-        drives,
-        navigates,
+        plugin.commands(),
+        plugin.drives(),
+        issubclass(plugin, Adapter) and plugin.navigates(),
         plugin.limits,
         plugin.separation,
         plugin.holonomic,
@@ -106,28 +98,14 @@ def capabilities(plugin: AdapterClass) -> Capabilities:
     )
 
 
-def _verb(name: str) -> CommandSpec:
-    """Return a verb as a command. What only ``verbs`` names may move the robot and is not safe."""
-    return CommandSpec(
-        name=name,
-        method="encode",
-        timeout=_VERB_TIMEOUT,
-        safe=False,
-        moves=True,
-        streams=False,
-        parameters=_NoParameters,
-        summary="",
-    )
-
-
-def create_adapter(plugin: AdapterClass, config: AdapterConfig) -> Adapter[Any]:
+def create_adapter(plugin: AdapterClass, config: AdapterConfig, robot: Robot) -> Adapter[Any]:
     """Return a new adapter for one attempt to run a robot.
 
     Raises LinkRefused or Fault for a FrameAdapter whose link or halt is unusable.
     """
     if issubclass(plugin, FrameAdapter):
-        return FrameAdapterRunner(plugin(config))
-    return plugin(config)
+        return FrameAdapterRunner(plugin(config), robot)
+    return plugin(config, robot)
 
 
 def start_command(adapter: Adapter[Any], spec: CommandSpec, command: Command) -> Any:

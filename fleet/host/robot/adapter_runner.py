@@ -59,7 +59,7 @@ _ENDS: tuple[tuple[type[Exception], Level, bool], ...] = (
 
 
 class AdapterRunner:
-    """One robot's life. ``make`` gives a fresh adapter, ``handle`` a fresh handle for each run.
+    """One robot's life. ``handle`` gives a fresh handle for each attempt, ``make`` a fresh adapter with it.
 
     ``told`` hears of each new level of its health, but for the steps of a start.
     """
@@ -68,7 +68,7 @@ class AdapterRunner:
         self,
         controller: RobotController,
         *,
-        make: Callable[[], Adapter[Any]],
+        make: Callable[[RobotHandle], Adapter[Any]],
         handle: Callable[[AdapterRunner], RobotHandle],
         waits: Callable[[], Iterator[float]],
         clock: Clock,
@@ -88,7 +88,7 @@ class AdapterRunner:
         self._crash: asyncio.Future[None] | None = None
         self._strikes: deque[float] = deque(maxlen=STRIKES)
         self._lifted = asyncio.Event()
-        self._leaving = False
+        self._leaving: asyncio.Event | None = None  # an attempt ends; set once the robot was stopped
         self._told: Level | None = None
         self._coming_up: asyncio.TimerHandle | None = None
         self._stopped_by: Callable[[], object] = lambda: True  # what stops the robot when this process dies
@@ -138,17 +138,14 @@ class AdapterRunner:
 
     async def _once(self) -> _End:
         """Run the adapter once; return what its end means."""
-        self._leaving = False
+        self._leaving = None
         loop = asyncio.get_running_loop()
         self._crash = loop.create_future()
         self._coming_up = loop.call_later(COMING_UP, self._is_up)
         handle = self._handle(self)
         end = _End(Health(Level.OFFLINE, "the adapter ended by itself"))
         try:
-            adapter = call_guarded(self._make)
-            self._stopped_by = lambda: adapter.failsafe or handle.has_left_halt or not self.controller.moves
-            self.controller.attach(adapter)
-            await self._serve(adapter, handle)
+            await self._serve(handle)
         except Exception as error:  # noqa: BLE001 - the wall: one adapter's failure is its own robot's
             end = self._judged(error)
         finally:
@@ -170,10 +167,10 @@ class AdapterRunner:
         self._strike()
         return _End(Health(Level.FAULT, f"{type(cause).__name__}: {cause}"))
 
-    async def _serve(self, adapter: Adapter[Any], handle: RobotHandle) -> None:
+    async def _serve(self, handle: RobotHandle) -> None:
         """Run until the adapter ends, crashes elsewhere, or we are cancelled; then stop the robot."""
         assert self._crash is not None
-        work = asyncio.ensure_future(guarded(lambda: adapter.run(handle)))
+        work = asyncio.ensure_future(guarded(lambda: self._attempt(handle)))
         why = "the host lets go of the robot"
         try:
             await asyncio.wait({work, self._crash}, return_when=asyncio.FIRST_COMPLETED)
@@ -186,20 +183,50 @@ class AdapterRunner:
         finally:
             await _uninterrupted(self._leave(work, why))
 
+    async def _attempt(self, handle: RobotHandle) -> None:
+        """Connect and serve; what was entered is left after the robot was brought to a standstill."""
+        async with handle.contexts:
+            adapter = call_guarded(self._make, handle)
+            self._stopped_by = lambda: adapter.failsafe or handle.has_left_halt or not self.controller.moves
+            await adapter.connect()
+            self.controller.attach(adapter)
+            handle.connected(answers=adapter.connects())
+            why = "the adapter ended by itself"
+            try:
+                await adapter.run()
+            except BaseException as error:
+                why = str(_cause(error))
+                raise
+            finally:
+                await _uninterrupted(self._stand(why, open_still=False))
+                handle.close()  # nothing is asked of an adapter whose link is being closed
+                self.controller.detach(why)
+
     async def _leave(self, work: asyncio.Future[None], why: str) -> None:
-        """Stop a robot that we were moving, while its link may still be open, and end the run."""
-        self._leaving = True
+        """Stop a robot that we were moving, while its link may still be open, and end the attempt."""
+        await self._stand(why, open_still=not work.done())
+        work.cancel()
+        work.add_done_callback(retrieve_exception)
+        _, pending = await asyncio.wait({work}, timeout=LEAVE_WITHIN)
+        self.leftover = work if pending else None
+
+    async def _stand(self, why: str, *, open_still: bool) -> None:
+        """Bring the robot to a standstill at the end of an attempt, once; whoever comes second waits for it.
+
+        ``open_still``: its run goes on, so its link is known to be open.
+        """
+        if self._leaving is not None:
+            await self._leaving.wait()
+            return
+        self._leaving = asyncio.Event()
         in_control = self.controller.in_control
         self.controller.lost(why)
         if in_control:
             self.controller.halt()
             with contextlib.suppress(Exception):  # the run is over; what matters was the halt
                 await self.controller.hold(why)
-                self.controller.may_be_moving &= work.done()  # where the run goes on, the link was open
-        work.cancel()
-        work.add_done_callback(retrieve_exception)
-        _, pending = await asyncio.wait({work}, timeout=LEAVE_WITHIN)
-        self.leftover = work if pending else None
+                self.controller.may_be_moving &= not open_still
+        self._leaving.set()
 
     async def _outlive(self) -> None:
         """Wait for a run that goes on though it was cancelled: two of them must never have one robot."""
@@ -240,7 +267,7 @@ class AdapterRunner:
 
     def healthy(self, health: Health) -> None:
         """Take the adapter's own word of how the way to the robot is."""
-        if self._leaving:
+        if self._leaving is not None:
             return
         if health.level is Level.OK and not self._stopped_by():
             health = NOTHING_STOPS_IT

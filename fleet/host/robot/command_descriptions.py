@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -45,7 +46,7 @@ def description(
     """Return what a robot takes. ``own`` are the commands that the host answers itself; stops come first."""
     names = [*sorted(STOP_WORDS), *sorted(own)]
     hosts = [CommandDescription(name, _HOST.get(name, ""), refusal=refusal(name, None)) for name in names]
-    declared = [_command(spec, refusal(name, spec)) for name, spec in sorted(can.commands.items())]
+    declared = [command_of(spec, refusal(name, spec)) for name, spec in sorted(can.commands.items())]
     return RobotDescription(
         robot,
         adapter,
@@ -58,8 +59,8 @@ def description(
     )
 
 
-def _command(spec: CommandSpec, refusal: str) -> CommandDescription:
-    """Return one declared command."""
+def command_of(spec: CommandSpec, refusal: str = "") -> CommandDescription:
+    """Return one declared command; ``refusal``: why it would not be taken now."""
     parameters = tuple(_parameter(spec, field) for field in msgspec.structs.fields(spec.parameters))
     return CommandDescription(
         spec.name, spec.summary, parameters, spec.moves, spec.safe, spec.timeout, refusal
@@ -75,16 +76,16 @@ def _parameter(spec: CommandSpec, field: msgspec.structs.FieldInfo) -> Parameter
         words(field.type),
         required=field.required,
         default=default,
-        least=bounds.least if bounds else None,
-        most=bounds.most if bounds else None,
+        least=bounds.least if bounds and math.isfinite(bounds.least) else None,
+        most=bounds.most if bounds and math.isfinite(bounds.most) else None,
         unit=bounds.unit if bounds else "",
     )
 
 
 def words(kind: Any) -> str:
     """Return a type in words for people."""
-    if kind in _WORDS:
-        return _WORDS[kind]
+    while typing.get_origin(kind) is typing.Annotated:
+        kind = kind.__origin__
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         return " or ".join(words(part) for part in parts if part is not type(None))
@@ -94,4 +95,4 @@ def words(kind: Any) -> str:
         return f"list of {words(parts[0])}"
     if origin is dict or kind is dict:
         return "object"
-    return str(getattr(kind, "__name__", kind))
+    return _WORDS.get(kind, str(getattr(kind, "__name__", kind)))

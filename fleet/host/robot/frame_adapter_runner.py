@@ -8,17 +8,17 @@ from __future__ import annotations
 import asyncio
 import logging
 import struct
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fleet.adapter import Adapter, FrameAdapter, Robot, Send
 from fleet.commands import CommandSpec, arguments
 from fleet.errors import Fault, LinkLost, NotReady, Refused
-from fleet.link.base import Address
+from fleet.link.base import Address, Link
 from fleet.link.framing import Framer
 from fleet.link.latest_motion import Frames, LatestMotion
 from fleet.link.motion_sender import LOOK, MotionSender
-from fleet.link.url import open_link, parse
+from fleet.link.url import opened_link, parse
 from fleet.model.command import Command
 from fleet.model.geometry import Velocity
 from fleet.model.health import Health, Level
@@ -33,8 +33,8 @@ _log = logging.getLogger(__name__)
 class FrameAdapterRunner(Adapter[Any]):
     """One FrameAdapter and its link; raises LinkRefused for a bad ``link``, Fault when it cannot halt."""
 
-    def __init__(self, inner: FrameAdapter[Any]) -> None:
-        super().__init__(inner.config)
+    def __init__(self, inner: FrameAdapter[Any], robot: Robot) -> None:
+        super().__init__(inner.config, robot)
         self.inner = inner
         self.failsafe = inner.failsafe
         self._last_resort = tuple(inner.halt())
@@ -42,44 +42,44 @@ class FrameAdapterRunner(Adapter[Any]):
             raise Fault(f"{type(inner).__name__}.halt() yields no frame", hint="a robot must be stoppable")
         # One that listens does not know whom to greet until the robot speaks.
         self._robot_speaks_first = parse(inner.config.link).scheme == "udpin"
-        self._slot: LatestMotion | None = None
-        self._motion: MotionSender | None = None
         self._peer: Address = None
-        self._leave_halt: Callable[[], None] = lambda: None
+        self._session: _Session
+        self._link: Link
+        self._slot: LatestMotion
+        self._motion: MotionSender
 
-    async def run(self, robot: Robot) -> None:
-        """Open the link and serve it; raises LinkLost, LinkRefused, or what the translation raised."""
-        session = _Session(self, robot)
-        link = await open_link(self.config.link, session.arrived)
-        slot = LatestMotion(link, robot.clock, baud=parse(self.config.link).baud)
-        motion = MotionSender(
-            slot, robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
+    async def connect(self) -> None:
+        """Open the link and greet; raises LinkLost or LinkRefused."""
+        url, self._session = self.config.link, _Session(self)
+        self._link = await self.robot.enter(opened_link(url, self._session.arrived))
+        self._slot = LatestMotion(self._link, self.robot.clock, baud=parse(url).baud)
+        self._motion = MotionSender(
+            self._slot, self.robot.clock, encode=self._encode, stop=self._halt_frames, every=self.inner.repeat
         )
+        if not self._robot_speaks_first:
+            self._leave_halt()
+            self.write(self.inner.hello())
+        self._session.begin(self._motion)
+
+    async def run(self) -> None:
+        """Serve the link; raises LinkLost, or what the translation raised."""
         try:
-            slot.peer, self._slot, self._motion = self._peer, slot, motion
-            self._leave_halt = lambda: robot.leave_halt(link, self._last_resort, self._peer)
-            if self._peer is not None or not self._robot_speaks_first:
-                self._leave_halt()
-                self.write(self.inner.hello())
-            session.begin(motion)
-            await _first_failure(link.lost(), session.failure)
+            await _first_failure(self._link.lost(), self._session.failure)
         finally:
-            motion.halt()
-            self._slot = self._motion = None
-            self._leave_halt = lambda: None
-            await link.close()
+            self._motion.halt()
+
+    def _leave_halt(self) -> None:
+        """Leave what halts the robot with the supervisor."""
+        self.robot.leave_halt(self._link, self._last_resort, self._peer)
 
     def write(self, frames: Iterable[bytes]) -> None:
         """Write frames that are not motion; raises LinkLost when the link is gone."""
-        ready = tuple(frames)
-        if self._slot is None:
-            raise LinkLost(f"{self.config.link}: not open")
-        self._slot.send(*ready)
+        self._slot.send(*frames)
 
     @property
     def held_back(self) -> int:
         """How many motions a newer one replaced, because the line was not free."""
-        return self._slot.held_back if self._slot else 0
+        return self._slot.held_back
 
     def greet(self, address: Address) -> bool:
         """Return True for what comes from the robot; the first to speak on the link is the robot."""
@@ -87,43 +87,32 @@ class FrameAdapterRunner(Adapter[Any]):
             return True
         if self._peer is not None:
             return False
-        self._peer = address
-        if self._slot is not None:
-            self._slot.peer = address
-            self._leave_halt()
-            if self._robot_speaks_first:
-                self.write(self.inner.hello())
+        self._peer = self._slot.peer = address
+        self._leave_halt()
+        if self._robot_speaks_first:
+            self.write(self.inner.hello())
         return True
 
     def drive(self, velocity: Velocity) -> None:
-        """Write this velocity and go on repeating it; raises NotReady without a link."""
-        self._open_motion().drive(velocity)
+        """Write this velocity and go on repeating it; raises NotReady when the link is gone."""
+        self._motion.drive(velocity)
 
     def _encode(self, velocity: Velocity) -> Frames:
         """Translate a velocity."""
-        return tuple(self.inner.encode(velocity))
-
-    def _open_motion(self) -> MotionSender:
-        """Return what moves the robot; raises NotReady without a link."""
-        if self._motion is None:
-            raise NotReady(f"{self.config.link}: not open", hint="the link is being opened again")
-        return self._motion
+        return tuple(self.inner.drive(velocity))
 
     async def perform(self, spec: CommandSpec, command: Command) -> None:
         """Write the frames of a declared command; raises Refused, Unsupported or NotReady."""
-        motion = self._open_motion()
-        turn = motion.turn
+        turn = self._motion.turn
         frames = self._frames_of(spec, command)
         if spec.moves:
-            motion.carry_out(frames, turn)
+            self._motion.carry_out(frames, turn)
         else:
             self._ready(frames)
 
     def _frames_of(self, spec: CommandSpec, command: Command) -> Frames:
         """Translate a command; what its data makes the translation raise is the asker's fault."""
         try:
-            if spec.method == "encode":
-                return tuple(self.inner.encode(command))
             return tuple(getattr(self.inner, spec.method)(**arguments(spec, command.data)))
         except _BAD_DATA as error:
             _log.warning("%s: %s cannot be encoded: %r", self.config.name, command.name, error)
@@ -142,9 +131,8 @@ class FrameAdapterRunner(Adapter[Any]):
 
     def move_joints(self, targets: Mapping[str, float]) -> None:
         """Write where joints are to go; raises NotReady without a link, or when it was halted meanwhile."""
-        motion = self._open_motion()
-        turn = motion.turn
-        motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
+        turn = self._motion.turn
+        self._motion.carry_out(tuple(self.inner.encode_joints(targets)), turn)
 
     async def stop(self, reason: str) -> None:
         """Write the safe-stop frames, now and a few times more."""
@@ -153,9 +141,7 @@ class FrameAdapterRunner(Adapter[Any]):
 
     def halt(self) -> None:
         """Write the safe-stop frames at once and forget the velocity; from any thread."""
-        motion = self._motion
-        if motion is not None:
-            motion.halt()
+        self._motion.halt()
 
     def _halt_frames(self) -> Frames:
         """Return fresh stop frames, or those of the start: a bug must not keep a robot moving."""
@@ -167,20 +153,21 @@ class FrameAdapterRunner(Adapter[Any]):
 
 
 class _Session:
-    """One opened link of a Framed: what arrives, what is due, and the first failure of either."""
+    """The open link: arriving bytes, periodic work, and the first failure of either."""
 
-    def __init__(self, framed: FrameAdapterRunner, robot: Robot) -> None:
+    def __init__(self, framed: FrameAdapterRunner) -> None:
         self.failure: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._framed = framed
         self._inner = framed.inner
-        self._robot = robot
+        self._robot = framed.robot
         self._cutter: Framer = framed.inner.framing.cutter()
         self._heard = 0.0
+        self._early: list[tuple[bytes, Address]] | None = []  # what came before ``begin``
         self._understood = False
         self._slow = False
 
     def begin(self, motion: MotionSender) -> None:
-        """Ask the host's wheel for what is due from time to time."""
+        """Ask the host for periodic calls, and take what has arrived while the link was being opened."""
         inner = self._inner
         self._heard = self._robot.clock.monotonic()  # the line may have taken long to open
         self._robot.every(LOOK, motion.look)
@@ -190,6 +177,9 @@ class _Session:
             self._robot.health(Health(Level.OFFLINE, "the link is open, the robot has not spoken yet"))
         else:
             self._robot.health(Health())
+        early, self._early = self._early or [], None
+        for data, address in early:
+            self.arrived(data, address)
 
     def _tick(self) -> None:
         """Write keep-alives and polls; say once when the line is too slow for what is asked."""
@@ -206,6 +196,9 @@ class _Session:
 
     def arrived(self, data: bytes, address: Address) -> None:
         """Take what the link received; a failure of the translation ends the run, not the loop."""
+        if self._early is not None:
+            self._early.append((data, address))
+            return
         try:
             if not self.failure.done() and self._framed.greet(address):
                 for frame in self._cutter.feed(data):

@@ -6,6 +6,7 @@ import asyncio
 import contextvars
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from fleet.clock import Clock
 from fleet.errors import WireError
@@ -28,6 +29,7 @@ from fleet.host.robot.robot_handle import RobotHandle
 from fleet.host.robot.robot_positions import RobotPositions
 from fleet.host.robot.separation_keeper import LOOK, SeparationKeeper
 from fleet.host.robot.snapshot import READ, Snapshot, is_known, rounded
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.host.runtime.watchdog import Watchdog, Watched
@@ -91,8 +93,7 @@ class LocalRobot:
         self._simulated = config.simulated  # here once: the state is asked for often
         self.legacy_status = config.legacy_status
         self._adapter = adapter
-        self._edge = edge
-        self._worker = worker
+        self._edge, self._worker = edge, worker
         self._clock = clock
         self._scheduler = scheduler
         self._shared = shared
@@ -113,8 +114,8 @@ class LocalRobot:
             config,
             can,
             publish=self.publish,
-            crashed=lambda error: self.runner.crashed(error),  # noqa: PLW0108 - it is made after this
-            restart=self._restart,
+            crashed=lambda error: self.runner.crashed(error),  # noqa: PLW0108 - it is made below
+            restart=lambda: self.runner.restart(),  # noqa: PLW0108 - it is made below
             journal=journal,
             clock=clock,
         )
@@ -127,9 +128,11 @@ class LocalRobot:
         )
         self._arrival = arrival  # since when (monotonic s) what is read now may have waited
         self._changed = changed
+        self._limits = config.limits.over(can.limits)
+        self._kept: tuple[dict[str, Any], BlockingCalls] = {}, BlockingCalls(config.name)  # over attempts
         self.runner = AdapterRunner(
             self.controller,
-            make=lambda: create_adapter(plugin, config),
+            make=lambda handle: create_adapter(plugin, config, handle),
             handle=self._new_handle,
             waits=backoff,
             clock=clock,
@@ -148,7 +151,7 @@ class LocalRobot:
         apart = SeparationKeeper(
             self.config,
             self.config.separation.over(self._can.separation),
-            self.config.limits.over(self._can.limits),
+            self._limits,
             clock=self._clock,
             others=traffic,
             mover=self.controller,
@@ -348,6 +351,9 @@ class LocalRobot:
         """Return the handle of a new run."""
         return RobotHandle(
             self.name,
+            limits=self._limits,
+            state=self._kept[0],
+            calls=self._kept[1],
             clock=self._clock,
             scheduler=self._scheduler,
             shared=self._shared,
@@ -357,10 +363,6 @@ class LocalRobot:
             failed=runner.crashed,
             supervised=self._supervised,
         )
-
-    def _restart(self) -> None:
-        """Begin the adapter's run anew."""
-        self.runner.restart()
 
     def _expired(self) -> None:
         """Follow the watchdog's halt on the loop."""

@@ -1,35 +1,45 @@
-"""What the host gives an adapter for one run: reports go out, health comes in, timers hang on the wheel."""
+"""The host's side of a robot for one attempt to run it: reports, health, timers, contexts, blocking calls."""
 
 from __future__ import annotations
 
 import logging
 import math
 from collections.abc import Callable, Iterable
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from functools import partial
-from typing import TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from fleet.clock import Clock
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import PeriodicCall, TickScheduler
 from fleet.link.base import Address, Link
 from fleet.model.health import Health
 from fleet.model.report import Report
+from fleet.robot_config import Limits
 from fleet.supervisor.client import SupervisorClient
 
 KEPT_WITHIN = 2.0  # s that the supervisor has to say that it keeps a halt
 LOOK = 0.5  # s between looks whether it has
 
-SharedT = TypeVar("SharedT")
+OpenT = TypeVar("OpenT")
+ResultT = TypeVar("ResultT")
+ParamsT = ParamSpec("ParamsT")
 
 
 class RobotHandle:
-    """The ``Robot`` of one run. After ``close`` it does nothing more, whoever still holds it."""
+    """The ``Robot`` of one attempt. After ``close`` it does nothing more, whoever still holds it.
+
+    ``contexts`` is what was entered; the runner leaves it. ``state`` and ``calls`` outlive the attempt.
+    """
 
     def __init__(
         self,
         name: str,
         *,
+        limits: Limits,
+        state: dict[str, Any],
+        calls: BlockingCalls,
         clock: Clock,
         scheduler: TickScheduler,
         shared: SharedResources,
@@ -40,6 +50,11 @@ class RobotHandle:
         supervised: SupervisorClient,
     ) -> None:
         self.name = name
+        self.limits = limits
+        self.state = state
+        self.contexts = AsyncExitStack()
+        self._calls = calls
+        self._connected = self._reported = False
         self._supervised = supervised
         self._sent = self._kept = 0  # the halts that were left, and the one that the supervisor keeps
         self._kept_by = 0.0  # when it must have said so (monotonic s)
@@ -58,15 +73,27 @@ class RobotHandle:
         self._closed = False
 
     def report(self, report: Report) -> None:
-        """Publish something learned."""
-        if not self._closed:
-            self._publish(report)
+        """Publish a report; the first says that the robot answers, unless its adapter speaks for itself."""
+        if self._closed:
+            return
+        self._publish(report)
+        self._reported = True
+        if self._said is None and self._connected:
+            self.health(Health())
 
     def health(self, health: Health) -> None:
-        """Say how the way to the robot is."""
+        """Say how the robot is; it is passed on once the adapter has connected and can be asked to stop."""
         if not self._closed:
             self._said, self._counts = health, self.has_left_halt
-            self._healthy(health)
+            if self._connected:
+                self._healthy(health)
+
+    def connected(self, *, answers: bool) -> None:
+        """Note that the adapter can be asked from now on; ``answers``: connecting showed that it is there."""
+        self._connected = True
+        health = self._said or (Health() if answers or self._reported else None)
+        if health is not None:
+            self.health(health)
 
     def authority_lost(self, reason: str) -> None:
         """Say that somebody else took the robot."""
@@ -116,18 +143,28 @@ class RobotHandle:
             await self._supervised.drop(self.name)
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Call back about every ``seconds`` until the run ends."""
+        """Call back about every ``seconds`` until the attempt ends."""
         if not self._closed:
             self._periodics.append(self._scheduler.every(seconds, call, owner=self.name, failed=self._failed))
 
+    async def enter(self, context: AbstractAsyncContextManager[OpenT]) -> OpenT:
+        """Enter a context until the attempt ends."""
+        return await self.contexts.enter_async_context(context)
+
     def share(
-        self, key: str, make: Callable[[], AbstractAsyncContextManager[SharedT]]
-    ) -> AbstractAsyncContextManager[SharedT]:
-        """Enter what all robots with the same key use together."""
+        self, key: str, make: Callable[[], AbstractAsyncContextManager[OpenT]]
+    ) -> AbstractAsyncContextManager[OpenT]:
+        """Return what all robots with the same key use together."""
         return self._shared.share(key, make)
 
+    async def blocking(
+        self, call: Callable[ParamsT, ResultT], *args: ParamsT.args, **kwargs: ParamsT.kwargs
+    ) -> ResultT:
+        """Make a call that blocks on a thread of its own."""
+        return await self._calls.call(call, *args, **kwargs)
+
     def close(self) -> None:
-        """End the run's timers and reports."""
+        """End the attempt's timers and reports."""
         self._closed = True
         for periodic in self._periodics:
             periodic.cancel()

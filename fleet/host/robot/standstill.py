@@ -9,6 +9,7 @@ from fleet.adapter import Adapter
 from fleet.errors import CommandError, LinkError, TimedOut
 from fleet.host.requests.event_reporter import robot_log
 from fleet.host.requests.receipt import Receipt
+from fleet.host.runtime.blocking_calls import STOPPING
 from fleet.host.runtime.cancellation import wait_bounded
 from fleet.runtime.exception_barrier import call_guarded, guarded
 
@@ -39,7 +40,7 @@ async def stand_still(adapter: Adapter[Any], why: str, *, name: str, halt: Calla
     Raises CommandError, LinkError, or a crash of the adapter's.
     """
     try:
-        await wait_bounded(guarded(lambda: adapter.stop(why)), STOP_TIMEOUT)
+        await wait_bounded(guarded(lambda: _stop(adapter, why)), STOP_TIMEOUT)
     except TimeoutError:
         halt()
         robot_log(name).error("the adapter did not stop within %g s", STOP_TIMEOUT)
@@ -67,3 +68,9 @@ async def answer_stop(
     else:  # an adapter says nothing of a link that fell meanwhile
         why = absence()
         receipt.reject(why) if why else receipt.done()
+
+
+async def _stop(adapter: Adapter[Any], why: str) -> None:
+    """Stop the robot; no blocking call that this takes is refused."""
+    STOPPING.set(True)
+    await adapter.stop(why)

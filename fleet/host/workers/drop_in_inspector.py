@@ -22,11 +22,11 @@ from fleet.config.explain import validated_with
 from fleet.config.problems import Mark
 from fleet.config.yaml import Document
 from fleet.host.robot.adapter_factory import AdapterClass, capabilities
+from fleet.host.robot.command_descriptions import command_of
 from fleet.plugins.drop_in_file import Imported, import_file
 from fleet.plugins.probe import (
     AdapterDescription,
     CheckedConfig,
-    CommandText,
     ConfigCase,
     DropInContent,
     Flaw,
@@ -52,18 +52,7 @@ class _Gathered(Document):
 def described(name: str, adapter: AdapterClass, *, schema: bool = True) -> AdapterDescription:
     """Return a kind of robot in words; without ``schema`` it has none."""
     can = capabilities(adapter)
-    commands = tuple(
-        CommandText(
-            spec.name,
-            spec.summary,
-            spec.timeout,
-            spec.safe,
-            spec.moves,
-            spec.parameters.__struct_fields__,
-            {parameter: str(bounds) for parameter, bounds in spec.ranges.items()},
-        )
-        for spec in sorted(can.commands.values(), key=lambda spec: spec.name)
-    )
+    commands = tuple(command_of(spec) for _, spec in sorted(can.commands.items()))
     limits = msgspec.to_builtins(can.limits.model_dump(exclude_none=True))
     cls = f"{adapter.__module__}:{adapter.__qualname__}"
     made = _schema(adapter.Config) if schema else None

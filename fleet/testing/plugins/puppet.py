@@ -6,7 +6,6 @@ monotonic second. A line is one write, so that the journal survives the death of
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import os
@@ -16,7 +15,6 @@ from typing import Annotated, Any, Literal
 from fleet.adapter import Adapter, Robot
 from fleet.commands import Range, command
 from fleet.model.geometry import Quaternion, Vector3, Velocity
-from fleet.model.health import Health
 from fleet.model.navigation import ActionState
 from fleet.model.report import ImuReport, JointReport, NavigationReport, PoseReport
 from fleet.robot_config import AdapterConfig, Limits
@@ -41,32 +39,24 @@ class Puppet(Adapter[PuppetConfig]):
     limits = Limits(speed=100.0, yaw_rate=10.0)
     failsafe = "it moves nothing"
 
-    def __init__(self, config: PuppetConfig) -> None:
-        super().__init__(config)
+    def __init__(self, config: PuppetConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
         self._journal = os.open(config.journal, flags, 0o600) if config.journal else -1
-        self._robot: Robot | None = None
         self._turns = self._told = 0
         self._credit = 0.0
         self._joints = [sys.intern(f"joint_{number}") for number in range(config.joints)]
 
-    async def run(self, robot: Robot) -> None:
-        """Report until cancelled."""
-        self._robot = robot
-        robot.health(Health())
+    async def connect(self) -> None:
+        """Begin to report."""
         if self.config.rate:
-            robot.every(1 / self.config.rate, self._report)
+            self.robot.every(1 / self.config.rate, self._report)
         if self.config.events:
-            robot.every(0.02, self._tell)
-        try:
-            await asyncio.Event().wait()
-        finally:
-            self._robot = None
+            self.robot.every(0.02, self._tell)
 
     def _report(self) -> None:
         """Report pose, joints and IMU: four topics in the cloud."""
-        robot = self._robot
-        assert robot is not None
+        robot = self.robot
         self._turns += 1
         now, angle = robot.clock.time(), self._turns * 0.01
         half = Quaternion(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
@@ -76,8 +66,7 @@ class Puppet(Adapter[PuppetConfig]):
 
     def _tell(self) -> None:
         """Report events, numbered."""
-        robot = self._robot
-        assert robot is not None
+        robot = self.robot
         self._credit += self.config.events * 0.02
         while self._credit >= 1:
             self._credit -= 1
@@ -88,8 +77,8 @@ class Puppet(Adapter[PuppetConfig]):
 
     def _note(self, what: str, **fields: Any) -> None:
         """Write a line of the journal."""
-        if self._journal >= 0 and self._robot is not None:
-            told = {"robot": self.config.name, "what": what, "at": self._robot.clock.monotonic(), **fields}
+        if self._journal >= 0:
+            told = {"robot": self.config.name, "what": what, "at": self.robot.clock.monotonic(), **fields}
             os.write(self._journal, json.dumps(told).encode() + b"\n")
 
     def drive(self, velocity: Velocity) -> None:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mav
 from fleet.link.memory import MemoryRobot
 from fleet.testing.clock import JumpingLoop, ManualClock
 from fleet.testing.operator import Operator
-from fleet.testing.robot import LoopRobot
+from fleet.testing.robot import LoopRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.codec import Parser
 from fleet_mavlink.config import MavlinkConfig
@@ -102,16 +102,17 @@ class Sky(Operator):
             "adapter": "mavlink",
             "link": f"memory:{id(self)}",
         }
-        self.adapter = MavlinkAdapter(MavlinkConfig.model_validate(basics | config))
+        self.config = MavlinkConfig.model_validate(basics | config)
         self._peer = MemoryRobot(str(id(self)), self._heard)
         self._parser = mav.MAVLink(None)
         self._parser.robust_parsing = True
 
     async def __aenter__(self):
-        self.robot = LoopRobot("kestrel")
+        self.robot = LoopRobot("kestrel", self.config.limits.over(MavlinkAdapter.limits))
+        self.adapter = MavlinkAdapter(self.config, self.robot)
         self._origin = self.robot.clock.monotonic()
         self._peer.__enter__()
-        self.run = asyncio.ensure_future(self.adapter.run(self.robot))
+        self.run = asyncio.ensure_future(serve(self.adapter))
         self._turning = asyncio.ensure_future(self._turn())
         return self
 
@@ -192,7 +193,7 @@ class Sky(Operator):
 
     async def met(self):
         """Let time pass until the adapter knows the vehicle and where it is."""
-        await self.until(lambda: self.adapter._session and self.state.home_altitude is not None)
+        await self.until(lambda: self.robot.is_connected and self.state.home_altitude is not None)
         return self
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from fleet.clock import SystemClock
 from fleet.model.health import Level
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_mavlink.config import MavlinkConfig
 from fleet_mavlink.constants import Cmd, Frame
@@ -35,9 +35,9 @@ async def flown(free_udp_port):
         "adapter": "mavlink",
         "link": f"udpin:127.0.0.1:{free_udp_port}",
     }
-    adapter = MavlinkAdapter(MavlinkConfig.model_validate(entry))
-    robot = RecordingRobot(clock=SystemClock())
-    running = asyncio.ensure_future(adapter.run(robot))
+    robot = RecordingRobot(clock=SystemClock(), limits=MavlinkAdapter.limits)
+    adapter = MavlinkAdapter(MavlinkConfig.model_validate(entry), robot)
+    running = asyncio.ensure_future(serve(adapter))
     autopilot = await asyncio.create_subprocess_exec(
         sys.executable, str(AUTOPILOT), str(free_udp_port), stdout=asyncio.subprocess.DEVNULL
     )

@@ -52,7 +52,7 @@ def test_ardupilot_tells_what_it_waits_for(fly, sky):
 def test_the_autopilots_own_words_stand_beside_its_checks(fly, sky, flavour):
     async def main():
         async with sky(flavour, faults={"not_ready": 1.0}) as it:
-            await it.until(lambda: it.adapter._session and it.state.prearm_ok is not None)
+            await it.until(lambda: it.robot.is_connected and it.state.prearm_ok is not None)
             with contextlib.suppress(CommandError):
                 await it.do("arm")  # brings ArduPilot into GUIDED, in which it checks the position
             await asyncio.sleep(2.0)

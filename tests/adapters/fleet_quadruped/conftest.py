@@ -4,7 +4,7 @@ import contextlib
 import pytest
 
 from fleet.clock import SystemClock
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_quadruped import QuadrupedAdapter, QuadrupedConfig
 from fleet_quadruped.drives.cia402.states import DriveState
 from fleet_quadruped.robot.description import EXAMPLE, load_description
@@ -103,10 +103,11 @@ class LiveRobot(RecordingRobot):
 
 @contextlib.asynccontextmanager
 async def _running(**changes):
-    adapter, robot = QuadrupedAdapter(config(**changes)), LiveRobot()
-    run = asyncio.create_task(adapter.run(robot))
+    robot = LiveRobot()
+    adapter = QuadrupedAdapter(config(**changes), robot)
+    run = asyncio.create_task(serve(adapter))
     try:
-        found = asyncio.create_task(robot.until(lambda: bool(robot.healths)))
+        found = asyncio.create_task(robot.until(lambda: len(robot.healths) > 1))
         await asyncio.wait({found, run}, return_when=asyncio.FIRST_COMPLETED)
         found.cancel()
         if run.done():

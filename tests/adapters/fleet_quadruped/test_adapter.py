@@ -21,6 +21,7 @@ from fleet import (
     Velocity,
 )
 from fleet.model.report import ImuReport, JointReport, LogReport, MetricsReport, PhotoReport
+from fleet.testing.robot import serve
 from fleet_quadruped import QuadrupedConfig
 from fleet_quadruped.robot.description import EXAMPLE
 
@@ -265,10 +266,11 @@ async def test_what_was_asked_before_a_lost_link_is_not_done_again(running):
         os.kill(adapter._body.pid, signal.SIGKILL)
         with pytest.raises(LinkLost):
             await run
-        again = asyncio.create_task(adapter.run(robot))
+        anew = type(adapter)(adapter.config, robot)
+        again = asyncio.create_task(serve(anew))
         try:
-            await robot.until(lambda: adapter._state.timing.cycles > 50 and adapter._state.mode == "off")
-            assert (adapter._state.answered, adapter._state.fault) == (0, "")
+            await robot.until(lambda: anew._state.timing.cycles > 50 and anew._state.mode == "off")
+            assert (anew._state.answered, anew._state.fault) == (0, "")
         finally:
             again.cancel()
             await asyncio.gather(again, return_exceptions=True)

@@ -10,7 +10,7 @@ from fleet.host.robot.adapter_factory import capabilities, create_adapter, start
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Command
 from fleet.model.report import BatteryReport, JointReport, MetricsReport, PhotoReport
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter
 from fleet_ugv.sim.spec import SimSpec, board_of
 
@@ -20,12 +20,13 @@ HALT = b'{"T":1,"L":0,"R":0}\n{"T":0}\n'
 class Bench:
     """An adapter, and a simulated base behind a link in memory; the test turns the clock of both."""
 
-    def __init__(self, config, machine, board):
+    def __init__(self, config, machine, board, state=None):
         self.board = board
         self.machine = machine
         self.robot = RecordingRobot()
-        self.adapter = create_adapter(UgvAdapter, config)
-        self.run = asyncio.create_task(self.adapter.run(self.robot))
+        self.robot.state = {} if state is None else state
+        self.adapter = create_adapter(UgvAdapter, config, self.robot)
+        self.run = asyncio.create_task(serve(self.adapter))
         self._heard = 0
 
     async def pass_time(self, seconds):
@@ -115,7 +116,7 @@ async def test_a_line_that_opens_slowly_is_not_taken_for_a_silent_base(make_benc
         bench.robot.advance(60.0)
         return await open_link(*arguments)
 
-    monkeypatch.setattr("fleet_ugv.adapter.open_link", open_slowly)
+    monkeypatch.setattr("fleet.link.url.open_link", open_slowly)
     bench = make_bench()
     await bench.ready()
     assert not bench.run.done()
@@ -136,8 +137,6 @@ async def test_the_general_firmware_is_asked_until_it_speaks_and_again_after_it_
 
 async def test_nothing_moves_before_the_board_answered_and_was_set_up(make_bench):
     bench = make_bench()
-    with pytest.raises(NotReady):
-        bench.adapter.drive(forward(0.3))
     await bench.pass_time(0.1)
     assert bench.health is Level.OFFLINE
     with pytest.raises(NotReady, match="not spoken"):
@@ -382,7 +381,9 @@ async def test_where_the_robot_is_outlives_its_cable(make_bench):
     before = bench.last(PoseReport).position.x
     await bench.end()
     bench.machine.heard.clear()
-    other = Bench(bench.adapter.config, bench.machine, board_of(SimSpec("waveshare-beast")))
+    other = Bench(
+        bench.adapter.config, bench.machine, board_of(SimSpec("waveshare-beast")), bench.robot.state
+    )
     await other.ready()
     assert other.last(PoseReport).position.x == pytest.approx(before, abs=0.05)
     await other.end()

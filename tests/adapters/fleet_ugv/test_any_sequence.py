@@ -18,7 +18,7 @@ from fleet.host.robot.adapter_factory import capabilities, create_adapter
 from fleet.host.robot.controller import RobotController
 from fleet.link.memory import MemoryRobot
 from fleet.model.command import Setpoint, Transport
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet.wire.commands import VERBS
 from fleet.wire.stops import STOP_WORDS
 from fleet_ugv import UgvAdapter
@@ -67,7 +67,7 @@ class Bench:
         self.config, self.machine = config, machine
         self.board = board_of(SimSpec(config.profile))
         self.robot = RecordingRobot()
-        self.adapter = create_adapter(UgvAdapter, config)
+        self.adapter = create_adapter(UgvAdapter, config, self.robot)
         can = capabilities(UgvAdapter)
         self.desk = RobotController(
             config,
@@ -152,7 +152,7 @@ async def live(config, steps):
     """Play the steps; a board that went silent for good ends the run, and stands."""
     with MemoryRobot(config.link.partition(":")[2]) as machine:
         bench = Bench(config, machine)
-        run = asyncio.create_task(bench.adapter.run(bench.robot))
+        run = asyncio.create_task(serve(bench.adapter))
         try:
             await bench.play(steps)
         except LinkLost:

@@ -11,6 +11,7 @@ import pytest
 from fleet import Level, LinkLost, LinkRefused, PoseReport, Vector3, Velocity, open_link
 from fleet.host.robot.adapter_factory import create_adapter
 from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import serve as serve_adapter
 from fleet_ugv import UgvAdapter
 from fleet_ugv.sim.server import Bases
 from fleet_ugv.sim.spec import SimSpec
@@ -22,19 +23,21 @@ import asyncio, sys
 from fleet import Vector3, Velocity
 from fleet.errors import NotReady
 from fleet.host.robot.adapter_factory import make_adapter
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 from fleet_ugv import UgvAdapter, UgvConfig
 
 async def drive(url, profile):
     config = UgvConfig(name="beast", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f", adapter="ugv",
                        profile=profile, link=url)
-    robot, adapter = RecordingRobot(), make_adapter(UgvAdapter, config)
-    run = asyncio.create_task(adapter.run(robot))
+    robot = RecordingRobot()
+    adapter = make_adapter(UgvAdapter, config, robot)
+    run = asyncio.create_task(serve(adapter))
     while not run.done():
         await asyncio.sleep(0.02)
         robot.advance(0.02)
         try:
-            adapter.drive(Velocity(Vector3(0.3)))
+            if robot.is_connected:
+                adapter.drive(Velocity(Vector3(0.3)))
         except NotReady:
             pass
 
@@ -58,8 +61,8 @@ async def serve(make_config):
 
     def start(profile, url):
         robot = RecordingRobot()
-        adapter = create_adapter(UgvAdapter, make_config(profile, url, twin=str(uuid.uuid4())))
-        run = asyncio.create_task(adapter.run(robot))
+        adapter = create_adapter(UgvAdapter, make_config(profile, url, twin=str(uuid.uuid4())), robot)
+        run = asyncio.create_task(serve_adapter(adapter))
         tasks.extend([run, asyncio.create_task(turn(robot, run))])
         return robot, adapter, run
 

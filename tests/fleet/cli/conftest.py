@@ -27,9 +27,11 @@ from fleet.model.state import EdgeState, RobotState
 from fleet.testing.waiting import DEADLINE
 
 TOY = """
-from typing import Literal
+from typing import Annotated, Literal
 
-from fleet import AdapterConfig, FrameAdapter
+from msgspec import Meta
+
+from fleet import AdapterConfig, FrameAdapter, command
 
 
 class ToyConfig(AdapterConfig):
@@ -39,9 +41,13 @@ class ToyConfig(AdapterConfig):
 
 class Toy(FrameAdapter[ToyConfig]):
     Config = ToyConfig
-    verbs = ("beep",)
 
-    def encode(self, ask):
+    def drive(self, velocity):
+        return ()
+
+    @command("beep")
+    def beep(self, *, seconds: Annotated[float, Meta(ge=1, le=30, extra={"unit": "s"})] = 1.0):
+        '''Sound the horn.'''
         return ()
 
     def decode(self, frame, stamp):

@@ -23,15 +23,36 @@ def test_programs_are_told_what_an_adapter_takes(fleet):
         "commands": [
             {
                 "name": "beep",
-                "summary": "",
+                "summary": "Sound the horn.",
                 "timeout": 10.0,
-                "safe": False,
                 "moves": True,
-                "parameters": [],
-                "ranges": {},
+                "parameters": [
+                    {
+                        "name": "seconds",
+                        "type": "number",
+                        "default": "1.0",
+                        "least": 1,
+                        "most": 30,
+                        "unit": "s",
+                    }
+                ],
             }
         ],
     }
+
+
+def test_one_adapter_is_shown_with_parameters_units_and_help(fleet):
+    words = " ".join(fleet("adapters", "toy").out.split())
+    assert "toy: loaded [plugins/toy.py]" in words
+    assert "beep [seconds=NUMBER] Sound the horn." in words
+    assert "seconds number 1 to 30 s 1.0" in words
+    assert "may move the robot; given up after 10 s" in words
+
+
+def test_an_adapter_that_is_not_there_is_told_with_the_nearest(fleet):
+    result = fleet("adapters", "tou")
+    assert result.code == 3
+    assert "toy" in result.err
 
 
 def test_without_a_fleet_file_only_what_is_installed_counts(fleet, place):

@@ -30,9 +30,6 @@ class ToyConfig(AdapterConfig):
 class Toy(FrameAdapter[ToyConfig]):
     Config = ToyConfig
 
-    def encode(self, ask):
-        return ()
-
     def decode(self, frame, stamp):
         return ()
 

@@ -15,7 +15,6 @@ class OtherConfig(AdapterConfig):
 
 class Other(FrameAdapter[OtherConfig]):
     Config = OtherConfig
-    def encode(self, ask): return ()
     def decode(self, frame, stamp): return ()
     def halt(self): return (b"",)
 """

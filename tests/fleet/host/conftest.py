@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import pytest
 
-from fleet.adapter import Adapter, AdapterConfig
+from fleet.adapter import Adapter, AdapterConfig, Robot
 from fleet.bus.bus import join_control
 from fleet.bus.settings import BusSettings
 from fleet.bus.zenoh_session import ZenohSession
@@ -33,6 +33,7 @@ from fleet.model.navigation import Goal, GoTo, Navigate, Progress
 from fleet.model.report import BatteryReport, PoseReport, TelemetryReport
 from fleet.robot_config import Limits
 from fleet.testing.clock import ManualClock
+from fleet.testing.robot import RecordingRobot
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 
@@ -49,16 +50,13 @@ class Puppet(Adapter[PuppetConfig]):
     limits = Limits(speed=2.0, vertical_speed=1.0, yaw_rate=1.0)
     failsafe = "it moves nothing"
 
-    def __init__(self, config: PuppetConfig) -> None:
-        super().__init__(config)
+    def __init__(self, config: PuppetConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
         self.told: list[Any] = []
         self.go = asyncio.Event()
         self.raises: BaseException | None = None  # in drive, navigate and takeoff
         self.halts: BaseException | None = None  # what a halt raises
         self.stops: BaseException | str = ""  # what a stop raises, or "never": it does not return
-
-    async def run(self, robot):
-        robot.health_ok()
 
     def drive(self, velocity):
         self._maybe_raise()
@@ -136,7 +134,7 @@ class Bench:
             restart=lambda: self.restarts.append(1),
             clock=self.clock,
         )
-        self.puppet = Puppet(self.config)
+        self.puppet = Puppet(self.config, RecordingRobot())
         self.controller.attach(self.puppet)
         self.controller.found()
 
@@ -253,13 +251,11 @@ class Toy(fleet.Adapter[ToyConfig]):
         with open(self.config.journal, "a") as journal:
             journal.write(f"{os.getpid()} {time.monotonic()} {self.config.name} {word}\\n")
 
-    async def run(self, robot):
+    async def connect(self):
         self.note("run")
-        robot.health(fleet.Health())
         if self.config.stands:
             pose = fleet.PoseReport(0.0, fleet.Vector3(), fleet.quaternion_from_yaw(0.0))
-            robot.every(0.1, lambda: robot.report(pose))
-        await asyncio.Event().wait()
+            self.robot.every(0.1, lambda: self.robot.report(pose))
 
     def drive(self, velocity):
         self.note(f"drive:{velocity.linear.x:g}")

@@ -22,7 +22,6 @@ from fleet.model.geometry import (
     quaternion_from_yaw,
     rotate_to_world,
 )
-from fleet.model.health import Health
 from fleet.model.navigation import Goal, GoTo, Navigate, Progress, RelativeMove
 from fleet.model.report import PoseReport
 from fleet.robot_config import Limits, Separation
@@ -49,8 +48,8 @@ class Walker(Adapter[WalkerConfig]):
     separation = Separation(radius=0.4, braking=1.0, precedence=2)
     engage = 1.0  # m/s2
 
-    def __init__(self, config):
-        super().__init__(config)
+    def __init__(self, config, robot):
+        super().__init__(config, robot)
         x, y, yaw = config.start or (0.0, 0.0, 0.0)
         self.site = Vector3(x, y)  # where it truly is, in the site's frame
         self.world = Vector3()
@@ -61,12 +60,10 @@ class Walker(Adapter[WalkerConfig]):
         self.silent = False
         self.stops = 0
 
-    async def run(self, robot):
-        self.robot, self.loop = robot, asyncio.get_running_loop()
-        robot.health(Health())
-        robot.every(STEP, self._step)
-        robot.every(self.config.poses, self._tell)
-        await asyncio.Event().wait()
+    async def connect(self):
+        self.loop = asyncio.get_running_loop()
+        self.robot.every(STEP, self._step)
+        self.robot.every(self.config.poses, self._tell)
 
     def _tell(self):
         if not self.silent:
@@ -209,8 +206,8 @@ class Field:
         field = self
 
         class Made(kind):
-            def __init__(self, given):
-                super().__init__(given)
+            def __init__(self, given, robot):
+                super().__init__(given, robot)
                 field.made[given.name] = self
 
         robot = local_robot(config, Made, clock=self.clock, scheduler=self.scheduler)

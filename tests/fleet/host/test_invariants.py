@@ -17,6 +17,7 @@ from fleet.model.command import Command, Origin, Setpoint, Transport
 from fleet.model.geometry import Vector3, Velocity
 from fleet.testing.clock import ManualClock
 from fleet.testing.promises import Event, Rules, What, broken
+from fleet.testing.robot import RecordingRobot
 
 RULES = Rules(max_age=5.0)
 VELOCITIES = Rules(max_age=0.5)
@@ -37,11 +38,8 @@ class Rex(Adapter[RexConfig]):
     failsafe = "it moves nothing"
 
     def __init__(self, config, life):
-        super().__init__(config)
+        super().__init__(config, RecordingRobot())
         self.life = life
-
-    async def run(self, robot):
-        """Nothing runs: the desk is asked directly."""
 
     def drive(self, velocity):
         if velocity.linear.x:

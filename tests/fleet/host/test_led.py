@@ -27,6 +27,7 @@ from fleet.model.navigation import (
 from fleet.model.report import NavigationReport, PoseReport
 from fleet.robot_config import AdapterConfig, Limits
 from fleet.testing.clock import ManualClock
+from fleet.testing.robot import RecordingRobot
 
 TELE = Origin(Transport.CLOUD, "tele", "anna")
 
@@ -45,12 +46,9 @@ class Cart(Adapter[CartConfig]):
     combines_keys = True
 
     def __init__(self, config):
-        super().__init__(config)
+        super().__init__(config, RecordingRobot())
         self.velocity = Velocity()
         self.told = []
-
-    async def run(self, robot):
-        """Do nothing."""
 
     def drive(self, velocity):
         self.velocity = velocity

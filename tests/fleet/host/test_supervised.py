@@ -37,8 +37,8 @@ class Cart(fleet.FrameAdapter[CartConfig]):
     limits = fleet.Limits(speed=2.0, yaw_rate=1.0)
     silence = 0.0
 
-    def encode(self, ask):
-        yield b"drive %g\\n" % ask.linear.x
+    def drive(self, velocity):
+        yield b"drive %g\\n" % velocity.linear.x
 
     def decode(self, frame, stamp):
         return ()

@@ -22,7 +22,6 @@ class Config(AdapterConfig):
 
 class Toy(FrameAdapter[Config]):
     Config = Config
-    def encode(self, ask): return ()
     def decode(self, frame, stamp): return ()
     def halt(self): return (b"",)
 """

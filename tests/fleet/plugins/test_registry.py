@@ -15,7 +15,6 @@ class Config(AdapterConfig):
 
 class {name}Adapter(FrameAdapter[Config]):
     Config = Config
-    def encode(self, ask): return ()
     def decode(self, frame, stamp): return ()
     def halt(self): return (b"",)
 """
@@ -70,24 +69,23 @@ def test_files_that_begin_with_an_underscore_are_not_loaded(folder):
         ("x = 1", "it defines no Adapter or FrameAdapter"),
         (
             "from fleet import FrameAdapter\nclass Bare(FrameAdapter): pass",
-            "Bare: Bare does not define decode, encode, halt",
+            "Bare: Bare does not define decode, halt",
         ),
         (body("x").replace("    Config = Config\n", ""), "needs a class attribute Config"),
         (body("x").replace('Literal["x"]', "str"), 'Config needs the field adapter: Literal["its name"]'),
         (
             body("x")
             + "    from fleet import command\n    @command('go')\n    async def go(self, far): ...\n",
-            "KeyError: 'far'",
+            "command method go: far has no type; write it like far: Annotated",
         ),
         ("class Panic(BaseException): pass\nraise Panic('gone')", "Panic: gone ({file}:2)"),
         (body("x") + "    limits = 5\n", "xAdapter.limits must be Limits(...), not 5"),
-        (body("x") + "    verbs = 'beep'\n", "xAdapter.verbs must be a tuple of names, not 'beep'"),
         (
             body("x").replace("    link: str", "    link: str\n    limits: float = 1.0"),
             "Config.limits is a field of the host's own; give yours another name",
         ),
     ],
-    ids=range(14),
+    ids=range(13),
 )
 def test_a_file_that_cannot_be_used_is_a_report_with_the_place(folder, tmp_path, text, report):
     (plugin,) = folder(broken=text).plugins()
@@ -158,7 +156,7 @@ class TestEntryPoints:
             ("no_such_module:Toy", "No module named 'no_such_module'"),
             ("registry_toy_b:Nothing", "AttributeError"),
             ("registry_toy_b:Config", "is no subclass of Adapter or FrameAdapter"),
-            ("registry_toy_b:FrameAdapter", "FrameAdapter does not define decode, encode, halt"),
+            ("registry_toy_b:FrameAdapter", "FrameAdapter does not define decode, halt"),
             (
                 "registry_toy_b:tallAdapter",
                 "its Config says adapter: 'tall' but its entry point is called 'toy'",

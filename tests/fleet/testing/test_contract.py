@@ -8,8 +8,8 @@ from pydantic import Field, ValidationError
 
 from fleet.adapter import Adapter, AdapterConfig, FrameAdapter
 from fleet.commands import command
-from fleet.errors import FleetError, Refused, Unsupported
-from fleet.model.geometry import Velocity
+from fleet.errors import FleetError, Refused
+from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.model.report import BatteryReport
 from fleet.robot_config import Limits
 from fleet.testing import probes
@@ -26,12 +26,9 @@ class Good(FrameAdapter[GoodConfig]):
 
     Config = GoodConfig
     limits = Limits(speed=1.0)
-    verbs = ("sit",)
 
-    def encode(self, ask):
-        if not isinstance(ask, Velocity) and ask.name != "sit":
-            raise Unsupported(ask.name)
-        yield b"x\n"
+    def drive(self, velocity):
+        yield b"M %g\n" % velocity.linear.x
 
     def decode(self, frame, stamp):
         if frame == b"B 1":
@@ -46,6 +43,11 @@ class TestAGoodFrameAdapter(FrameContract):
     config = {"adapter": "good"}
     said = (b"B 1\n",)
 
+    def velocity_of(self, frame):
+        if frame == b"s\n":
+            return ZERO_VELOCITY
+        return Velocity(Vector3(float(frame[2:]))) if frame.startswith(b"M") else None
+
 
 class Brainy(Adapter[GoodConfig]):
     """A robot with a brain that keeps every rule."""
@@ -53,7 +55,7 @@ class Brainy(Adapter[GoodConfig]):
     Config = GoodConfig
     failsafe = "it stops after 1 s without a word of ours"
 
-    async def run(self, robot): ...
+    async def connect(self): ...
 
     async def stop(self, reason): ...
 
@@ -118,17 +120,15 @@ async def crash(self):
         ("an_unknown_config_field_is_refused", {"Config": Loose}),
         ("every_config_field_of_its_own_is_described", {"Config": Undescribed}),
         ("the_adapter_says_what_it_is_for", {"__doc__": ""}),
-        ("every_command_has_a_plain_name_and_a_bounded_time", {"verbs": ("Sit down",)}),
+        ("every_command_has_a_plain_name_and_a_bounded_time", {"sit": command("Sit down")(lambda self: ())}),
         ("every_command_method_says_what_it_does", {"wave": command("wave")(lambda self: ())}),
         ("a_robot_that_drives_says_how_fast", {"limits": Limits()}),
         ("each_example_of_what_the_robot_says_means_something", {"decode": lambda *_: ()}),
         ("halt_is_never_empty_and_works_at_any_time", {"halt": lambda self: [b""]}),
         ("halt_is_never_empty_and_works_at_any_time", {"halt": fails}),
-        ("every_velocity_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
-        ("every_velocity_becomes_frames_or_is_refused", {"encode": fails}),
-        ("standing_still_is_never_refused", {"encode": lambda *_: ()}),
-        ("every_verb_becomes_frames_or_is_refused", {"encode": lambda *_: ()}),
-        ("a_verb_that_is_not_declared_is_refused", {"encode": lambda *_: [b"x"]}),
+        ("every_velocity_becomes_frames_or_is_refused", {"drive": lambda *_: ()}),
+        ("every_velocity_becomes_frames_or_is_refused", {"drive": fails}),
+        ("standing_still_is_never_refused", {"drive": lambda *_: ()}),
         ("hello_and_tick_yield_frames", {"tick": lambda self: ["text"]}),
         ("decode_survives_whatever_arrives", {"decode": lambda self, frame, stamp: [float(frame)]}),
         ("decode_survives_whatever_arrives", {"decode": lambda self, *_: [BatteryReport(1.0, float("nan"))]}),
@@ -150,11 +150,6 @@ def test_an_adapter_that_blocks_is_caught(test, monkeypatch):
 @pytest.mark.parametrize(
     ("test", "changes"),
     [
-        ("something_stops_it_when_its_process_dies", {"failsafe": ""}),
-        ("stop_without_a_link_ends_and_does_not_fail", {"stop": fails}),
-        ("halt_works_on_another_thread_while_the_loop_is_stuck", {"halt": fails}),
-        ("a_velocity_without_a_link_raises_nothing_but_a_refusal", {"drive": fails}),
-        ("a_command_without_a_link_is_refused_in_time", {"dance": command("dance")(crash)}),
         ("two_robots_share_no_state", {"queue": []}),
     ],
 )

@@ -16,9 +16,6 @@ class Toy(Adapter[AdapterConfig]):
     def __init__(self):
         self.driven = []
 
-    async def run(self, robot):
-        """Do nothing."""
-
     async def stop(self, reason):
         """Do nothing."""
 

@@ -11,6 +11,7 @@ from fleet.model.command import Command
 from fleet.model.geometry import Vector3, Velocity
 from fleet.model.navigation import Progress
 from fleet.robot_config import Limits
+from fleet.testing.robot import RecordingRobot
 from fleet_mavlink.adapter import MavlinkAdapter
 from fleet_quadruped.adapter import QuadrupedAdapter
 from fleet_ugv.adapter import UgvAdapter
@@ -24,9 +25,8 @@ class Config(AdapterConfig):
 class Framey(FrameAdapter[Config]):
     Config = Config
     limits = Limits(speed=1.0)
-    verbs = ("sit", "stand")
 
-    def encode(self, ask):
+    def drive(self, velocity):
         yield b"x"
 
     def decode(self, frame, stamp):
@@ -40,11 +40,14 @@ class Framey(FrameAdapter[Config]):
         """Dim the lamp."""
         yield b"l"
 
+    @command("sit")
+    def sit(self):
+        """Sit down."""
+        yield b"s"
+
 
 class Brainy(Adapter[Config]):
     Config = Config
-
-    async def run(self, robot): ...
 
     async def stop(self, reason): ...
 
@@ -62,24 +65,19 @@ CONFIG = Config(name="robot", twin="6f0c9a1e-3a6c-4f5e-9d2e-0c5a4b3d2e1f")
 
 
 def test_both_kinds_become_an_adapter():
-    assert isinstance(create_adapter(Framey, CONFIG), FrameAdapterRunner)
-    assert isinstance(create_adapter(Brainy, CONFIG), Brainy)
+    assert isinstance(create_adapter(Framey, CONFIG, RecordingRobot()), FrameAdapterRunner)
+    assert isinstance(create_adapter(Brainy, CONFIG, RecordingRobot()), Brainy)
 
 
 def test_both_kinds_say_what_they_can():
     framey, brainy = capabilities(Framey), capabilities(Brainy)
     assert (sorted(framey.commands), framey.drives, framey.navigates) == (
-        ["lamp", "sit", "stand"],
+        ["lamp", "sit"],
         True,
         False,
     )
     assert (sorted(brainy.commands), brainy.drives, brainy.navigates) == (["dance"], True, False)
     assert framey.limits == Limits(speed=1.0)
-
-
-def test_a_plain_verb_may_move_and_is_not_safe():
-    sit = capabilities(Framey).commands["sit"]
-    assert (sit.moves, sit.safe, sit.streams) == (True, False, False)
 
 
 def test_a_frame_method_says_more_about_its_command():
@@ -89,7 +87,7 @@ def test_a_frame_method_says_more_about_its_command():
 
 async def test_a_command_reaches_the_method_with_checked_parameters():
     dance = capabilities(Brainy).commands["dance"]
-    adapter = create_adapter(Brainy, CONFIG)
+    adapter = create_adapter(Brainy, CONFIG, RecordingRobot())
     assert [p.percent async for p in start_command(adapter, dance, Command("dance", {"turns": 3}))] == [30.0]
     with pytest.raises(Refused, match="dance"):
         start_command(adapter, dance, Command("dance", {"turns": "many"}))
@@ -97,7 +95,7 @@ async def test_a_command_reaches_the_method_with_checked_parameters():
 
 def test_a_command_that_is_not_declared_is_told_with_the_nearest():
     assert capabilities(Framey).hint("sti") == "did you mean 'sit'?"
-    assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit, stand"
+    assert capabilities(Framey).hint("takeoff") == "it takes lamp, sit"
 
 
 @pytest.mark.parametrize(

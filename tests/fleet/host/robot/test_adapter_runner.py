@@ -10,9 +10,11 @@ from fleet.errors import Fault, LinkLost, LinkRefused, NotReady
 from fleet.host.robot import adapter_runner as runners
 from fleet.host.robot.adapter_runner import AdapterRunner
 from fleet.host.robot.robot_handle import RobotHandle
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health, Level
+from fleet.robot_config import Limits
 from fleet.supervisor.client import SupervisorClient
 
 
@@ -46,18 +48,18 @@ class Stage:
         bench.controller._executor._crashed = self.runner.crashed
         bench.controller.detach("")
 
-    def make(self):
+    def make(self, robot):
         if self.broken is not None:
             raise self.broken
-        adapter = type(self.bench.puppet)(self.bench.config)
+        adapter = type(self.bench.puppet)(self.bench.config, robot)
         adapter.told = self.bench.puppet.told
-        adapter.run = self.counted(next(self.runs))
+        adapter.run = self.counted(next(self.runs), robot)
         self.bench.puppet = adapter
         self.made.append(adapter)
         return adapter
 
-    def counted(self, run):
-        async def counted(robot):
+    def counted(self, run, robot):
+        async def counted():
             self.robot = robot
             await run(robot)
 
@@ -66,6 +68,9 @@ class Stage:
     def handle(self, runner):
         return RobotHandle(
             "rex",
+            limits=Limits(),
+            state={},
+            calls=BlockingCalls("rex"),
             clock=self.bench.clock,
             scheduler=self.scheduler,
             shared=SharedResources(),

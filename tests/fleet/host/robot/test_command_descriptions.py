@@ -15,9 +15,6 @@ class Kite(Adapter[AdapterConfig]):
     Config = AdapterConfig
     limits = Limits(speed=2.0)
 
-    async def run(self, robot):
-        """Do nothing."""
-
     async def stop(self, reason):
         """Do nothing."""
 

@@ -12,7 +12,7 @@ import pytest
 
 from fleet.adapter import AdapterConfig, FrameAdapter, Send
 from fleet.commands import command
-from fleet.errors import Fault, LinkLost, LinkRefused, NotReady, Refused, Unsupported
+from fleet.errors import Fault, LinkLost, LinkRefused, NotReady, Refused
 from fleet.host.robot.adapter_factory import capabilities, create_adapter, start_command
 from fleet.host.robot.frame_adapter_runner import FrameAdapterRunner
 from fleet.link.memory import MemoryRobot
@@ -21,10 +21,11 @@ from fleet.model.command import Command
 from fleet.model.geometry import ZERO_VELOCITY, Vector3, Velocity
 from fleet.model.health import Health, Level
 from fleet.model.report import BatteryReport
-from fleet.testing.robot import RecordingRobot
+from fleet.testing.robot import RecordingRobot, serve
 
 SLOW, FAST = Velocity(Vector3(0.25)), Velocity(Vector3(1.0))
 STOPS = [b"STOP\n"] * 5
+BAYS = {1: 1, 2: 2}
 
 
 class CartConfig(AdapterConfig):
@@ -36,19 +37,19 @@ class Cart(FrameAdapter[CartConfig]):
     """A robot for these tests."""
 
     Config = CartConfig
-    verbs = ("dock",)
     during_encode = None
 
-    def encode(self, ask):
+    def drive(self, velocity):
         if self.during_encode:
             self.during_encode()
-        match ask:
-            case Velocity():
-                yield b"GO %.2f\n" % ask.linear.x
-            case Command(name="dock"):
-                yield b"DOCK %d\n" % ask.data["bay"]
-            case _:
-                raise Unsupported(f"no {ask.name}")
+        yield b"GO %.2f\n" % velocity.linear.x
+
+    @command("dock")
+    def dock(self, *, bay: int):
+        """Drive into a bay."""
+        if self.during_encode:
+            self.during_encode()
+        yield b"DOCK %d\n" % BAYS[bay]
 
     @command("lamp", moves=False)
     def lamp(self, *, level: int):
@@ -76,7 +77,7 @@ class Running:
 
     def __init__(self, adapter, machine, robot):
         self.adapter, self.machine, self.robot = adapter, machine, robot
-        self.run = asyncio.create_task(adapter.run(robot))
+        self.run = asyncio.create_task(serve(adapter))
 
     def heard(self):
         heard, self.machine.heard[:] = list(self.machine.heard), []
@@ -102,7 +103,7 @@ async def running(request):
 async def run(plugin, name):
     robot = RecordingRobot()
     with MemoryRobot(name.replace("[", ".").rstrip("]")) as machine:
-        adapter = create_adapter(plugin, config(f"memory:{machine.name}"))
+        adapter = create_adapter(plugin, config(f"memory:{machine.name}"), robot)
         cart = Running(adapter, machine, robot)
         await robot.until(lambda: robot.healths)
         assert cart.heard() == [b"HELLO\n"]
@@ -165,10 +166,10 @@ async def test_a_link_that_opens_slowly_is_not_silent(monkeypatch):
         robot.advance(60.0)
         return await open_link(*arguments)
 
-    monkeypatch.setattr("fleet.host.robot.frame_adapter_runner.open_link", open_slowly)
+    monkeypatch.setattr("fleet.link.url.open_link", open_slowly)
     robot = RecordingRobot()
     with MemoryRobot("slow"):
-        work = asyncio.create_task(create_adapter(Cart, config("memory:slow")).run(robot))
+        work = asyncio.create_task(serve(create_adapter(Cart, config("memory:slow"), robot)))
         await robot.until(lambda: robot.healths)
         robot.advance(2.0)
         work.cancel()
@@ -204,13 +205,13 @@ async def test_whoever_leaves_writes_a_stop_first(running):
 
 async def test_a_bad_link_is_refused_before_anything_is_opened():
     with pytest.raises(LinkRefused, match="begin it with"):
-        create_adapter(Cart, config("rs232:1"))
+        create_adapter(Cart, config("rs232:1"), RecordingRobot())
 
 
 async def test_a_listener_greets_the_first_speaker_and_ignores_strangers():
     robot, heard = RecordingRobot(), asyncio.Queue()
-    adapter = FrameAdapterRunner(Cart(config("udpin:127.0.0.1:0")))
-    task = asyncio.create_task(adapter.run(robot))
+    adapter = FrameAdapterRunner(Cart(config("udpin:127.0.0.1:0")), robot)
+    task = asyncio.create_task(serve(adapter))
     await robot.until(lambda: robot.healths)
     url = adapter._slot._link.url.replace("udpin", "udpout")
     machine = await open_link(url, lambda data, _: heard.put_nowait(data))
@@ -299,8 +300,9 @@ def slow_line():
 
 
 async def test_of_many_motions_on_a_slow_line_only_the_newest_waits(slow_line, caplog):
-    robot, adapter = RecordingRobot(), create_adapter(Cart, config(slow_line.link))
-    task = asyncio.create_task(adapter.run(robot))
+    robot = RecordingRobot()
+    adapter = create_adapter(Cart, config(slow_line.link), robot)
+    task = asyncio.create_task(serve(adapter))
     await robot.until(lambda: robot.healths)
     robot.advance(0.2)
     for tenth in range(20):
@@ -344,24 +346,13 @@ async def test_a_halt_that_raises_is_replaced_by_the_first_one(running, caplog):
     assert "its first frames are used" in caplog.text
 
 
-async def test_a_halt_without_a_link_is_harmless():
-    adapter = create_adapter(Cart, config())
-    adapter.halt()
-    await adapter.stop("a test")
-
-
 async def test_a_robot_that_cannot_be_halted_is_not_run():
     class Runaway(Cart):
         def halt(self):
             return ()
 
     with pytest.raises(Fault, match="must be stoppable"):
-        create_adapter(Runaway, config())
-
-
-async def test_motion_without_a_link_is_not_ready():
-    with pytest.raises(NotReady, match="not open"):
-        create_adapter(Cart, config()).drive(FAST)
+        create_adapter(Runaway, config(), RecordingRobot())
 
 
 async def test_motion_over_a_fallen_link_is_not_ready(running):
@@ -376,7 +367,7 @@ async def test_motion_over_a_fallen_link_is_not_ready(running):
 async def test_data_that_cannot_be_encoded_is_refused_not_a_crash(running, caplog):
     caplog.set_level(logging.WARNING)
     with pytest.raises(Refused, match="dock cannot be encoded: KeyError"):
-        await running.perform("dock")
+        await running.perform("dock", bay=7)
     assert not running.run.done()
 
 
@@ -387,10 +378,10 @@ async def test_parameters_of_a_declared_method_are_checked(running):
         await running.perform("lamp", level="high")
 
 
-async def test_a_command_that_moves_nothing_needs_a_link_too():
-    adapter = create_adapter(Cart, config())
-    with pytest.raises(NotReady, match="not open"):
-        await start_command(adapter, capabilities(Cart).commands["lamp"], Command("lamp", {"level": 1}))
+async def test_a_command_that_moves_nothing_needs_a_link_too(running):
+    running.machine.unplug("the cable is out")
+    with pytest.raises(NotReady, match="the cable is out"):
+        await running.perform("lamp", level=1)
 
 
 async def test_a_command_decided_before_a_halt_is_not_written_after_it(running):

@@ -17,6 +17,7 @@ from fleet.model.geometry import Vector3, Velocity
 from fleet.model.joints import JointRange
 from fleet.model.report import JointReport, JointTags
 from fleet.testing.clock import ManualClock
+from fleet.testing.robot import RecordingRobot
 
 TWIN = "6f0c9a1e-0000-4000-8000-000000000001"
 LEAD = {"command": ["tele", "edge_leader"]}
@@ -34,13 +35,10 @@ class Arm(Adapter[ArmConfig]):
     failsafe = "it moves nothing"
 
     def __init__(self, config: ArmConfig) -> None:
-        super().__init__(config)
+        super().__init__(config, RecordingRobot())
         self.told: list[Any] = []
         self.raises: BaseException | None = None
         self.meanwhile = lambda: None  # what another thread does while a target is written
-
-    async def run(self, robot):
-        """Serve nothing."""
 
     def drive(self, velocity):
         self.told.append(velocity)

@@ -1,11 +1,15 @@
 import asyncio
 
+import pytest
+
 from fleet.clock import SystemClock
 from fleet.host.robot.robot_handle import KEPT_WITHIN, RobotHandle
+from fleet.host.runtime.blocking_calls import BlockingCalls
 from fleet.host.runtime.shared_resources import SharedResources
 from fleet.host.runtime.tick_scheduler import TickScheduler
 from fleet.model.health import Health, Level
 from fleet.model.report import BatteryReport
+from fleet.robot_config import Limits
 from fleet.supervisor.client import SupervisorClient
 from fleet.testing.clock import ManualClock
 
@@ -13,11 +17,14 @@ from fleet.testing.clock import ManualClock
 class Heard:
     """A handle, and everything it passes on."""
 
-    def __init__(self, supervised=None):
+    def __init__(self, supervised=None, *, connected=True):
         self.all = []
         self.scheduler = TickScheduler(asyncio.get_running_loop(), SystemClock())
         self.handle = RobotHandle(
             "rex",
+            limits=Limits(),
+            state={},
+            calls=BlockingCalls("rex"),
             clock=ManualClock(),
             scheduler=self.scheduler,
             shared=SharedResources(),
@@ -27,6 +34,8 @@ class Heard:
             failed=self.all.append,
             supervised=supervised or SupervisorClient(),
         )
+        if connected:
+            self.handle.connected(answers=False)
 
     def say_everything(self):
         self.handle.report(BatteryReport(1.0))
@@ -37,7 +46,40 @@ class Heard:
 async def test_what_an_adapter_says_is_passed_on():
     heard = Heard()
     heard.say_everything()
-    assert heard.all == [BatteryReport(1.0), Health(Level.OFFLINE, "gone"), "a pilot"]
+    assert heard.all == [BatteryReport(1.0), Health(), Health(Level.OFFLINE, "gone"), "a pilot"]
+
+
+async def test_the_first_report_says_that_the_robot_answers():
+    heard = Heard()
+    heard.handle.report(BatteryReport(1.0))
+    heard.handle.report(BatteryReport(2.0))
+    assert heard.all == [BatteryReport(1.0), Health(), BatteryReport(2.0)]
+
+
+async def test_a_report_says_nothing_of_a_robot_whose_adapter_speaks_for_itself():
+    heard = Heard()
+    heard.handle.health(Health(Level.OFFLINE, "not heard yet"))
+    heard.handle.report(BatteryReport(1.0))
+    assert heard.all == [Health(Level.OFFLINE, "not heard yet"), BatteryReport(1.0)]
+
+
+@pytest.mark.parametrize(
+    ("said", "answers", "health"),
+    [
+        ([], False, []),
+        ([], True, [Health()]),
+        ([Health(Level.OFFLINE, "not yet")], True, [Health(Level.OFFLINE, "not yet")]),
+        ([Health()], False, [Health()]),
+        ([BatteryReport(1.0)], False, [Health()]),
+    ],
+)
+async def test_health_is_passed_on_once_the_adapter_can_be_asked_to_stop(said, answers, health):
+    heard = Heard(connected=False)
+    for each in said:
+        (heard.handle.health if isinstance(each, Health) else heard.handle.report)(each)
+    assert [each for each in heard.all if isinstance(each, Health)] == []
+    heard.handle.connected(answers=answers)
+    assert [each for each in heard.all if isinstance(each, Health)] == health
 
 
 async def test_nothing_is_said_through_a_closed_handle():

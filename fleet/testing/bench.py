@@ -1,0 +1,127 @@
+"""An adapter under test, connected to its robot's side as the host connects it, and watched all the time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Any
+
+from fleet.adapter import Adapter
+from fleet.host.runtime.loop_monitor import LoopMonitor
+from fleet.model.geometry import Velocity, rotate_to_world, wrap_angle
+from fleet.model.health import Level
+from fleet.model.report import PoseReport
+from fleet.testing.operator import Operator
+from fleet.testing.probes import implausible
+from fleet.testing.robot import LoopRobot, RecordingRobot, serve
+
+BLOCKS = 0.25  # s for which the event loop may stand still; the dead-man fires after 0.5 s
+ONLINE_WITHIN = 30.0  # s; a simulator may have to start first
+STEP = 0.05  # s between two looks at the robot
+FRESH = 0.5  # s; a robot that stands may report no pose
+ENDS_WITHIN = 5.0  # s that the tasks of an attempt have to end
+
+
+class Bench(Operator):
+    """A connected adapter, and the operator at its controls; ``life`` is the task of its attempt."""
+
+    def __init__(self, adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) -> None:
+        self.adapter = adapter
+        self.robot = robot
+        self.life = asyncio.ensure_future(serve(adapter))
+
+    async def pass_time(self, seconds: float) -> None:
+        """Let time pass for the adapter; raises what ended its attempt."""
+        if isinstance(self.robot, RecordingRobot):
+            for _ in range(3):
+                await asyncio.sleep(0)
+            self.robot.advance(seconds)
+        else:
+            await asyncio.sleep(seconds)
+        if self.life.done():
+            self.life.result()
+            raise AssertionError("its run has ended by itself")
+
+    async def until(self, holds: Callable[[], bool], within: float) -> bool:
+        """Let time pass until something holds; False when it does not ``within`` s."""
+        for _ in range(max(1, round(within / STEP))):
+            if holds():
+                return True
+            await self.pass_time(STEP)
+        return holds()
+
+    @property
+    def is_online(self) -> bool:
+        """True when the adapter can be asked and the robot is not offline."""
+        healths = self.robot.healths
+        return self.robot.is_connected and bool(healths) and healths[-1].level < Level.OFFLINE
+
+    def velocity_by_poses(self) -> Velocity | None:
+        """Return the body velocity that the newest two poses show; None without two that are fresh."""
+        poses = self.robot.reports_of(PoseReport)
+        if len(poses) < 2 or self.robot.clock.time() - poses[-1].stamp > FRESH:
+            return None
+        new = poses[-1]
+        old = next((each for each in reversed(poses) if new.stamp - each.stamp >= STEP), poses[0])
+        seconds = new.stamp - old.stamp
+        if seconds <= 0:
+            return None
+        moved = rotate_to_world(new.position - old.position, -old.rotation.yaw)
+        turned = wrap_angle(new.rotation.yaw - old.rotation.yaw)
+        return Velocity(moved.scaled(1 / seconds), turned / seconds)
+
+
+@contextlib.asynccontextmanager
+async def connected(adapter: Adapter[Any], robot: LoopRobot | RecordingRobot) -> AsyncIterator[Bench]:
+    """Connect an adapter for the time of a block; raises AssertionError for what the host cannot live with.
+
+    That is: an event loop that stands still, a task that outlives the attempt, a report that cannot be true.
+    """
+    before = asyncio.all_tasks()
+    with _unblocked():
+        bench = Bench(adapter, robot)
+        try:
+            yield bench
+        finally:
+            bench.life.cancel()
+            await asyncio.wait({bench.life}, timeout=ENDS_WITHIN)
+            if isinstance(robot, LoopRobot):
+                robot.close()
+        left = asyncio.all_tasks() - before - {asyncio.current_task()}
+        if left:
+            _, left = await asyncio.wait(left, timeout=STEP)
+        assert not left, f"it leaves tasks behind: {', '.join(repr(task.get_coro()) for task in left)}"
+    flaws = [flaw for report in robot.reports if (flaw := implausible(report, robot.clock.time()))]
+    assert flaws == [], "it reports what cannot be true"
+
+
+@contextlib.contextmanager
+def _unblocked() -> Iterator[None]:
+    """Watch the running loop from another thread; raises AssertionError with the place where it blocked."""
+    loop = asyncio.get_running_loop()
+    seen, done, places = LoopMonitor(loop), threading.Event(), set[str]()
+    alive = [time.monotonic(), seen.waited()]
+
+    def beat() -> None:
+        alive[:] = [time.monotonic(), seen.waited()]
+        if not done.is_set():
+            loop.call_later(0.02, beat)
+
+    def watch() -> None:
+        while not done.wait(0.02):
+            began, waited = alive
+            if time.monotonic() - began - (seen.waited() - waited) > BLOCKS:
+                places.add(seen.place())
+
+    beat()
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        done.set()
+        watcher.join()
+    assert not places, f"it blocks the event loop for more than {BLOCKS:g} s, at {', '.join(sorted(places))}"
