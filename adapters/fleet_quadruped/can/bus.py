@@ -38,6 +38,7 @@ _TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Which options an interface takes; all others take none."""
 _SOCKETCAND_PORT = 29536  # of the daemon, where none is given
+_PCAN_CLOCK = 80_000_000  # Hz, of the interfaces that can CAN FD
 _REACHED = 2.0  # s in which a daemon's host must answer
 _FULL_FOR = 0.1  # s of a full queue after which the bus is dead
 _BATCH = 256  # frames read at once
@@ -99,9 +100,14 @@ BusText = Annotated[str, AfterValidator(_checked)]
 
 
 class CanConnection:
-    """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames."""
+    """One open bus. ``dropped`` counts frames that could not be sent, ``errors`` error frames.
 
-    def __init__(self, name: str, url: str, bitrate: int, clock: Clock) -> None:
+    ``data_bitrate`` (bit/s) makes it a bus of CAN FD.
+    """
+
+    def __init__(
+        self, name: str, url: str, bitrate: int, clock: Clock, data_bitrate: int | None = None
+    ) -> None:
         self.name = name
         self.url = url
         self.dropped = 0
@@ -109,7 +115,7 @@ class CanConnection:
         self._clock = clock
         self._full_since: float | None = None
         self._dead = ""
-        self._bus: can.BusABC | None = _open(url, bitrate)
+        self._bus: can.BusABC | None = _open(url, bitrate, data_bitrate)
         self._socket = _socket_of(self._bus)
 
     def send(self, frame: CanFrame) -> None:
@@ -188,7 +194,15 @@ class CanConnection:
 
 def _message(frame: CanFrame) -> can.Message:
     """Return a frame as python-can has it."""
-    return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended, check=False)
+    return can.Message(
+        arbitration_id=frame.id,
+        data=None if frame.remote else frame.data,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        is_fd=frame.fd,
+        bitrate_switch=frame.fd,
+        check=False,
+    )
 
 
 def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
@@ -197,7 +211,7 @@ def _received(bus: can.BusABC, wait: float) -> Iterator[Packet]:
         message = bus.recv(wait)
         if message is None:
             return
-        frame = CanFrame(message.arbitration_id, bytes(message.data))
+        frame = CanFrame(message.arbitration_id, bytes(message.data), message.is_fd)
         unwanted = message.is_remote_frame or is_foreign(frame.id, extended=message.is_extended_id)
         yield Packet(frame, message.is_error_frame, unwanted)
         wait = 0.0
@@ -208,24 +222,45 @@ def _socket_of(bus: can.BusABC) -> socket.socket | None:
     return bus.socket if isinstance(bus, SocketcanBus) else None
 
 
-def _open(url: str, bitrate: int) -> can.BusABC:
+def _open(url: str, bitrate: int, data_bitrate: int | None) -> can.BusABC:
     """Open a bus; raises LinkRefused when a person must act, LinkLost when it may work later."""
     parts = parse_bus(url)
     options: dict[str, Any] = {"interface": parts.interface, "channel": parts.channel}
     if parts.interface == "udp_multicast":
-        options |= {"fd": False, "hop_limit": 0}
+        options |= {"fd": data_bitrate is not None, "hop_limit": 0}
         if parts.port is not None:
             options["port"] = parts.port
     elif parts.interface == "socketcand":  # the bitrate is the daemon's
+        if data_bitrate is not None:
+            raise LinkRefused(
+                f"{url}: a socketcand daemon carries no CAN FD; open the bus on its own computer"
+            )
         options |= {"host": parts.host, "port": parts.port or _SOCKETCAND_PORT}
     elif parts.interface != "virtual":
         options["bitrate"] = bitrate
+        options |= _fd_options(parts.interface, bitrate, data_bitrate)
     try:
         if parts.host:  # python-can itself tries for 10 s without a pause
             socket.create_connection((options["host"], options["port"]), _REACHED).close()
         return can.Bus(**options)
     except _BROKEN as error:
         raise _unopened(url, parts.interface, error) from error
+
+
+def _fd_options(interface: str, bitrate: int, data_bitrate: int | None) -> dict[str, Any]:
+    """Return what python-can's interface needs for CAN FD; SocketCAN has its bit rates by ``ip link``."""
+    if data_bitrate is None:
+        return {}
+    if interface != "pcan":
+        return {"fd": True, "data_bitrate": data_bitrate}
+    timing = can.BitTimingFd.from_sample_point(
+        f_clock=_PCAN_CLOCK,
+        nom_bitrate=bitrate,
+        nom_sample_point=80.0,
+        data_bitrate=data_bitrate,
+        data_sample_point=80.0,
+    )
+    return {"timing": timing}
 
 
 def _unopened(url: str, interface: str, error: Exception) -> LinkLost | LinkRefused:

@@ -11,13 +11,16 @@ STANDARD_ID = 0x7FF
 
 
 class CanFrame(msgspec.Struct, frozen=True, gc=False):
-    """One data frame: identifier (extended when it is beyond STANDARD_ID) and up to eight bytes.
+    """One frame: identifier (extended when it is beyond STANDARD_ID) and up to eight bytes, 64 in CAN FD.
 
+    ``fd``: a frame of CAN FD, sent with the data bit rate; ``remote``: asks for the frame of that identifier.
     Thousands are made in a second, so it is what is made quickest.
     """
 
     id: int
     data: bytes
+    fd: bool = False
+    remote: bool = False
 
     @property
     def extended(self) -> bool:

@@ -104,7 +104,8 @@ def _begin(machine: SimulatedMachine, faults: dict[str, float]) -> None:
 @contextlib.contextmanager
 def _opened(name: str, url: str, body: AnyBody, clock: Clock) -> Iterator[CanConnection]:
     """Open a bus for the time of a block."""
-    bus = CanConnection(name, url, body.buses[name].bitrate, clock)
+    described = body.buses[name]
+    bus = CanConnection(name, url, described.bitrate, clock, described.data_bitrate)
     try:
         yield bus
     finally:

@@ -51,7 +51,9 @@ def main(arguments: list[str]) -> int:
         with contextlib.ExitStack() as stack:
             buses: dict[str, CanConnection] = {}
             for name, _, url in (text.partition("=") for text in given.bus):
-                buses[name] = CanConnection(name, url, dog.buses[name].bitrate, clock)
+                buses[name] = CanConnection(
+                    name, url, dog.buses[name].bitrate, clock, dog.buses[name].data_bitrate
+                )
                 stack.callback(buses[name].close)
             sim = simulated(dog, given.world, {name: bus.send for name, bus in buses.items()})
             for fault, value in parse_faults(given.faults, {**WALKER_FAULTS, **ALL_FAULTS}).items():
