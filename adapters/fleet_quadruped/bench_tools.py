@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import LinkRefused
-from fleet_quadruped.can.bus import CanConnection
+from fleet.link.canbus.bus import Bus
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.can.bus_guard import require_sole_controller
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import HOLDING, JointFeedback, Power
 from fleet_quadruped.drives.cia402.frames import HEARTBEAT, MASTER, RPDO1, SDO_REQUEST, SDO_RESPONSE, SYNC
@@ -45,7 +45,7 @@ def open_buses(
     with contextlib.ExitStack() as stack:
         buses: dict[str, CanBus] = {}
         for name, url in urls.items():
-            bus = CanConnection(name, url, described[name].bitrate, clock, described[name].data_bitrate)
+            bus = Bus(name, url, described[name].bitrate, clock, described[name].data_bitrate)
             stack.callback(bus.close)
             buses[name] = bus
         yield buses

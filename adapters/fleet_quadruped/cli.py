@@ -11,11 +11,11 @@ import click
 
 from fleet.clock import SystemClock
 from fleet.errors import ConfigError, LinkRefused
+from fleet.link.canbus.frame import CanBus
 from fleet_quadruped import commissioning
 from fleet_quadruped.any_description import AnyBody, load_body
 from fleet_quadruped.bench_tools import BenchSession, listen, offsets, open_buses, problems, scan
 from fleet_quadruped.can.capture import read_capture
-from fleet_quadruped.can.frame import CanBus
 from fleet_quadruped.check_moves import Moves
 from fleet_quadruped.commissioning import at_rest
 from fleet_quadruped.control.controller import Controller

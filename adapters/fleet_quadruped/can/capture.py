@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from fleet.clock import Clock
 from fleet.errors import ConfigError
-from fleet_quadruped.can.frame import CanBus, CanFrame
+from fleet.link.canbus.frame import CanBus, CanFrame
 
 log = logging.getLogger(__name__)
 

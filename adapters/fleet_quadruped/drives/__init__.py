@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 from typing import Any, Protocol, cast
 
 from fleet.errors import ConfigError
-from fleet_quadruped.can.frame import CanBus
+from fleet.link.canbus.frame import CanBus
 from fleet_quadruped.drives.base import JointDrive
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Bus, Drive

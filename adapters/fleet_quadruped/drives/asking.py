@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from fleet.errors import LinkLost
-from fleet_quadruped.can.frame import CanBus, CanFrame
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.robot.description import Joint
 
 _TRIES, _LISTENS, _WAIT = 5, 20, 0.02  # rounds of questions, looks for answers in each, s of a look

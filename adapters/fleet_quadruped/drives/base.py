@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.robot.parts import Bus, Drive
 

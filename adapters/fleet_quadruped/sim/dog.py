@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from fleet.link.canbus.frame import CanFrame
 from fleet.sim.faults import check_fault
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives import SIMULATED_DRIVES, load_entry
 from fleet_quadruped.robot.description import DogDescription, Joint
 from fleet_quadruped.sim.cia402 import SimDrive

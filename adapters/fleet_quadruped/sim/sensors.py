@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from fleet import Quaternion
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.measured import Imu
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.frames import FrameEncoder
 from fleet_quadruped.robot.description import DogDescription
 from fleet_quadruped.robot.parts import Sensor

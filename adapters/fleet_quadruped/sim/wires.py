@@ -6,8 +6,8 @@ import random
 import struct
 from collections.abc import Iterable, Sequence
 
+from fleet.link.canbus.frame import CanFrame
 from fleet.sim.faults import BadWire
-from fleet_quadruped.can.frame import CanFrame
 
 _HEAD = struct.Struct("<I??")
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import pytest
 
 from fleet.errors import LinkLost, LinkRefused
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.body.machine import BodyRequest
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.reports import health_of
 from fleet_quadruped.robot.names import JOINTS

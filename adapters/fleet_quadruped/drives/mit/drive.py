@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from fleet.errors import LinkRefused
+from fleet.link.canbus.frame import CanBus, CanFrame
 from fleet_quadruped.body.measured import Targets
 from fleet_quadruped.can.bus_guard import Address
-from fleet_quadruped.can.frame import CanBus, CanFrame
 from fleet_quadruped.drives.answers import Answers
 from fleet_quadruped.drives.asking import ask_all
 from fleet_quadruped.drives.base import NEVER, Joints, Power

@@ -5,10 +5,10 @@ import click.testing
 import pytest
 
 from fleet.errors import ConfigError
+from fleet.link.canbus.frame import CanFrame
 from fleet.testing.clock import ManualClock
 from fleet_quadruped.body.gait import Twist
 from fleet_quadruped.can.capture import FILES, Capture, read_capture
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.cli import can as fleet_can
 from fleet_quadruped.control.controller import Controller
 from fleet_quadruped.replay import Replay

@@ -2,8 +2,8 @@
 
 import pytest
 
+from fleet.link.canbus.frame import CanFrame
 from fleet_quadruped.body.gait import Twist
-from fleet_quadruped.can.frame import CanFrame
 from fleet_quadruped.drives import drives_of
 from fleet_quadruped.drives.base import Power
 from fleet_quadruped.drives.odrive import frames as wire

@@ -1,13 +1,18 @@
-"""A CAN frame, and what the drives ask of a bus."""
+"""A CAN frame, also as the bytes that links carry; what is asked of a bus."""
 
 from __future__ import annotations
 
-from typing import Protocol
+import struct
+from typing import Protocol, Self
 
 import msgspec
 
 STANDARD_ID = 0x7FF
 """The largest identifier of a standard frame; one beyond it makes an extended frame."""
+
+HIGHEST_ID = 0x1FFFFFFF
+FD_LENGTHS = frozenset({*range(9), 12, 16, 20, 24, 32, 48, 64})
+_HEAD = struct.Struct("<IB")  # identifier; flags: 1 remote, 2 CAN FD
 
 
 class CanFrame(msgspec.Struct, frozen=True, gc=False):
@@ -26,6 +31,27 @@ class CanFrame(msgspec.Struct, frozen=True, gc=False):
     def extended(self) -> bool:
         """True when it is an extended frame."""
         return self.id > STANDARD_ID
+
+    def packed(self) -> bytes:
+        """Return it as the bytes that a ``can:`` link carries.
+
+        Raises ValueError for what is no frame: a number or a length that CAN does not have.
+        """
+        size = len(self.data)
+        if not 0 <= self.id <= HIGHEST_ID:
+            raise ValueError(f"{self.id:X}h is no identifier; the highest is {HIGHEST_ID:X}h")
+        if (size > 8 and not self.fd) or (self.fd and size not in FD_LENGTHS) or (self.remote and size):
+            kind = "remote" if self.remote else "CAN FD" if self.fd else "classic"
+            raise ValueError(f"a {kind} frame has no {size} bytes of data")
+        return _HEAD.pack(self.id, self.fd << 1 | self.remote) + self.data
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Self | None:
+        """Return the frame that a ``can:`` link has received; None for bytes that are none."""
+        if len(data) < _HEAD.size:
+            return None
+        number, flags = _HEAD.unpack_from(data)
+        return cls(number, data[_HEAD.size :], bool(flags & 2), bool(flags & 1))
 
 
 def is_foreign(identifier: int, *, extended: bool) -> bool:

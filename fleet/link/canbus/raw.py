@@ -11,7 +11,7 @@ import socket
 import struct
 from typing import NamedTuple
 
-from fleet_quadruped.can.frame import STANDARD_ID, CanFrame, is_foreign
+from fleet.link.canbus.frame import STANDARD_ID, CanFrame, is_foreign
 
 _FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")
