@@ -11,6 +11,7 @@ import msgspec
 
 from fleet.cli import command_text
 from fleet.cli.adapters_new import new
+from fleet.cli.adapters_reload import reload
 from fleet.cli.output import Output, with_output
 from fleet.config.load import registry_for
 from fleet.config.text import nearest
@@ -49,13 +50,14 @@ class _ShownByDefault(click.Group):
 
 @click.group(cls=_ShownByDefault)
 def adapters() -> None:
-    """Show the kinds of robots that can be used, and make new ones.
+    """Show the kinds of robots that can be used, make new ones, reload changed ones.
 
     Without a command it shows them; with a NAME all that this one takes.
     """
 
 
 adapters.add_command(new)
+adapters.add_command(reload)
 
 
 @adapters.command("show")
