@@ -15,7 +15,7 @@ from fleet.link.canbus.frame import STANDARD_ID, CanFrame, is_foreign
 
 _FRAME = struct.Struct("=IB3x8s")
 _FD_FRAME = struct.Struct("=IBB2x64s")
-_FAST = 0x01  # CANFD_BRS: the data at their own bit rate
+_FAST = 0x05  # CANFD_BRS | CANFD_FDF: CAN FD, the data at their own bit rate
 _EXTENDED, _REMOTE, _ERROR = 1 << 31, 1 << 30, 1 << 29
 _EXTENDED_ID = 0x1FFFFFFF
 _PACKET = _FD_FRAME.size  # the longest

@@ -52,6 +52,19 @@ def test_a_fault_is_written_once_and_told(capture, bus, tmp_path):
     assert capture.look("", resting=True) == ""
 
 
+def test_frames_of_can_fd_and_remote_ones_come_back_and_other_tools_read_them(capture, tmp_path):
+    frames = [CanFrame(0x8001, bytes(range(48)), fd=True), CanFrame(0x021, b"", remote=True)]
+    for frame in frames:
+        capture.buses["a"].send(frame)
+    capture.look("x", resting=True)
+    capture.finish()
+    assert [one.frame for one in read_capture(files(tmp_path)[0])] == frames
+    with can.LogReader(files(tmp_path)[0]) as reader:
+        first, second = reader
+    assert (first.is_fd, first.bitrate_switch, bytes(first.data)) == (True, True, frames[0].data)
+    assert second.is_remote_frame
+
+
 def test_other_tools_read_it(capture, tmp_path):
     capture.buses["a"].send(CanFrame(0x208, b"\x0f\x00"))
     capture.look("x", resting=True)

@@ -64,6 +64,29 @@ def test_golden_bytes():
     assert raw.pack(CanFrame(0x18FF0102, b"")).hex() == "0201ff98000000000000000000000000"
 
 
+@pytest.mark.parametrize(
+    "frame",
+    [
+        CanFrame(0x8001, bytes(range(48)), fd=True),
+        CanFrame(0x7FF, b"", fd=True),
+        CanFrame(0x021, b"", remote=True),
+    ],
+)
+def test_fd_and_remote_frames_are_those_of_the_kernel(frame):
+    message = can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_extended_id=frame.extended,
+        is_fd=frame.fd,
+        bitrate_switch=frame.fd,
+        is_remote_frame=frame.remote,
+    )
+    assert raw.pack(frame) == build_can_frame(message)
+    packet = raw.unpack(raw.pack(frame))
+    assert packet.unwanted == frame.remote  # others may ask each other; we do not answer
+    assert frame.remote or packet.frame == frame
+
+
 @given(st.binary(max_size=80))
 def test_whatever_the_kernel_gives_is_read(data):
     raw.unpack(data)
