@@ -18,6 +18,7 @@ from fleet.testing.contract import AdapterContract, FrameContract
 from fleet.testing.robot import RecordingRobot, serve
 from fleet.wire.missions import plan_of
 
+
 def python_in(path):
     """Return the Python blocks of a document as one program."""
     return "\n\n".join(re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
