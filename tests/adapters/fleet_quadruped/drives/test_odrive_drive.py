@@ -55,9 +55,11 @@ def test_a_drive_in_a_state_of_its_own_is_not_trusted(odrives):
     rig = Rig(odrives)
     rig.go(0.1)
     calibrating = wire.pack_heartbeat(0, 3)  # it turns its motor
-    rig.buses["a"].arrive(CanFrame(wire.identifier(8, Cmd.HEARTBEAT), calibrating))
-    rig.cycle()
-    assert rig.state().fault.startswith("RL_hip: id 8 is in state 3, in which it moves its motor by itself")
+    drives = rig.controller.drives
+    drives.take("a", CanFrame(wire.identifier(8, Cmd.HEARTBEAT), calibrating), rig.sim.time)
+    told = drives.feedback(rig.sim.time)
+    assert told.powers[7] is Power.FAULT
+    assert told.faults[7] == "id 8 is in state 3, in which it moves its motor by itself"
 
 
 def test_a_drive_whose_heartbeat_does_not_come_is_not_trusted(odrives):
